@@ -40,14 +40,14 @@ __all__ = [
     "yields",
 ]
 
-# --- Impacts among the events of a run, and the steps of the frame that they cause.
+# --- Impacts of a run and the steps of the frame after them.
 
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
 """Whether the frame slips, by mode."""
 
 
 def is_impact(events: Events) -> NDArray[np.bool_]:
-    """Return where the rows are impacts."""
+    """Return which rows are impacts."""
     return events.impacts_among(GUARDS)
 
 
@@ -57,12 +57,12 @@ def is_release(events: Events) -> NDArray[np.bool_]:
 
 
 def yields(actuator: Actuator) -> bool:
-    """Return whether the stoppers yield, and contacts last."""
+    """Return whether the stoppers are compliant."""
     return any(term.instead == "stopper" for term in actuator.terms)
 
 
 def contact_loss(actuator: Actuator) -> int:
-    """Return the place of the state that sums up what contacts with stoppers that yield lose."""
+    """Return the place of the state that sums up what contacts with compliant stoppers lose."""
     states = layout([term.kind for term in actuator.terms], 0).states
     return states.index("contact_loss")
 
@@ -70,7 +70,7 @@ def contact_loss(actuator: Actuator) -> int:
 def energy_lost(events: Events, actuator: Actuator) -> Floats:
     """Return the energy that each row loses: impacts, and the rest of chatter sequences.
 
-    A contact with a stopper that yields has lost it when the block leaves; NaN if it has not left
+    A contact with a compliant stopper has lost it when the block leaves; NaN if it has not left
     yet.
     """
     if not yields(actuator):
@@ -116,29 +116,28 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     return rows, steps
 
 
-# --- Impacts as an experimenter counts them: a sequence that ends in rest is one blow.
+# --- Blows: a chatter sequence that ends in sticking contact counts once.
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class BlowStatistics(SummaryRepr):
-    """What the blows of a run's window do, in the units of the device.
+    """Statistics of the blows in the window of a run, in the units of the device.
 
-    A blow is an impact, or a sequence of ever weaker impacts on one stopper that ends in rest
-    there: `mems_impact.Run.blows` has one row each. The numbers per *impact*, in `Run.statistics`
-    beside these, count every bounce.
+    A blow is an impact, or a chatter sequence on one stopper that ends in sticking contact;
+    `mems_impact.Run.blows` has one row per blow. Numbers per *impact*, in `Run.statistics`, count
+    every bounce.
 
     Attributes
     ----------
     count : int
-        Blows in the window, each where its first impact is.
+        Number of blows whose first impact is in the window.
     per_period : float
-        By the length of the window in forcing periods.
+        Blows per forcing period.
     displacement_per_blow : float
-        Displacement of the frame over the window by their number; 0 where there is neither, NaN
-        where the frame slips without blows.
+        Displacement of the frame over the window divided by the number of blows; 0 without
+        displacement and blows, NaN if the frame slips without blows.
     displacement_std : float
-        Standard deviation of the displacements of the single blows, over their number; NaN
-        without a blow.
+        Population standard deviation of the displacements of single blows; NaN without blows.
     si : bool
         Whether these are in SI, those of a device that is.
 
@@ -166,7 +165,7 @@ class BlowStatistics(SummaryRepr):
 
 
 def blows(run: ActuatorRun) -> BlowStatistics:
-    """Return what the blows in the window of a run do.
+    """Compute statistics of the blows in the window of a run.
 
     Parameters
     ----------
@@ -248,7 +247,7 @@ def _chosen(events: Events) -> NDArray[np.bool_]:
 
 
 class BlowCounter:
-    """Counts blows, and gathers what they displace, while impacts come in portions.
+    """Accumulates the number and displacements of blows, chunk by chunk of impacts.
 
     What is held back is one sequence of ever weaker impacts, which may yet end in rest.
 
@@ -337,7 +336,7 @@ def _sums(first: NDArray[np.int64], values: NDArray[Any]) -> Floats:
     return sums
 
 
-# --- Rest on stoppers that yield, told by how long contacts last.
+# --- Rest on compliant stoppers, detected by the duration of contacts.
 
 MAX_BOUNCE_RATIO = (
     2.0  # a force that presses makes a bounce last up to so many times as long (exponent 1)
@@ -345,7 +344,7 @@ MAX_BOUNCE_RATIO = (
 
 
 class RestDetector:
-    """Tells bounces off stoppers that yield from rest on them, while events come in portions.
+    """Distinguishes bounces off compliant stoppers from rest on them, chunk by chunk of events.
 
     A bounce lasts for up to two of its `contact_time`; what lasts longer has come to rest. The
     event that ends it is then told like the end of a sequence of impacts at a rigid stopper.
@@ -364,7 +363,7 @@ class RestDetector:
         self._hits = np.zeros((0, 3))  # the last impact so far: time, speed, guard
 
     def __call__(self, events: Events) -> Events:
-        """Return the next events, the ends of rests told as such."""
+        """Return the next events, with the ends of rests marked."""
         if not self._yields:
             return events
         time = events.cycle * self._period + events.time
@@ -384,7 +383,7 @@ class RestDetector:
 
 
 def contact_time(actuator: Actuator, speed: Floats) -> Floats:
-    """Return how long the block is in contact with a stopper that yields at impacts with `speed`.
+    """Return how long the block is in contact with a compliant stopper at impacts with `speed`.
 
     Of a frame at rest, without damping and force: quadrature of the energy,
     m2 s'^2/2 + K s^(n+1)/(n+1) = m2 speed^2/2 at the depth s (Johnson, Contact Mechanics, 1985,

@@ -49,7 +49,7 @@ __all__ = [
     "swings",
 ]
 
-# --- Tables that an actuator has beside those of any system (see `mems_impact.tables`).
+# --- Tables specific to actuators (see `mems_impact.tables` for those of any system).
 
 ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
 COLUMN_UNITS = {
@@ -62,16 +62,16 @@ COLUMN_UNITS = {
     "load": "N",
     "power": "W",
 }
-"""The SI unit of every column, and of every statistic, that is not a pure number."""
+"""The SI unit of every column and statistic that is not dimensionless."""
 
 SYMBOLS = {"amplitude": "$f$"}
-"""The paper's symbols, where they are not to be read off the names of parameters."""
+"""The paper's symbols, where they differ from the names of parameters."""
 
 
 def impacts(
     rows: Events, steps: Floats, energy: Floats, period: float, labels: Labels
 ) -> pd.DataFrame:
-    """Return one row an impact.
+    """Return one row per impact.
 
     Parameters
     ----------
@@ -109,18 +109,18 @@ def blows(
     period: float,
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row a blow.
+    """Return one row per blow.
 
     Parameters
     ----------
     first : Events
-        The first impact of each.
+        The first impact of each blow.
     impacts : int array
-        How many it has.
+        Number of impacts of each blow.
     rests : bool array
         Whether it ends in rest on the stopper.
     displacement : float array
-        What it moves the frame by.
+        Displacement of the frame by each blow.
     energy : float array
         Kinetic energy lost in each.
     period : float
@@ -144,7 +144,7 @@ def blows(
 def chart(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row a point of a boundary: boundary, the `parameters`, type, kind."""
+    """Return one row per point of a boundary: boundary, the `parameters`, type, kind."""
     columns = {
         "boundary": [row["boundary"] for row in rows],
         **_values(parameters, rows),
@@ -155,7 +155,7 @@ def chart(
 
 
 def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
-    """Return one row a type: type, grazing, `parameter` from and to, on, off."""
+    """Return one row per type: type, grazing, `parameter` from and to, on, off."""
     columns = {
         "type": [row["type"] for row in rows],
         "grazing": [row["grazing"] for row in rows],
@@ -169,7 +169,7 @@ def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Label
 def chart_points(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row a point of codimension two: kind and the `parameters`."""
+    """Return one row per point of codimension two: kind and the `parameters`."""
     columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
     return table({}, labels, given=columns)
 
@@ -189,7 +189,7 @@ SWEEP_COLUMNS = (
     "mean speed",
     "closest approach",
 )
-"""What a sweep says of every value: statistics, as a run has them."""
+"""The statistics in the table of a sweep."""
 
 
 def fit_parameters(
@@ -201,7 +201,7 @@ def fit_parameters(
     determined: NDArray[np.bool_],
     at_bound: NDArray[np.bool_],
 ) -> pd.DataFrame:
-    """Return one row a free parameter of a fit; `errors` are relative."""
+    """Return one row per free parameter of a fit; `errors` are relative."""
     columns = {
         "parameter": list(names),
         "start": list(start),
@@ -222,7 +222,7 @@ def fit_residuals(
     computed: Floats,
     tolerances: Floats,
 ) -> pd.DataFrame:
-    """Return one row a target of a fit."""
+    """Return one row per target of a fit."""
     columns = {
         "quantity": list(quantities),
         "drive": list(drives),
@@ -243,7 +243,7 @@ def step_lengths(
     formula: Floats,
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row an impact: the simulated step beside the formula; all in device units."""
+    """Return one row per impact: the simulated step and the formula, in device units."""
     columns = {
         "period": period,
         "phase": phase,
@@ -265,7 +265,7 @@ def speed(
     period: float,
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row a value of `parameter`, a voltage: steps and mean speed; in device units."""
+    """Return one row per value of `parameter`, a voltage: steps and mean speed, in device units."""
 
     def each(number: Floats) -> Floats:
         none = np.full(number.size, np.nan)
@@ -291,7 +291,7 @@ def load(
     by: Sequence[str],
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row a load: displacement and mean speed against it; in device units."""
+    """Return one row per load: displacement and mean speed, in device units."""
     columns = {
         "load": force,
         "displacement per period": displacement_per_period,
@@ -304,12 +304,12 @@ def load(
 
 
 def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row a mode: its share of the time, and its time in a period."""
+    """Return one row per mode: its fraction of time, and its time per period."""
     return table({"time": shares * period}, labels, given={"mode": list(modes), "share": shares})
 
 
 def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
-    """Return one row a swing of the block: when, and half the way between its ends."""
+    """Return one row per cycle of the block: time, and half the peak-to-peak deflection."""
     found = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
     units = found.attrs["units"]
     found.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
@@ -320,11 +320,11 @@ def _stopper(impacts: Events) -> Any:
     return words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
 
 
-# --- What runs and orbits of an actuator tell beside what those of any system do.
+# --- Runs and orbits of an actuator.
 
 
 class _OfActuator:
-    """What comes of an actuator under a drive."""
+    """Mixin of results of an actuator under a drive."""
 
     system: Any
 
@@ -350,12 +350,12 @@ class ActuatorRun(_OfActuator, Run):
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """One row an impact.
+        """One row per impact.
 
         Columns: period, time and phase (in [0, 1)) within it, running time t, stopper, velocities
         of frame (v1) and block (v2) before and after, energy lost, position x1 of the frame, and
-        its step: the displacement until the frame rests or the next impact comes (NaN if neither
-        came).
+        its step: the displacement until the frame rests or the next impact comes (NaN if the run
+        ends before).
         """
         log = self._log("impacts")
         steps = frame_steps(log)[1]
@@ -365,14 +365,13 @@ class ActuatorRun(_OfActuator, Run):
 
     @cached_property
     def blows(self) -> pd.DataFrame:
-        """One row a blow: an impact, or a sequence of ever weaker ones that ends in rest.
+        """One row per blow: an impact, or a chatter sequence that ends in sticking contact.
 
         Columns: period, time and phase (in [0, 1)) of the first impact, running time t, stopper,
         the number of impacts, whether the blow ends in rest, velocity v2 of the block before the
         first impact, energy lost, position x1 of the frame at the first impact, and the
         displacement of the frame: the sum of the steps after the impacts (NaN if the last has not
-        ended). The impacts of a sequence that the end of the run cuts short stand as blows of
-        their own.
+        ended). The impacts of a sequence that the end of the run truncates are separate blows.
         """
         actuator, period = self.system.inner_actuator, self.trajectory.period
         each = each_blow(RestDetector(actuator, period)(self._log("blows")), actuator)
@@ -383,7 +382,7 @@ class ActuatorRun(_OfActuator, Run):
 
     @cached_property
     def measured(self) -> Statistics:
-        """The statistics as numbers with names, dimensionless like the trajectory."""
+        """The statistics by name, dimensionless like the trajectory."""
         gatherer = self.gatherer
         assert isinstance(gatherer, Accumulator)
         borders = [self._state_at(border) for border in (0, 1)]
@@ -397,17 +396,17 @@ class ActuatorOrbit(_OfActuator, Orbit):
 
     @property
     def step(self) -> float:
-        """Displacement of the frame over the orbit; 0 where x1 matters, and closes too."""
+        """Displacement of the frame over the orbit; 0 if x1 is not cyclic."""
         return self.gains.get("x1", 0.0)
 
     @property
     def log(self) -> Events:
-        """The events once round, in the units of the numerics."""
+        """The events of the orbit, in scaled units."""
         return self._log
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """One row an impact, with the columns of `ActuatorRun.impacts`."""
+        """One row per impact, with the columns of `ActuatorRun.impacts`."""
         # The step after the last impact may end in the next pass of the orbit.
         later = replace(self._log, cycle=self._log.cycle + self.periods)
         log = Events.joined([self._log, replace(later, after=self._one_period_later(later.after))])
@@ -425,5 +424,5 @@ class ActuatorOrbit(_OfActuator, Orbit):
 
     @property
     def _hits(self) -> Events:
-        # By the actuator's guards: where stoppers yield, those of its automaton reset nothing.
+        # By the actuator's guards: with compliant stoppers, the automaton has no resets.
         return self._log[is_impact(self._log)]

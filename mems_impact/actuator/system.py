@@ -1,7 +1,7 @@
 """A device under a drive as a system.
 
-What the drive gives is summed up in states on which nothing depends. They count in the choice of
-steps, so that its motions are those of the actuator to tolerance, not to the last bit.
+The energy input of the drive is accumulated in cyclic states. These affect the step size, so that
+motions agree with those of the actuator to tolerance, not exactly.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ from mems_impact.systems.state import State, state_from
 
 __all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_state"]
 
-# --- The numbers of an actuator under a drive: by name and unit, and as the numerics take them.
+# --- Parameters of an actuator under a drive, with units and scales.
 
 Kind = TypeVar("Kind", bound="ActuatorNumerics")
 
@@ -91,7 +91,7 @@ class ActuatorNumerics(HybridSystem):
 
     @cached_property
     def _uses_full_voltage_period(self) -> bool:
-        """Whether the sign of the voltage matters, and changes from one period of v^2 to the next.
+        """Whether a term depends on the sign of v, and v changes sign after a period of v^2.
 
         The forcing period is then that of v itself.
         """
@@ -118,19 +118,19 @@ class ActuatorNumerics(HybridSystem):
 
     @property
     def scales(self) -> Scales:
-        """The units of the numerics."""
+        """The units of the scaled variables."""
         return self._scales
 
     @property
     def units(self) -> Mapping[str, str]:
-        """SI units of parameters and columns; none of a dimensionless device."""
+        """SI units of parameters and columns; empty for a dimensionless device."""
         if self._scales is DIMENSIONLESS:
             return {}
         of_drive = {name: self.drive.unit(name) for name in self.drive.names}
         return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
 
     def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
-        """Return the margin of a guard, or its rate, in the units of the device, to be printed."""
+        """Return the margin of a guard, or its rate, in the units of the device, as text."""
         unit = MARGIN_UNITS.get(guard, "")
         factor = self.scales.unit(unit) if unit else 1.0  # a switch of the drive has no margin
         factor /= self.scales.unit("s") if rate else 1.0
@@ -151,11 +151,11 @@ class ActuatorNumerics(HybridSystem):
 
     @property
     def forcing_period(self) -> float:
-        """The drive's; that of the voltage itself where a term makes its sign matter."""
+        """The period of the drive, or of the voltage itself if a term depends on its sign."""
         return self.drive.period * (2.0 if self._uses_full_voltage_period else 1.0)
 
     def changed(self, /, **values: float) -> Self:
-        """Return the system at other values of some parameters, checked."""
+        """Return the system at other, validated values of some parameters."""
         drive_values, actuator_values, term_values = self._sorted(values)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
         if term_values:
@@ -164,9 +164,9 @@ class ActuatorNumerics(HybridSystem):
         return self._with(actuator, drive, actuator.scales)
 
     def shifted(self, values: Mapping[str, float]) -> Self:
-        """Return the system at values that may not be allowed, in the same scales.
+        """Return the system at other values, allowed or not, in the same scales.
 
-        Differences by a parameter at the end of its range look beyond it, as do trial steps.
+        Finite differences at the end of a parameter's range go beyond it, as do trial steps.
         """
         drive_values, actuator_values, term_values = self._sorted(values)
         actuator, drive = self.actuator, self.drive
@@ -240,10 +240,10 @@ class ActuatorNumerics(HybridSystem):
         return super().problem(options)
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return what of the problem depends on the parameters, dimensionless.
+        """Return the part of the problem that depends on the parameters, dimensionless.
 
-        Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
-        `numbers` does without.
+        It works with plain numbers, without a validated actuator, and without a drive if its
+        `numbers` does not need one.
         """
         of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
         device = self._device
@@ -300,7 +300,7 @@ class ActuatorNumerics(HybridSystem):
         return self.drive.names
 
 
-# --- An actuator under a drive, as a system among others.
+# --- The system of an actuator under a drive.
 
 CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
 IMPACT_GUARDS = tuple(guard.name for guard in GUARDS if guard.impact)
@@ -334,21 +334,21 @@ IMPACT_SPEEDS = tuple(
 
 
 class ActuatorSystem(ActuatorNumerics):
-    """An actuator under a drive, with every number of theirs as a parameter.
+    """An actuator under a drive, with all their numbers as parameters.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive
     scales : Scales, optional
-        In which the numerics count; they stay when a parameter is varied from which they were
-        made. Those of the actuator by default.
+        Units of the scaled variables, which remain when parameters vary; by default those of the
+        actuator.
 
     Raises
     ------
     InvalidParameter
-        If `actuator` is no actuator or `drive` no drive, or cannot be told in floating-point
-        numbers.
+        If `actuator` is not an actuator, or `drive` is not a drive or is not representable in
+        floating point.
     """
 
     run_type = ActuatorRun
@@ -374,7 +374,7 @@ class ActuatorSystem(ActuatorNumerics):
     def restored(
         self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
     ) -> ActuatorSystem:
-        """Return the system at the values of a file, and in the scales in which it counted."""
+        """Return the system at the values and scales of a file."""
         other = self.shifted(values)
         other._put(other.actuator, other.drive, scales)
         return other
@@ -404,7 +404,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @cached_property
     def _yields(self) -> bool:
-        """Whether the stoppers yield, and a block may be beyond them."""
+        """Whether the stoppers are compliant, so that a block may be beyond them."""
         return yields(self.actuator)
 
     @cached_property
@@ -419,7 +419,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def section(self) -> Section:
-        """The block passes the middle: x2 = 0."""
+        """The section x2 = 0, where the block passes the middle."""
         return X2, 0.0, 0
 
     @property
@@ -429,7 +429,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def sweep_statistics(self) -> tuple[str, ...]:
-        """The statistics that a sweep tells of every value."""
+        """The statistics in the table of a sweep."""
         return SWEEP_COLUMNS
 
     @property
@@ -442,12 +442,12 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def study_observables(self) -> tuple[Observable, ...]:
-        """The displacement of the frame, the speeds of impacts, the energy that they lose."""
+        """Displacement of the frame, impact speeds and energy losses."""
         return (*self.observables, *IMPACT_SPEEDS)
 
     @property
     def observed(self) -> CompiledObservables:
-        """The same as one function of the numerics."""
+        """The same as one function of scaled states."""
         guards = [guard.name for guard in self.automaton.guards]
         given = (
             (each.name, each.function, tuple(guards.index(name) for name in each.at))
@@ -456,7 +456,7 @@ class ActuatorSystem(ActuatorNumerics):
         return observed(tuple(given), self.states, None)
 
     def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
-        """Return what studies tell of where a motion has come to, by heading."""
+        """Return the statistics of an attractor that studies write, by heading."""
         return measures(self, settled, period)
 
     @property
@@ -466,7 +466,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def orbit_quantities(self) -> tuple[Quantity, ...]:
-        """Step, speed and energies of an orbit, and what bounds them."""
+        """Step, speed and energies of an orbit, and bounds of its range."""
         return actuator_quantities(self.units)
 
     @property
@@ -475,9 +475,9 @@ class ActuatorSystem(ActuatorNumerics):
         return SYMBOLS
 
     def with_energy(self) -> ActuatorSystem:
-        """Return the system with account kept of the energy that the drive gives.
+        """Return the system with energy accounting of the drive's input.
 
-        Its studies tell it per period and per impact.
+        Its studies show the input per period and per impact.
         """
         return self._as(EnergyAccountingSystem)
 
@@ -486,10 +486,10 @@ class ActuatorSystem(ActuatorNumerics):
         return State() if direction == "up" else kicked_state(self.actuator)
 
     def check_continued(self, name: str) -> None:
-        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        """Raise InvalidParameter unless orbits can be continued in the parameter `name`."""
         super().check_continued(name)
         if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0 and not self._signed:
-            problem = "the forcing period doubles where the bias sets in; begin with another value"
+            problem = "the forcing period doubles at bias = 0; start from another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:
@@ -497,7 +497,7 @@ class ActuatorSystem(ActuatorNumerics):
         return ended(self, until)
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
-        """Return what tells after how many periods a run stands still; None if it does not."""
+        """Return a test for standstill: the number of periods after which a run rests, or None."""
         return partial(standstill_period, actuator=self.inner_actuator)
 
     def _check_state(self, field: str, state: State) -> None:
@@ -525,7 +525,7 @@ class ActuatorSystem(ActuatorNumerics):
         else:
             fits = fits and (side == 0 or (resting and abs(beyond) <= touching))
         if not fits:
-            problem = f"does not fit {state!r}; leave it out, then it follows from the state"
+            problem = f"does not fit {state!r}; omit it to derive it from the state"
             raise InvalidParameter("mode", state.mode, "", problem=problem)
 
     def state_of(self, instant: HybridState) -> State:
@@ -553,24 +553,24 @@ class ActuatorSystem(ActuatorNumerics):
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
-        """Return what gathers the statistics of a run."""
+        """Return the accumulator of the statistics of a run."""
         return Accumulator(self.inner_actuator, start, window)
 
     def validity(self, problem: Problem, start: HybridState) -> Validity | None:
-        """Return what warns of a run that leaves the range in which its terms hold."""
+        """Return an observer that warns if a run leaves the range of validity of its terms."""
         sides = 1 if self.drive.left_voltage is None else 2
         parts = compose(self._kinds, sides).contributions if self._kinds else ()
         limits = [limit for part in parts for limit in part.limits]
         return Validity(limits, problem, start, self._scales) if limits else None
 
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable of a state, in the units of the numerics."""
+        """Return an observable at a scaled state."""
         return float(observable.function(NamedState(self.states, y), problem.parameters))
 
     def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
-        """Return an observable at an event, in the units of the numerics."""
+        """Return an observable at an event in scaled units."""
         before, after = (NamedState(self.states, y[i]) for y in (events.before, events.after))
         mode, time = int(events.mode_before[i]), float(events.time[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
@@ -586,7 +586,7 @@ class ActuatorSystem(ActuatorNumerics):
 
 
 def kind_of(drive: Drive) -> str:
-    """Return the kind of a waveform, as files name it; empty if files do not know it."""
+    """Return the kind of a waveform in files; empty if files cannot contain it."""
     kinds = {name: kind for kind, name in WAVEFORMS.items()}
     kind = kinds.get(type(drive).__name__, "")
     return kind if kind and drive_of_kind(kind) is type(drive) else ""
@@ -607,9 +607,9 @@ def own_functions(drive: Drive) -> dict[str, str]:
 
 
 def kicked_state(actuator: Actuator) -> State:
-    """Return the state in which the block passes the middle fast enough to strike a stopper.
+    """Return a kicked state: the block passes the middle fast enough to strike a stopper.
 
-    Its kinetic energy is four times what the spring takes up on the way.
+    Its kinetic energy is four times the spring energy at the stopper.
 
     Parameters
     ----------
@@ -642,13 +642,13 @@ class NamedState:
         vars(self).update(zip(states, y.tolist(), strict=False))
 
 
-# --- An actuator that keeps account of the energy it is given while it moves: for studies.
+# --- Energy accounting in studies.
 
-NO_LEDGER = "account of the energy is kept by studies, whose runs end by no function"
+NO_LEDGER = "energy accounting is for studies, whose runs have no until function"
 
 
 class EnergyAccountingSystem(ActuatorSystem):
-    """An actuator under a drive whose studies tell the energy that the drive gives."""
+    """An actuator under a drive whose studies include the energy input of the drive."""
 
     @property
     def automaton(self) -> Automaton:
@@ -706,7 +706,7 @@ def _given(
     return energy_in
 
 
-# --- An actuator whose run ends where a function of the user's falls through zero.
+# --- Runs that end where a function of the user falls through zero.
 
 Function = Callable[..., Any]
 
@@ -715,7 +715,7 @@ class EndedSystem(ActuatorSystem):
     """An actuator under a drive whose runs end where ``until(mode, t, y, p)`` falls through zero.
 
     The function is called in the units of the device, with the states and the eleven parameters by
-    name. The place of the frame is counted from the start, so that a run may end there.
+    name. The position of the frame counts from the start, so that a run may end at a position.
     """
 
     until: Function
@@ -781,7 +781,7 @@ def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
     Raises
     ------
     InvalidParameter
-        If it is no function of four arguments.
+        If it is not a function of four arguments.
     """
     arguments.function("until", until, *arguments.ARGUMENTS)
     other = system._as(EndedSystem)

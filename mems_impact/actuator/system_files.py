@@ -1,4 +1,4 @@
-"""Systems in Python files, and study files."""
+"""Loading of systems from Python code, and of study files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from mems_impact.systems.base import HybridSystem
 
 __all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
 
-# --- Systems that are written as Python code: in a file, a module, or another package.
+# --- Systems in Python code: a file, a module, or a plugin.
 
 WHAT = (
     'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that makes '
@@ -39,15 +39,15 @@ SYSTEM_REQUEST = CodeRequest(field="system", what=WHAT, kind="command line", rea
 
 
 def load_system(name: str) -> HybridSystem:
-    """Load a system that Python code defines.
+    """Load a system defined in Python code.
 
     Parameters
     ----------
     name : str
         ``"FILE.py:NAME"`` or ``"MODULE:NAME"``: the name in a file, or in a module that can be
         imported from the working directory or is installed, of a `System` or of a function without
-        arguments that makes one. Or the name of a system that another package adds by an entry
-        point of the group ``mems_impact.systems``. The code is run, and can do all that you can.
+        arguments that makes one. Or the name of a system of a plugin, registered by an entry point
+        of the group ``mems_impact.systems``. The code is executed with your permissions.
 
     Returns
     -------
@@ -56,9 +56,9 @@ def load_system(name: str) -> HybridSystem:
     Raises
     ------
     InvalidParameter
-        If it is no such name.
+        If `name` is not such a name.
     InvalidFile
-        If the code fails, or holds no such system.
+        If the code fails, or does not define the system.
 
     See Also
     --------
@@ -141,7 +141,7 @@ def _imported(name: str) -> Any:
         sys.path.remove(here)
 
 
-# --- Study files: one TOML file that names a system, a study of it and where that is kept.
+# --- Study files: a TOML file that names a system, a study and its store.
 
 KICKED = "kicked"  # of `initial`: the state of that name
 FILE_TABLES = ("name", "description", "device", "system", "set", "drive", "study")
@@ -157,7 +157,7 @@ MAX_SYSTEM_FILE_BYTES = 10_000_000  # bytes
 
 @dataclass(frozen=True, kw_only=True)
 class StudyFile:
-    """A study as a file tells it.
+    """A study defined by a file.
 
     Attributes
     ----------
@@ -175,18 +175,18 @@ class StudyFile:
     arguments: dict[str, Any] = field(repr=False)
 
     def run(self, **changes: Any) -> Any:
-        """Run the study and return what its verb does, such as an `OperatingMap`.
+        """Run the study and return the result of its function, such as an `OperatingMap`.
 
         Parameters
         ----------
         **changes
-            Arguments of the verb that take the place of those in the file: ``workers=8``.
+            Arguments that replace those in the file: ``workers=8``.
         """
         return verb_of(self.kind)(self.system, **{**self.arguments, **changes})
 
 
 def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyFile:
-    """Load a study from a file; ``load_study(path).run()`` runs it.
+    """Load a study from a file, to be run by ``load_study(path).run()``.
 
     Parameters
     ----------
@@ -198,9 +198,9 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
         table ``[set]``; or ``system = "FILE.py:NAME"``, a system of your own or a function that
         makes it. All paths are relative to the file.
     allow_code : bool, optional
-        Whether Python code that the file names may be run, which can do all that you can. Allow it
-        for files whose code you have read. It must lie in the folder of the TOML file or below,
-        links followed.
+        Whether Python code named by the file may be executed, with your permissions. Allow it for
+        files whose code you have read. It must lie in the folder of the TOML file or below, links
+        followed.
 
     Returns
     -------
@@ -209,10 +209,10 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
     Raises
     ------
     InvalidFile
-        If a file cannot be read, or is no such file; if it names code that is not allowed, or that
-        lies elsewhere.
+        If a file cannot be read, or is not a study file; if it names code without `allow_code`, or
+        outside its folder.
     InvalidParameter
-        If it holds a wrong, missing or unknown entry; says where.
+        If it holds a wrong, missing or unknown entry, which the message names.
 
     See Also
     --------
@@ -289,7 +289,7 @@ class _Reader:
             system = actuator.under(self._drive(varied))
         if start == KICKED:
             if actuator is None:
-                allowed = "a table of components of the state: only a device is kicked"
+                allowed = "a table of components of the state: only a device has a kicked state"
                 raise InvalidParameter("study.initial", start, allowed)
             given["initial"] = kicked_state(actuator)
         return StudyFile(path=str(self.file), kind=kind, system=system, arguments=given)

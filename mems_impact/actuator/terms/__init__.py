@@ -1,7 +1,7 @@
-"""Options of the model, one a file, behind the contract of `terms.base.Term`.
+"""Optional terms of the model, one per file, with the interface of `terms.base.Term`.
 
-Whatever other file stands here is a term: `squeeze_film.py` holds the class `SqueezeFilm`, which
-files of devices know as the table ``[squeeze_film]``. Importing this imports none of them.
+Every other module here is a term: `squeeze_film.py` defines the class `SqueezeFilm`, which is the
+table ``[squeeze_film]`` in device files. Importing the package imports none of them.
 """
 
 from importlib import import_module
@@ -15,7 +15,7 @@ TERM_CLASSES = {
     for each in iter_modules(__path__)
     if each.name not in _NO_TERMS
 }
-"""All terms: the name, as files and parameters know it, and the class."""
+"""All terms: the name in files and parameters, and the class."""
 
 _HOMES = {"Term": "base", **{name: kind for kind, name in TERM_CLASSES.items()}}
 

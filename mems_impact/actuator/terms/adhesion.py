@@ -1,4 +1,4 @@
-"""Stoppers to which the block sticks."""
+"""Adhesion of the block to stoppers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ __all__ = ["Adhesion"]
 
 
 class Adhesion(Term):
-    """A force that holds the block that rests on a stopper.
+    """Adhesion between a stopper and the block at rest on it.
 
     Parameters
     ----------
     force : float
-        What has to be overcome before the block lets go [N], >= 0.
+        Pull-off force [N], >= 0.
 
     Raises
     ------
@@ -29,10 +29,10 @@ class Adhesion(Term):
 
     Notes
     -----
-    Pull-off by a force that does not depend on the history (Maugis, "Contact, Adhesion and Rupture
-    of Elastic Solids", 2000, Section 4); it has no range, so that it does no work, and does not
-    change an impact. On a stopper that yields it acts at all depths. A block that rests comes off
-    where force > k delta only if something else than the spring pulls it: without voltage never.
+    The pull-off force is independent of history (Maugis, "Contact, Adhesion and Rupture of Elastic
+    Solids", 2000, Section 4). It has zero range, so that it does no work and does not change an
+    impact. On a compliant stopper it acts at all depths. With force > k delta the spring alone
+    cannot release a resting block.
 
     Examples
     --------

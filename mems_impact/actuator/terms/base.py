@@ -1,14 +1,14 @@
 """The interface of optional terms of the model, their registry and limits of validity.
 
-A term is a checked object of its parameters, and tells which scalar functions it contributes. These
-read all numbers from the array ``p`` and the state ``y`` by indices that `ParameterIndices` gives,
-so that one compiled automaton serves all values. With the block free, the frame stuck or slipping,
+A term is a validated object of its parameters that contributes scalar functions. These read all
+numbers from the array ``p`` and the state ``y`` at indices from `ParameterIndices`, so that one
+compiled automaton serves all values. With a free block, and the frame sticking or slipping,
 
     m1 a1 = load + on_frame - friction,        load = k x2 + c v2 - pull - sum of forces
     m2 (a1 + a2) = -load + on_block
 
 of which Equations (1) to (3) of the paper are the case without terms; a1 is the acceleration of the
-frame, a2 that of the block relative to it. Nothing but the voltage of the drive depends on time.
+frame, a2 that of the block relative to it. Only the voltage of the drive depends on time.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ __all__ = [
     "Validity",
 ]
 
-# --- The contract that every term keeps: what an option adds to the equations of the actuator.
+# --- The interface of terms: contributions to the equations of the actuator.
 
 Function = Callable[..., float]
 """A scalar function that numba compiles unchanged."""
 
 Shape = tuple[Hashable, ...]
-"""What of a term is no number, and so part of its equations."""
+"""The non-numeric fields of a term, which are part of its equations."""
 
 
 class Electrode(NamedTuple):
@@ -65,10 +65,10 @@ class Electrode(NamedTuple):
     capacitance, slope : callable
         ``capacitance(x, p)`` between block and electrode, and its derivative by x.
     node : callable
-        ``node(v, x, y, p)``, the voltage at the electrode where that of the drive is v: the same
-        unless a term stands between the two.
+        ``node(v, x, y, p)``, the voltage at the electrode for the drive voltage v: the same unless
+        a term is between them.
     offset : callable
-        ``offset(y, p)``, what part of it does not act on the block; 0 by default.
+        ``offset(y, p)``, the part of this voltage that does not act on the block; 0 by default.
     """
 
     capacitance: Function
@@ -78,17 +78,17 @@ class Electrode(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """A range beyond which a term no longer tells the truth; a run that leaves it warns once.
+    """A limit of validity of a term; a run beyond it warns once.
 
     Attributes
     ----------
     what : str
-        What it is of, to be followed by "is 0.3".
+        The limited quantity, to be followed by "is 0.3".
     value : callable
-        ``value(y, p)``, of plain arithmetic: it is called with the states of many events at once, y
+        ``value(y, p)`` in plain arithmetic: it is called with the states of many events at once, y
         of shape (n, k).
     most : float
-        The end of the range.
+        The largest valid value.
     """
 
     what: str
@@ -98,14 +98,14 @@ class Limit(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class TermContribution:
-    """What a term adds to the equations, or puts into their place. All of it is optional.
+    """The contributions of a term to the equations. All are optional.
 
     Attributes
     ----------
     force : callable
-        ``force(y, p)`` on the block, which the frame bears, positive to the right.
+        ``force(y, p)`` on the block, with its reaction on the frame, positive to the right.
     on_frame, on_block : callable
-        ``on_frame(y, p)``, ``on_block(y, p)``: forces from outside, positive to the right.
+        ``on_frame(y, p)``, ``on_block(y, p)``: external forces, positive to the right.
     rates : tuple of callable
         ``rate(y, p)``, the time derivative of each of the term's states.
     normal : callable
@@ -114,26 +114,26 @@ class TermContribution:
         ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is
         smooth a little below zero.
     sticks : bool
-        Whether the frame sticks where it comes to rest.
+        Whether the frame sticks when it comes to rest.
     restitution : callable
         ``restitution(speed, p)``, the coefficient of an impact at the speed, >= 0, in place of e.
     sums : tuple of str
-        Those of the term's states that only sum up: no function reads them.
+        States of the term that only accumulate: no function reads them.
     stopper : callable
-        ``stopper(depth, rate, p)``, the force of a stopper that yields, >= 0, in place of impacts.
-        It is smooth a little below depth zero.
+        ``stopper(depth, rate, p)``, the force of a compliant stopper, >= 0, in place of impacts. It
+        is smooth a little below depth zero.
     stopper_slopes : callable
-        ``stopper_slopes(depth, rate, p)``, its derivatives by both.
+        ``stopper_slopes(depth, rate, p)``, its derivatives with respect to both.
     adhesion : callable
-        ``adhesion(p)``, with which a stopper holds the block that rests on it, >= 0.
+        ``adhesion(p)``, the pull-off force of a block at rest on a stopper, >= 0.
     places_frame : bool
-        Whether functions read x1, on which nothing depends otherwise.
+        Whether functions depend on x1, which is cyclic otherwise.
     energy : callable
-        ``energy(y, p)`` that the term stores, of which its conservative forces are the slope.
+        ``energy(y, p)``, the potential energy of the term's conservative forces.
     lost : callable
-        ``lost(y, p)``, the power that it turns into heat, >= 0.
+        ``lost(y, p)``, the dissipated power, >= 0.
     limits : tuple of Limit
-        Beyond which it does not hold.
+        Limits of validity.
     """
 
     force: Function | None = None
@@ -156,14 +156,14 @@ class TermContribution:
 
 @dataclass(frozen=True)
 class ParameterIndices:
-    """Where a term finds its numbers.
+    """Indices of the numbers of a term.
 
     Attributes
     ----------
     p : mapping of str to int
-        Places of its parameters in the array ``p``; of a tuple, that of its first number.
+        Indices of its parameters in the array ``p``; for a tuple, of its first number.
     y : mapping of str to int
-        Places of its states.
+        Indices of its states.
     """
 
     p: Mapping[str, int]
@@ -171,23 +171,23 @@ class ParameterIndices:
 
 
 class TermKind(NamedTuple):
-    """A term but for its numbers: what its equations are made of."""
+    """The structure of a term, without its numbers, which determines its equations."""
 
     term: type[Term]
     shape: Shape
 
     @property
     def lengths(self) -> dict[str, int]:
-        """How many numbers each parameter holds."""
+        """Count of numbers of each parameter."""
         return self.term.lengths(self.shape)
 
     @property
     def length(self) -> int:
-        """How many numbers the term has in ``p``."""
+        """Count of numbers of the term in ``p``."""
         return sum(self.lengths.values())
 
     def at(self, first: int, states: Mapping[str, int] | None = None) -> ParameterIndices:
-        """Return the term's places, its numbers beginning at `first`."""
+        """Return the indices of the term, whose numbers start at `first`."""
         places = {}
         for name, length in self.lengths.items():
             places[name] = first
@@ -196,30 +196,30 @@ class TermKind(NamedTuple):
 
 
 class Term(Checked, ABC):
-    """Base of the options of an actuator's model: ``actuator.adding(Tilt(angle=0.1))``.
+    """Base class of optional terms of an actuator's model: ``actuator.adding(Tilt(angle=0.1))``.
 
-    A term is a subclass in a file of its own in `mems_impact.actuator.terms`, named like the file:
-    that alone makes files of devices, parameters and the command line know it. It declares its
-    parameters as pydantic fields (with the number types of `mems_impact.actuator.parameter_base`):
-    a number or a tuple of numbers is read by its functions, anything else is part of its `shape`.
+    A term is a subclass in its own file in `mems_impact.actuator.terms`, named like the file, which
+    registers it for device files, parameters and the command line. It declares its parameters as
+    pydantic fields (with the number types of `mems_impact.actuator.parameter_base`): its functions
+    read numbers and tuples of numbers, other fields are part of its `shape`.
 
     Attributes
     ----------
     units : mapping of str to str
-        The SI unit of every field and state that is not a pure number, such as "N/m^3" (kg, m, s, V
-        and what is made of them).
+        The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
+        and derived units).
     instead : str
-        What it puts into the place of the paper's rule, if it does: "stopper", "restitution",
-        "friction". An actuator has one of each.
+        The rule of the paper that it replaces, if any: "stopper", "restitution", "friction". An
+        actuator has at most one term for each.
     layer : int
-        Terms make something of an electrode in ascending order: first what lies in the gap, 0, then
-        what stands before it, 1. The latter passes a voltage that does not change.
+        Terms modify an electrode in ascending order: 0 for terms in the gap, 1 for terms in series
+        with it. The latter transmit a constant voltage.
     signed : bool
-        Whether it makes the sign of the voltage matter. Forces go with its square, so that a
-        period of v is two forcing periods where v changes its sign; with such a term it is one.
+        Whether it depends on the sign of the voltage. Forces are proportional to its square, so
+        that a period of v is two forcing periods if v changes its sign; with such a term it is one.
     stiff : bool
-        Whether something of it may decay far faster than anything happens, as the gas of a thin
-        film does: method "auto" is then the default.
+        Whether its states may decay much faster than the motion, as the gas of a thin film does:
+        method "auto" is then the default.
 
     See Also
     --------
@@ -243,7 +243,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def name(cls) -> str:
-        """Return what files and parameters call it: the name of its file."""
+        """Return its name in files and parameters: the name of its module."""
         return cls.__module__.rpartition(".")[2]
 
     @property
@@ -254,22 +254,22 @@ class Term(Checked, ABC):
 
     @property
     def shape(self) -> Shape:
-        """What of it is no number, field by field: 1 for a number, of a tuple how many it holds."""
+        """Its structure by field: 1 for a number, the length of a tuple, or the value."""
         return tuple(_shape(getattr(self, name)) for name in type(self).model_fields)
 
     @classmethod
     def lengths(cls, shape: Shape) -> dict[str, int]:
-        """Return how many numbers each field that holds numbers has."""
+        """Return the count of numbers of each numeric field."""
         found = zip(cls.model_fields, shape, strict=True)
         return {name: length for name, length in found if type(length) is int}
 
     @property
     def kind(self) -> TermKind:
-        """What its equations are made of."""
+        """The structure that determines its equations."""
         return TermKind(type(self), self.shape)
 
     def numbers(self, scales: Scales) -> list[float]:
-        """Return its parameters as they stand in ``p``, in the units of the numerics."""
+        """Return its parameters as stored in ``p``, in scaled units."""
         inner = self.scaled(scales)
         found: list[float] = []
         for name in self.lengths(self.shape):
@@ -278,11 +278,11 @@ class Term(Checked, ABC):
         return found
 
     def scaled(self, scales: Scales) -> Self:
-        """Return the same term in the units of the numerics."""
+        """Return the same term in scaled units."""
         return self.replace_unchecked(**scaled_fields(self, self._field_units, scales))
 
     def unscaled(self, scales: Scales) -> Self:
-        """Return the same term, given in the units of the numerics, in those of the device."""
+        """Return the same term, given in scaled units, in those of the device."""
         return self.replace_unchecked(**unscaled_fields(self, self._field_units, scales))
 
     @property
@@ -291,7 +291,7 @@ class Term(Checked, ABC):
         return {name: unit for name, unit in self.units.items() if name in fields}
 
     def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
-        """Return a copy with some numbers changed; beyond what is allowed if not `checked`."""
+        """Return a copy with some numbers changed, out of range only if not `checked`."""
         return self.replace(**values) if checked else self.replace_unchecked(**values)
 
     def check_on(self, actuator: Actuator) -> None:
@@ -307,27 +307,27 @@ class Term(Checked, ABC):
 
     @classmethod
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
-        """Return the names of the states that it has at each electrode."""
+        """Return the names of its states at each electrode."""
         return ()
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
-        """Return what it adds to the equations, beside what it makes of electrodes.
+        """Return its contributions to the equations, other than those of electrodes.
 
-        A class method, since compiled equations know no values: these stand in ``p``.
+        It is a class method, since compiled equations do not contain values, which are in ``p``.
         """
         return TermContribution()
 
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
-        """Return what it makes of an electrode; asked for each, with the places of its states."""
+        """Return an electrode as modified by the term, with the indices of its states."""
         return electrode
 
     @classmethod
     def electrode_rates(
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
-        """Return ``rate(v, x, speed, y, p)`` of each of its states at an electrode, now complete.
+        """Return ``rate(v, x, speed, y, p)`` of each of its states at a complete electrode.
 
         ``v`` is the voltage of the drive, ``x`` and ``speed`` are of the block towards it.
         """
@@ -337,11 +337,10 @@ class Term(Checked, ABC):
     def electrode_energy(
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function | None:
-        """Return ``energy(v, x, y, p)``, the energy of the fields at an electrode, now complete.
+        """Return ``energy(v, x, y, p)``, the field energy at a complete electrode.
 
-        None where what is stored comes from the drive, and goes back to it, without a loss. The
-        drive gives what the electrodes do to the block, what this energy grows by, and what is
-        lost.
+        None if the drive supplies and recovers the stored energy without losses. The input from the
+        drive is the work of the electrodes on the block, the growth of this energy, and the losses.
         """
         return None
 
@@ -349,7 +348,7 @@ class Term(Checked, ABC):
     def electrode_lost(
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function | None:
-        """Return ``lost(v, x, y, p)``, the power that it turns into heat at an electrode, >= 0."""
+        """Return ``lost(v, x, y, p)``, the power that it dissipates at an electrode, >= 0."""
         return None
 
 
@@ -361,14 +360,14 @@ def _shape(value: Any) -> Hashable:
     return str(value)
 
 
-# --- Whether a run stayed where the terms of its model hold.
+# --- Validity of the terms during a run.
 
 
 class Validity:
-    """The limits of terms, looked at where a run has events, and at its ends.
+    """Checks the limits of terms at the events of a run and at its ends.
 
-    Impacts, turning points and passages through the middle are events: the smallest gaps and the
-    largest speeds are among them.
+    Impacts, turning points and passages through the middle are events, so these include the
+    smallest gaps and the largest speeds.
     """
 
     def __init__(
@@ -379,20 +378,20 @@ class Validity:
         self._look(start.y[None], np.array([self._time(start)]))
 
     def __call__(self, events: Events) -> None:
-        """Take a chunk of events in."""
+        """Process a chunk of events."""
         if len(events):
             times = events.cycle * self.problem.period + events.time
             self._look(events.before, times)
             self._look(events.after, times)
 
     def tell(self, final: HybridState) -> None:
-        """Warn, once for each limit that the run has left behind."""
+        """Warn, once for each limit that the run has exceeded."""
         self._look(final.y[None], np.array([self._time(final)]))
         for limit, (value, time) in zip(self.limits, self.worst, strict=True):
             if value > limit.most:
                 when = float(self.scales.out(time, "s"))
                 message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
-                told = f"{message}, and the model holds up to {limit.most:g}"
+                told = f"{message}, and the model is valid up to {limit.most:g}"
                 warnings.warn(told, ValidityWarning, stacklevel=5)
 
     def _look(self, states: Floats, times: Floats) -> None:

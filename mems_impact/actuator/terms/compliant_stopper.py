@@ -16,20 +16,20 @@ __all__ = ["CompliantStopper"]
 
 
 class CompliantStopper(Term):
-    """Stoppers that yield, in place of impacts: a contact lasts, and goes as deep as it must.
+    """Compliant stoppers in place of impacts, with contacts of finite duration and depth.
 
     Parameters
     ----------
     stiffness : float
         Force by depth [N/m] at the depth `depth`, > 0.
     exponent : float, optional
-        With which the force grows with the depth [-], >= 1: 1 for a beam, 1.5 for a sphere on a
-        plane (Hertz); 1 by default.
+        Exponent of the force over the depth [-], >= 1: 1 for a beam, 1.5 for a sphere on a plane
+        (Hertz); 1 by default.
     damping : float, optional
-        Of which restitution comes [s/m], >= 0: e is 1 - damping v for a slow impact.
+        Damping that determines the restitution [s/m], >= 0: e is 1 - damping v for a slow impact.
     depth : float, optional
-        Where `stiffness` is force by depth [m], > 0; it does not matter for the exponent 1. With
-        1 by default, `stiffness` is the factor of depth^exponent.
+        Depth at which `stiffness` is force by depth [m], > 0; irrelevant for the exponent 1. With
+        the default 1, `stiffness` is the factor of depth^exponent.
 
     Raises
     ------
@@ -44,10 +44,9 @@ class CompliantStopper(Term):
     -----
     Hunt and Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
     Mech. 42 (1975) 440: the force at the depth s is N = K s^n (1 + 3/2 a s'), where K is
-    stiffness/depth^(n-1) and a the damping; never negative. Impacts are the beginnings of
-    contacts. The device's `e` is not used. State ``contact_loss`` [J] sums up what is lost. A block
-    that rests on a hard stopper makes the equations stiff, so that runs are made by method "auto"
-    unless another is asked for.
+    stiffness/depth^(n-1) and a the damping; never negative. Impacts are the starts of contacts. The
+    device's `e` is not used. State ``contact_loss`` [J] accumulates the losses. A block at rest on
+    a hard stopper makes the equations stiff, so the default method of runs is ``"auto"``.
 
     Examples
     --------
@@ -71,7 +70,7 @@ class CompliantStopper(Term):
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:
-        """Return the name of what contacts have lost."""
+        """Return the name of the accumulated loss of contacts."""
         return ("contact_loss",)
 
     @classmethod
@@ -81,12 +80,12 @@ class CompliantStopper(Term):
         damping, reference = at.p["damping"], at.p["depth"]
 
         def spring(depth, p):  # type: ignore[no-untyped-def]
-            # Odd, so that it is smooth where a trial step leaves the contact.
+            # An odd function, so that it is smooth if a trial step leaves the contact.
             relative = abs(depth) / p[reference]
             return p[stiffness] * depth * relative ** (p[exponent] - 1.0)
 
         def hold(rate, p):  # type: ignore[no-untyped-def]
-            # What a block leaves faster than the stopper can follow presses it no more.
+            # A stopper exerts no force on a block that leaves faster than it can follow.
             return max(1.0 + 1.5 * p[damping] * rate, 0.0)
 
         def stopper(depth, rate, p):  # type: ignore[no-untyped-def]

@@ -1,4 +1,4 @@
-"""A suspension that stiffens, or softens, with its deflection."""
+"""A suspension with cubic stiffness."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class CubicStiffness(Term):
     Parameters
     ----------
     k3 : float
-        Cubic stiffness [N/m^3]; above 0 for a clamped beam, which is stretched as it bends.
+        Cubic stiffness [N/m^3]; positive for a clamped beam, which stretches as it bends.
 
     Raises
     ------
@@ -28,8 +28,8 @@ class CubicStiffness(Term):
 
     Notes
     -----
-    The free oscillation of amplitude A is faster by 3 k3 A^2/(8 k) of its frequency, to first order
-    (A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, 1979, Section 2.1).
+    The relative increase of the frequency of free oscillation at amplitude A is 3 k3 A^2/(8 k), to
+    first order (A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, 1979, Section 2.1).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Charge that creeps into the insulation of each electrode."""
+"""Charging of the insulation of each electrode."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["DielectricCharging"]
 
 
 class DielectricCharging(Term):
-    """A dielectric that charges while a voltage stands over it, and shifts the voltage that pulls.
+    """Dielectric charging, which shifts the effective voltage of the electrodes.
 
     Parameters
     ----------
     share : float
-        Share of a lasting voltage that trapped charge makes up for in the end [-], between -1 and
-        1; above 0 it screens the voltage, below it adds to it.
+        Fraction of a constant voltage that trapped charge compensates in the end [-], between -1
+        and 1; positive values screen the voltage, negative ones add to it.
     time : float
         Time constant of the charging [s], > 0.
 
@@ -35,15 +35,15 @@ class DielectricCharging(Term):
     Notes
     -----
     The trapped charge acts as a voltage in series with the electrode, ``offset`` (and
-    ``left_offset``), a state that is 0 at first; the force goes with (node - offset)^2, so that the
-    curve of force over voltage is shifted (J. Wibbeler, G. Pfeifer, M. Hietschold, Sens. Actuators
-    A 71, 74 (1998)). It follows the voltage at the electrode,
+    ``left_offset``), a state that is 0 initially; the force is proportional to (node - offset)^2,
+    so that the curve of force over voltage is shifted (J. Wibbeler, G. Pfeifer, M. Hietschold,
+    Sens. Actuators A 71, 74 (1998)). It follows the voltage at the electrode,
 
         d offset/dt = (share node - offset)/time
 
     with one time constant of the several by which X. Yuan et al. (IEEE MTT-S Int. Microw. Symp.
     2005, 753) fit such charging. Measured currents follow the power law of Curie and von Schweidler
-    over decades of time: one constant holds for about one decade around it.
+    over decades of time: one constant is valid for about one decade around it.
 
     The trapped charge has no energy of its own in this model.
 

@@ -1,4 +1,4 @@
-"""Terms as tables of files, and by name."""
+"""Terms by name, and their tables in files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["table_of", "term_names", "term_of", "term_type", "term_with"]
 
 
 def term_names() -> tuple[str, ...]:
-    """Return the names of terms, those of other packages last."""
+    """Return the names of terms, those of plugins last."""
     return plugins.names(plugins.TERM_GROUP, TERM_CLASSES)
 
 
@@ -36,7 +36,7 @@ def term_type(name: str) -> type[Term]:
 
 
 def term_of(name: str, table: Mapping[str, Any]) -> Term:
-    """Return the term that a table ``[name]`` tells; InvalidParameter if it tells it wrong."""
+    """Return the term of a table ``[name]``; InvalidParameter if the table is wrong."""
     if not isinstance(table, Mapping):
         raise InvalidParameter(name, table, f"a table [{name}]")
     values = {key: tuple(each) if isinstance(each, list) else each for key, each in table.items()}
@@ -47,7 +47,7 @@ def term_of(name: str, table: Mapping[str, Any]) -> Term:
 
 
 def term_with(name: str, term: Term | None, values: Mapping[str, float]) -> Term:
-    """Return a term with some numbers changed, or the one that they tell if there is none yet."""
+    """Return a term with some numbers changed, or a new term with these numbers."""
     if term is None:
         return term_of(name, values)
     try:

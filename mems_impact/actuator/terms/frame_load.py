@@ -1,4 +1,4 @@
-"""A constant force against which the device walks."""
+"""A constant load on the frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["FrameLoad"]
 
 
 class FrameLoad(Term):
-    """A constant force on the frame, against the way to the right.
+    """A constant force on the frame, against motion to the right.
 
     Parameters
     ----------

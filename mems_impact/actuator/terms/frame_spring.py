@@ -1,4 +1,4 @@
-"""A spring that holds the frame back."""
+"""A spring between frame and ground."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ __all__ = ["FrameSpring"]
 class FrameSpring(Term):
     """A spring between frame and ground, without force at x1 = 0.
 
-    The frame walks until an impact sets it free under more force than dynamic friction holds. Where
-    mu_s is above mu_d it then slides back, and walks anew.
+    The frame walks until an impact makes it slip under a spring force above dynamic friction. If
+    mu_s is above mu_d it then slides back, and starts to walk again.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class FrameSpring(Term):
     Notes
     -----
     Static friction holds a frame without voltage up to abs(x1) = mu_s (m1 + m2) g/k1. The position
-    x1 then matters: an orbit closes in it too.
+    x1 is then not cyclic: an orbit must close in it too.
 
     Examples
     --------

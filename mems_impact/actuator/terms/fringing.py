@@ -1,4 +1,4 @@
-"""The field beyond the edges of the electrodes."""
+"""Fringing fields of the electrodes."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SIZE_RTOL = 1e-12  # of a size in other units
 
 
 class Fringing(Term):
-    """Electrodes with the field that bulges out at their edges.
+    """Electrodes with fringing fields at their edges.
 
     Parameters
     ----------
     width : float
         Width of the electrodes [m], at least twice the widest gap, d + delta.
     length : float, optional
-        Their length [m], likewise; without it they count as long, and two edges fringe.
+        Length of the electrodes [m], with the same minimum; without it only two edges count.
 
     Raises
     ------
@@ -47,10 +47,10 @@ class Fringing(Term):
         1 + gap/(pi width) (1 + ln(2 pi width/gap))
 
     and times the same of the length (H. B. Palmer, Electr. Eng. 56, 363 (1937)); the force is
-    exactly half the slope of it, times the square of the voltage. With the width alone that is
-    the paper's force times 1 + gap/(pi width). For long plates, against a solution of the integral
+    exactly half its derivative, times the square of the voltage. With the width alone that is the
+    paper's force times 1 + gap/(pi width). For long plates, against a solution of the integral
     equation of their charges, it is too large by 0.3 % at a gap of a tenth of the width, 1.4 % at a
-    quarter and 4.0 % at half of it, where the range ends.
+    quarter and 4.0 % at half of it, the end of the range.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class Fringing(Term):
     units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
 
     def check_on(self, actuator: Actuator) -> None:
-        """Raise InvalidParameter where the widest gap is too wide for the electrodes."""
+        """Raise InvalidParameter if the widest gap is too wide for the electrodes."""
         least = 2.0 * (actuator.d + actuator.delta)
         for name in ("width", "length"):
             size = getattr(self, name)
@@ -102,5 +102,5 @@ def fringe(gap: float, size: float) -> float:
 
 
 def fringe_slope(gap: float, size: float) -> float:
-    """Return its derivative by the gap."""
+    """Return its derivative with respect to the gap."""
     return math.log(2.0 * math.pi * size / gap) / (math.pi * size)

@@ -1,4 +1,4 @@
-"""Restitution that falls with the speed of the impact, by a power law."""
+"""Restitution that decreases with the impact speed by a power law."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["PowerLawRestitution"]
 
 
 class PowerLawRestitution(Term):
-    """Impacts that lose more the faster they are, since the bodies yield plastically.
+    """Coefficient of restitution that decreases with the impact speed, by plastic deformation.
 
     Parameters
     ----------
     speed : float
-        About which yielding sets in [m/s], > 0: slower impacts have the device's `e`.
+        Speed at which plastic deformation sets in [m/s], > 0: slower impacts have the device's `e`.
     exponent : float, optional
-        Of the fall [-], >= 0; 1/4 by default, as where all of the contact is plastic.
+        Exponent of the decrease [-], >= 0; 1/4 by default, as for a fully plastic contact.
 
     Raises
     ------

@@ -20,14 +20,15 @@ RESOLVED = (
 
 
 class RegularizedFriction(Term):
-    """Friction smoothed about rest: the frame never sticks, but creeps under any load.
+    """Friction regularized near zero speed: the frame never sticks, but creeps under any load.
 
-    What others do who cannot switch between sticking and slipping; here to be compared with.
+    It is the common substitute for switching between sticking and slipping, included for
+    comparison.
 
     Parameters
     ----------
     width : float
-        Speed over which friction turns round [m/s], > 0.
+        Width of the transition between the signs of friction, as a speed [m/s], > 0.
 
     Raises
     ------
@@ -41,10 +42,10 @@ class RegularizedFriction(Term):
     Notes
     -----
     mu_d tanh(v1/width) times the normal force N; mu_s is not used. Under a constant load F the
-    frame creeps at width artanh(F/(mu_d N)). All of its time it slips: ``share slipping`` is 1, and
-    a step goes on until the next impact. Narrow widths make the equations stiff. A frame that
-    creeps more slowly than the absolute tolerance would turn round by integration errors: the width
-    must be at least 1000 times `Options.atol`, which is in the units of the numerics.
+    frame creeps at width artanh(F/(mu_d N)). It always slips: ``share slipping`` is 1, and a step
+    lasts until the next impact. Narrow widths make the equations stiff. Integration errors would
+    reverse a frame that creeps more slowly than the absolute tolerance, so the width must be at
+    least 1000 times `Options.atol`, in scaled units.
 
     Examples
     --------

@@ -9,14 +9,14 @@ __all__ = ["SeriesResistance"]
 
 
 class SeriesResistance(Term):
-    """A source, or a lead, that charges each electrode through a resistance.
+    """A resistance of source or leads, through which each electrode is charged.
 
     Parameters
     ----------
     resistance : float
         Between drive and electrode [ohm], > 0.
     parasitic : float, optional
-        Capacitance beside that of the electrode, to ground [F], >= 0.
+        Parasitic capacitance to ground, parallel to the electrode [F], >= 0.
 
     Raises
     ------
@@ -33,15 +33,15 @@ class SeriesResistance(Term):
 
         charge = C(x) (node - offset) + parasitic node,    d charge/dt = (v - node)/resistance
 
-    with the capacitance C(x) = 2 alpha/(d - x) of the electrode and of what lies in its gap, and
-    the voltage ``node`` at it, which pulls (S. D. Senturia, *Microsystem Design*, 2001, Chapter 6).
-    Slow charging takes pull-in away: at constant charge, without parasitic capacitance, the
-    attraction does not grow as the gap closes (J. I. Seeger, B. E. Boser, J. Microelectromech.
-    Syst. 12, 656 (2003)). The charge has the sign of the voltage: where that alternates, a forcing
-    period is one of the voltage, not of its square.
+    with the capacitance C(x) = 2 alpha/(d - x) of the electrode and terms in its gap, and the
+    voltage ``node`` at the electrode, which determines the force (S. D. Senturia, *Microsystem
+    Design*, 2001, Chapter 6). Slow charging prevents pull-in: at constant charge, without parasitic
+    capacitance, the attraction does not grow as the gap closes (J. I. Seeger, B. E. Boser, J.
+    Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the voltage: if the sign
+    alternates, the forcing period is that of the voltage, not of its square.
 
-    A time constant far below the forcing period makes the equations stiff, so that runs are made by
-    method ``"auto"`` unless `Options` say otherwise.
+    A time constant far below the forcing period makes the equations stiff, so the default method of
+    runs is ``"auto"``.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class SeriesResistance(Term):
 
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
-        """Return the electrode at the voltage that its charge tells."""
+        """Return the electrode with the voltage determined by its charge."""
         capacitance, offset = electrode.capacitance, electrode.offset
         charge, parasitic = at.y["charge"], at.p["parasitic"]
 
@@ -101,7 +101,7 @@ class SeriesResistance(Term):
 
     @classmethod
     def electrode_lost(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
-        """Return the power that the resistance turns into heat."""
+        """Return the power dissipated in the resistance."""
         node, resistance = electrode.node, at.p["resistance"]
 
         def lost(v, x, y, p):  # type: ignore[no-untyped-def]

@@ -1,4 +1,4 @@
-"""The gas between block and electrode, squeezed out and compressed as the gap closes."""
+"""Squeeze-film damping and stiffness of the gas between block and electrode."""
 
 from __future__ import annotations
 
@@ -25,20 +25,18 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["SqueezeFilm"]
 
 MOST_MODES = 4
-MAX_PRESSURE_RATIO = (
-    0.2  # mean pressure beside the ambient one, for which the flow is still linear in it
-)
-THIN = 880.0  # Knudsen number up to which the effective viscosity was fitted
+MAX_PRESSURE_RATIO = 0.2  # relative excess of the mean pressure up to which the flow is linear
+THIN = 880.0  # Knudsen number up to which the fit of the effective viscosity is valid
 EXCESS = "the excess of the squeeze film's mean pressure, by the ambient one,"
-EMPTY = 1.0 - 1e-9  # no gas is left; a trial step may look beyond
+EMPTY = 1.0 - 1e-9  # no gas is left; a trial step may go beyond
 FOURTH = math.pi**4 / 96.0  # sum of l^-4 over odd l
 FIFTH = 31.0 / 32.0 * 1.0369277551433699  # of l^-5: 31/32 zeta(5)
 
 
 class SqueezeFilm(Term):
-    """The film of gas between block and electrode, which damps at low frequencies and then springs.
+    """Squeezed gas film, with damping at low and stiffness at high frequencies.
 
-    It takes the place of a constant damping: leave in `c` only what the suspension itself loses.
+    It replaces a constant gas damping: `c` should contain only the losses of the suspension.
 
     Parameters
     ----------
@@ -47,14 +45,14 @@ class SqueezeFilm(Term):
     pressure : float
         Ambient pressure [Pa], > 0.
     viscosity : float
-        Of the gas, not rarefied [Pa s], > 0; 1.82e-5 for air at 20 degrees Celsius.
+        Viscosity of the gas without rarefaction [Pa s], > 0; 1.82e-5 for air at 20 degrees Celsius.
     free_path_pressure : float
         Mean free path times pressure [Pa m], >= 0, a constant of the gas at its temperature;
         6.7e-3 for air at 20 degrees Celsius, 0 for a film without rarefaction.
     sides : {"right", "both"}, optional
-        Where there is a film: in the gap d - x2 at the right electrode, or in d + x2 too.
+        Location of the film: in the gap d - x2 at the right electrode, or also in d + x2.
     modes : int, optional
-        How finely the pressure over the face is resolved, 1 to 4: 3, 6, 10 or 15 states a film.
+        Resolution of the pressure over the face, 1 to 4: 3, 6, 10 or 15 states per film.
 
     Raises
     ------
@@ -64,8 +62,8 @@ class SqueezeFilm(Term):
     Warns
     -----
     ValidityWarning
-        After a run, if the mean pressure came to differ from the ambient one by a fifth of it, or
-        the Knudsen number of the gap rose above 880.
+        After a run, if the mean pressure differed from the ambient pressure by more than a fifth of
+        it, or the Knudsen number of the gap exceeded 880.
 
     See Also
     --------
@@ -128,7 +126,7 @@ class SqueezeFilm(Term):
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
-        """Return what the films do."""
+        """Return the contributions of the films."""
         sides, modes = _structure(shape)
         parts, places = compartments(at, modes), list(at.y.values())
         count = len(parts)

@@ -1,4 +1,4 @@
-"""Friction that falls from its static to its dynamic value with the speed."""
+"""Friction that decreases from its static to its dynamic value with the speed."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["StribeckFriction"]
 
 
 class StribeckFriction(Term):
-    """Friction of the frame that depends on its speed; it sticks as under Coulomb's.
+    """Speed-dependent friction of the frame, with sticking as under Coulomb friction.
 
     Parameters
     ----------
     speed : float
-        Over which friction falls from mu_s to mu_d [m/s], > 0.
+        Speed over which friction falls from mu_s to mu_d [m/s], > 0.
     viscous : float, optional
-        What the coefficient grows by per speed [s/m], >= 0; 0 by default.
+        Viscous increase of the coefficient per speed [s/m], >= 0; 0 by default.
 
     Raises
     ------
@@ -34,7 +34,7 @@ class StribeckFriction(Term):
     -----
     mu_d + (mu_s - mu_d) exp(-(v1/speed)^2) + viscous abs(v1), times the normal force
     (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083, Eq. 5, with the
-    exponent 2). As the speed goes to nothing, the paper's friction comes back.
+    exponent 2). The limit of zero `speed` is the paper's friction.
 
     Examples
     --------

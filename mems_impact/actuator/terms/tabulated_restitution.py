@@ -1,4 +1,4 @@
-"""Restitution by the speed of the impact, as measured."""
+"""Measured restitution over impact speed."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ TABLE = "a tuple of two numbers or more"
 
 
 class TabulatedRestitution(Term):
-    """Coefficients of restitution that were measured at some speeds, in place of the device's `e`.
+    """Coefficient of restitution interpolated in a table over the impact speed, in place of `e`.
 
     Parameters
     ----------
     speeds : tuple of float
-        Of the block before the impact [m/s], >= 0, ascending; two or more.
+        Speeds of the block before the impact [m/s], >= 0, ascending; two or more.
     values : tuple of float
-        The coefficient at each [-], 0 to 1.
+        The coefficient at each speed [-], 0 to 1.
 
     Raises
     ------
     InvalidParameter
-        If a value is out of range, the speeds do not ascend, or there are not as many values.
+        If a value is out of range, the speeds do not ascend, or the lengths differ.
 
     See Also
     --------
@@ -37,9 +37,8 @@ class TabulatedRestitution(Term):
 
     Notes
     -----
-    Between the speeds a cubic that is smooth, and monotone where the values are (Fritsch and
-    Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300); beyond them constant, to which it turns
-    smoothly.
+    The interpolant is the monotone cubic of Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5
+    (1984) 300; it is constant beyond the table, with a smooth transition.
 
     Examples
     --------

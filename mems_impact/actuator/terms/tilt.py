@@ -1,4 +1,4 @@
-"""A device on a slope."""
+"""A device on an inclined ground."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ UPRIGHT = 0.5 * math.pi
 
 
 class Tilt(Term):
-    """A ground that is inclined: weight pulls frame and block to the left, and presses less.
+    """Inclined ground: gravity pulls frame and block to the left, and the normal force is smaller.
 
     Parameters
     ----------
     angle : float
-        Inclination [rad], between -pi/2 and pi/2; above 0 the way to the right is uphill.
+        Inclination [rad], between -pi/2 and pi/2; for positive angles the right is uphill.
 
     Raises
     ------
@@ -49,7 +49,7 @@ class Tilt(Term):
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
-        """Return the forces and the share of the weight that presses on the ground."""
+        """Return the forces and the factor of the normal force."""
         angle = at.p["angle"]
 
         def on_frame(y, p):  # type: ignore[no-untyped-def]

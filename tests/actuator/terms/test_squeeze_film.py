@@ -244,11 +244,11 @@ def test_a_run_beyond_what_holds_says_so_once():
     assert told(0.1) == []
     (pressed,) = told(1.0)
     assert pressed.startswith("the excess of the squeeze film's mean pressure")
-    assert pressed.endswith("and the model holds up to 0.2")
+    assert pressed.endswith("and the model is valid up to 0.2")
     (rarefied,) = told(0.1, viscosity=1e5, free_path_pressure=1700.0)
     assert rarefied == (
         "the Knudsen number of the squeeze film is 1.28e+03 at t = 1.25664, "
-        "and the model holds up to 880"
+        "and the model is valid up to 880"
     )
 
 
