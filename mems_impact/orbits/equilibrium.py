@@ -20,10 +20,8 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
 DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
-CANCELLED = 1e-11  # part of a row's largest entry below which another one is rounding
-EQUILIBRIUM_MARGIN_TOLERANCE = (
-    1e-9  # by which a margin may be violated before an equilibrium is called virtual
-)
+CANCELLED = 1e-11  # relative to the largest entry of a row: smaller entries are rounding
+EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible equilibrium
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +33,7 @@ class EquilibriumEvaluation:
     unknowns : float array, shape (f,)
         The components of the state that are not cyclic.
     values : float array, shape (k,)
-        Of the active parameters.
+        Values of the active parameters.
     residual : float array, shape (f,)
         Their time derivatives. In a mode whose states lie on a manifold: those where they are put
         onto it, and what that changes; beside it everything decays at the rate one.
@@ -68,7 +66,7 @@ class EquilibriumEquations:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """The components of the state that are to stand still."""
+        """The components of the state that are not cyclic."""
         return tuple(free_components(self.family.automaton))
 
     def state(self, unknowns: Floats) -> Floats:
@@ -125,7 +123,7 @@ class EquilibriumEquations:
         return slope[list(self.free)]
 
     def _held(self, unknowns: Floats, parameters: Floats) -> Floats:
-        """Return unknowns, put onto the manifold on which the mode's states lie."""
+        """Return the unknowns projected onto the constraint manifold of the mode."""
         automaton = self.family.automaton
         if self.mode not in automaton.constrained:
             return unknowns
@@ -134,7 +132,7 @@ class EquilibriumEquations:
         return y[list(self.free)]
 
     def held(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:
-        """Return an evaluation whose unknowns fulfil the constraints of the mode to rounding."""
+        """Return an evaluation whose unknowns satisfy the constraints of the mode to rounding."""
         unknowns = self._held(balance.unknowns, self._parameters(balance.values))
         return replace(balance, unknowns=unknowns)
 
@@ -182,22 +180,22 @@ class EquilibriumEquations:
 
 @dataclass(frozen=True)
 class EquilibriumState:
-    """A state in which a mode stands still.
+    """An equilibrium of a mode.
 
     Attributes
     ----------
     family : Family
-        At the values for which it was found.
+        The family at the values of the equilibrium.
     mode : int
     balance : EquilibriumEvaluation
     eigenvalues : complex array
-        Of the flow's derivative, largest real part first, without the zeros of `neutral`; where
-        contacts hold or a surface slides, of that on what they hold.
+        Eigenvalues of the Jacobian of the flow, largest real part first, without the zeros of
+        `neutral`; restricted to the constraint manifold if contacts hold or the state slides.
     neutral : int
-        Dimension of the set of equilibria in which it lies: of a stuck or resting body, every
-        place may be one. 0 for an isolated one.
+        Dimension of the continuum of equilibria that contains it, as for a stuck or resting body; 0
+        for an isolated equilibrium.
     margins : float array, shape (m,)
-        Of all guards; those that do not watch the mode are positive.
+        Margins of all guards; positive for guards that are not active in the mode.
     """
 
     family: Family
@@ -219,7 +217,7 @@ class EquilibriumState:
 
     @property
     def stable(self) -> bool:
-        """Whether nearby states of the mode return, or stay where they are."""
+        """Whether nearby states of the mode stay close to it."""
         return bool(np.all(self.eigenvalues.real < 0.0))
 
     @property
@@ -229,7 +227,7 @@ class EquilibriumState:
 
     @property
     def violated(self) -> tuple[str, ...]:
-        """The guards on whose wrong side it lies: a virtual equilibrium."""
+        """The guards that a virtual equilibrium violates."""
         guards = self.family.automaton.guards
         return tuple(
             guard.name
@@ -244,14 +242,14 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> EquilibriumSta
     Parameters
     ----------
     family : Family
-        Of a system without forcing.
+        Family of an autonomous system.
     mode : int
     guess : float array, shape (n,)
 
     Raises
     ------
     OrbitError
-        If there is none near the guess.
+        If Newton's method finds none near the guess.
     """
     equations = EquilibriumEquations(family, mode)
     found = solve_at(

@@ -56,10 +56,10 @@ class Family(ABC):
         """Return the family integrated by another method."""
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
-        """Return what of the problem depends on the values, at some other ones.
+        """Return the part of the problem that depends on the values, at some other values.
 
-        Corrections and differences by a parameter ask for it by thousands: a kind of family that
-        can do without making a problem should.
+        Corrections and finite differences call it thousands of times, so a subclass should avoid
+        building a problem.
         """
         return self.at(**changes).problem().numbers
 
@@ -76,9 +76,9 @@ class Family(ABC):
         return replace(self, values={**self.values, **changes})
 
     def suited(self, stiff: bool) -> Self:
-        """Return the family, integrated by one method where that was left open (``"auto"``).
+        """Return the family with a fixed method in place of ``"auto"``.
 
-        An orbit keeps to one method, lest a step of Newton's method change it.
+        An orbit uses one method, so that steps of Newton's method do not change it.
         """
         if self.problem().options.method != "auto":
             return self
@@ -98,11 +98,11 @@ class Family(ABC):
         return self.values[name]
 
     def amount(self, heading: str, value: float) -> str:
-        """Return a number in the units of the user, to be printed."""
+        """Return a number in the system's units, as text."""
         return f"{value:.9g}"
 
     def convert(self, error: RunError) -> None:  # noqa: B027 - there may be no other units
-        """Convert the numbers in an error of a run to the units of the user."""
+        """Convert the numbers in an error of a run to the system's units."""
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.
@@ -125,12 +125,12 @@ class Family(ABC):
         return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))
 
 
-# --- Where in the space of parameters the equations of an orbit are looked at.
+# --- Numbers of a problem at values of the active parameters.
 
-NEAREST = 1e-9  # room that is left to differences in time beside a switch
+NEAREST = 1e-9  # margin for differences in time next to a switch
 FACTOR = 4.0 / 3.0  # a period that jumps changes by more: a sine without bias has half the period
 PERIOD_BISECTIONS = (
-    40  # of the way between two values, after which a period that differs has jumped
+    40  # of the interval between two values: a period that differs within it has jumped
 )
 
 
@@ -151,7 +151,7 @@ class ParameterPoint:
     switches : float array, shape (s,)
     switch_rates : float array, shape (k, s)
     time_scale : float
-        Within which whatever acts on the system shows all that it does.
+        Characteristic time of the forcing.
     """
 
     values: Floats
@@ -190,7 +190,7 @@ class ParameterPoint:
         Raises
         ------
         OrbitError
-            If it jumps on the way.
+            If it jumps in between.
         """
         if _alike(near.period, self.period):
             return
@@ -212,7 +212,7 @@ class ParameterPoint:
         )
 
     def lasting(self, period: float) -> ParameterPoint:
-        """Return the setting of a cycle with a period of its own."""
+        """Return the setting of a limit cycle with a given period."""
         return replace(self, period=period, period_rates=np.zeros_like(self.period_rates))
 
     def room(self, time: float) -> float:
@@ -223,7 +223,7 @@ class ParameterPoint:
         return float(max(np.minimum(since, self.period - since).min(), NEAREST))
 
     def motion(self, start: float, end: float) -> Floats:
-        """Return how instants between the switches around an arc move with the parameters.
+        """Return the derivatives of instants between the switches around an arc by the parameters.
 
         Linear in time from switch to switch (or the ends of the period); shape (max(1, k), 2).
         """

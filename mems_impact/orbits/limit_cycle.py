@@ -18,16 +18,16 @@ from mems_impact.orbits.period_detection import check_bounded, detect_period, fl
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_guess
 
-EQUAL_STRETCH_RATIO = 0.99  # part of the longest stretch from which on another one is as long
+EQUAL_STRETCH_RATIO = 0.99  # of the longest interval: longer ones are equally long
 SKEW = 0.5  # cosine between flow and phase condition below which a cycle is begun anew
-LONGER = 1.5  # ratio of a period and the unit of its times from which on it is measured anew
-SOME = 0.382  # of a period, after which a cycle without marks begins
+LONGER = 1.5  # ratio of the period and the unit of times that triggers rescaling
+SOME = 0.382  # of a period, at which a cycle without events starts
 STRETCH_MARGIN = (
     0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
 )
 POINT = 1e-4  # length of a cycle, of states of order one, that has shrunk to a point
 MIN_START_SPEED_RATIO = (
-    0.1  # speed at the start of a cycle, as a part of that of the one before, that is none
+    0.1  # speed at the start of a cycle, relative to that of the previous one, that is zero
 )
 SHORT_STRETCH_RATIO = 0.5  # part of the longest stretch below which it begins in another one
 
@@ -47,9 +47,9 @@ def limit_cycle_guess(
     family : Family
     start : HybridState
     transient : float
-        Time to run before a return is looked for.
+        Time to run before a return is sought.
     period : float, optional
-        That of the cycle, near which `start` lies then; recognised by default.
+        Period of the cycle near `start`; detected by default.
     active : tuple of str
 
     Raises
@@ -74,9 +74,9 @@ def limit_cycle_guess(
 
 
 def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:
-    """Return the instant amid the longest stretch without marks of the period after `start`.
+    """Return the middle of the longest interval without events in the period after `start`.
 
-    Where there are none, some instant: that of `start` may be an extreme.
+    Without events it is an arbitrary instant, since `start` may be an extremum.
     """
     log = run(problem, start, 1).events
     log = log[np.isin(log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH))]
@@ -88,9 +88,9 @@ def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:
 
 
 def _middle(marks: Floats, period: float) -> float:
-    """Return the middle of the first of the longest stretches between marks, cyclic, ascending.
+    """Return the middle of the first of the longest intervals between cyclic, ascending marks.
 
-    Of two that are as long, rounding shall not decide.
+    Rounding must not decide between two equally long ones.
     """
     lengths = np.diff(np.append(marks, marks[0] + period))
     i = np.flatnonzero(lengths >= EQUAL_STRETCH_RATIO * lengths.max())[0]
@@ -98,16 +98,16 @@ def _middle(marks: Floats, period: float) -> float:
 
 
 def _event_times(point: ShootingEvaluation) -> Floats:
-    """Return when events and closest approaches happen, ascending: a cycle begins amid them."""
+    """Return the instants of events and closest approaches, ascending."""
     approaches = np.concatenate([arc.minima_time for arc in point.arcs])
     marks = np.append(point.ends[:-1], approaches[np.isfinite(approaches)])
     return np.asarray(np.sort(marks % point.period))
 
 
 def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
-    """Return whether a cycle begins clear of its marks, and across its phase condition.
+    """Return whether a cycle starts away from its events, and transversal to its phase condition.
 
-    And whether its period is still near the unit of its times.
+    It also checks that the period is close to the unit of times.
     """
     if shooting.phase is None:
         return True
@@ -127,7 +127,7 @@ def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
 def check_not_degenerate(
     shooting: Shooting, before: ShootingEvaluation, after: ShootingEvaluation
 ) -> None:
-    """Raise OrbitError if a cycle is all but a point, or the flow at its start all but gone.
+    """Raise OrbitError if a cycle almost shrinks to a point, or the flow vanishes at its start.
 
     Beyond the equilibrium to which cycles shrink they are there once more, half a period later.
     """
@@ -140,21 +140,21 @@ def check_not_degenerate(
     if max(slow * after.period, reach) < POINT:
         raise OrbitError(
             reason="the cycle shrinks to an equilibrium: this is a Hopf point",
-            remedy="go on with the equilibrium",
+            remedy="continue the equilibrium",
         )
     if slow < MIN_START_SPEED_RATIO * fast:
         raise OrbitError(
-            reason="the cycle all but stops on its way, its period of "
+            reason="the cycle almost stops at a point, its period of "
             f"{shooting.family.amount('period', after.period)} growing",
             remedy="take shorter steps; it may end in an equilibrium on the cycle",
         )
 
 
 def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Floats, int]:
-    """Return the equations of a cycle and its unknowns, begun amid the longest stretch of it.
+    """Return the equations and unknowns of a cycle restarted in its longest segment.
 
-    And in which segment that lies, the last being one with the first. A cycle without marks begins
-    where it did, with its phase condition across the flow there.
+    The third value is the index of that segment, where the last segment is joined with the first. A
+    cycle without events keeps its start, with a phase condition normal to the flow there.
     """
     states, _ = shooting.unpack(point.unknowns)
     free, last = shooting.free, len(shooting.segments) - 1

@@ -15,11 +15,9 @@ TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = (
     4.0 * np.finfo(float).eps
 )  # of a residual, as a part of the terms that it is a sum of
-MAX_STEP_NORM = 1e6  # a longer step leads nowhere
+MAX_STEP_NORM = 1e6  # longer steps do not converge
 MAX_NEWTON_ITERATIONS = 20
-NEARER = (
-    "take a guess nearer to an orbit: let transients die out (transient=300), or change periods"
-)
+NEARER = "give a guess closer to an orbit: raise transient (transient=300), or change periods"
 NEARER_CYCLE = (
     "let transients die out (transient=…, in units of time) or give a guess nearer to a cycle; a "
     "chaotic motion comes close to where it was and leaves again"
@@ -27,7 +25,7 @@ NEARER_CYCLE = (
 
 
 class Linearised(Protocol):
-    """One evaluation of equations, as of an orbit or of an equilibrium."""
+    """One evaluation of the equations of an orbit or an equilibrium."""
 
     @property
     def unknowns(self) -> Floats:
@@ -62,7 +60,7 @@ class Solvable(Protocol[P_co]):
 
 
 class Solution(NamedTuple, Generic[P]):
-    """What Newton's method found.
+    """The result of Newton's method.
 
     Attributes
     ----------
@@ -70,7 +68,7 @@ class Solution(NamedTuple, Generic[P]):
     point : ShootingEvaluation or EquilibriumEvaluation
         The equations there.
     iterations : int
-        Newton steps until the next one was as small as the error of the integration.
+        Number of Newton steps until they were as small as the integration error.
     """
 
     unknowns: Floats
@@ -91,16 +89,15 @@ def newton(
     From unknowns, `equations` returns the equations there, all residuals, and the matrix of their
     derivatives.
 
-    Done is where the next step would be below `TOLERANCE`, or where steps no longer shrink while no
-    residual is above `ACCEPTED`: they are at the level of the integration error then. Where the
-    matrix is nearly singular, rounding alone may make steps of any length; so residuals that are
-    rounding are the end, too.
+    The iteration converges if the next step is below `TOLERANCE`, or if steps no longer shrink
+    while no residual exceeds `ACCEPTED`, since they are then at the level of the integration error.
+    If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
+    also ends at residuals of the order of rounding.
 
     Raises
     ------
     OrbitError
-        With `reason` and `remedy` if that does not come about; the last `ShootingEvaluation` is in
-        it.
+        With `reason` and `remedy` if it does not converge; it holds the last `ShootingEvaluation`.
     """
     unknowns, previous, needed = guess, np.inf, iterations
     point, residual, matrix = equations(unknowns)
@@ -115,7 +112,7 @@ def newton(
         except np.linalg.LinAlgError:
             change = np.linalg.lstsq(matrix, -residual)[0]
             if np.abs(matrix @ change + residual).max() > ACCEPTED:
-                break  # no way leads there from here
+                break  # no step reduces the residual
         size = float(np.abs(change).max())
         if size < ACCEPTED:
             needed = min(needed, iteration)
@@ -129,7 +126,7 @@ def newton(
             unknowns = unknowns + change
             point, residual, matrix = equations(unknowns)
         except OrbitError:
-            break  # the iteration has left what can be integrated
+            break  # the iteration has left the domain of the flow
     worst = float(np.abs(residual).max())
     raise OrbitError(f"{reason} (the residual stays at {worst:.2g})", remedy, point)
 
@@ -140,7 +137,7 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvalu
     Raises
     ------
     OrbitError
-        If the iteration does not converge; the last `ShootingEvaluation` is in it.
+        If the iteration does not converge; it holds the last `ShootingEvaluation`.
     """
     return solve_at(
         shooting,

@@ -30,24 +30,24 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import OrbitGuess, at_period_start, read_guess, read_signature
 
-# --- Whether a motion has no orbit because some of its states grow for ever.
+# --- Drift: states that grow without bound.
 
-SEARCH_PERIODS = 96  # of the forcing that a motion is followed for
-SHORTEST, STEPS = 1e-6, 4000  # where nothing forces it: first piece, in units of time; steps
-GROWTH_RTOL = 0.1  # change of a rate, relative to it, below which a state grows as before
-COMPARED_INSTANTS = 8  # instants of the run at which the functions are looked at
+SEARCH_PERIODS = 96  # forcing periods of the run
+SHORTEST, STEPS = 1e-6, 4000  # for an autonomous system: first piece, in units of time; steps
+GROWTH_RTOL = 0.1  # relative change of a rate below which growth is steady
+COMPARED_INSTANTS = 8  # instants of the run at which the functions are evaluated
 
 _Kind = Literal["unread", "angle", "together"]
 
 
 class Drift(NamedTuple):
-    """Components of the state that grow for ever, where functions do not notice it.
+    """Components of the state that grow without bound and without effect on the functions.
 
     Attributes
     ----------
     places : tuple of int
     rates : float array
-        What each gains in a period of the problem.
+        Gain of each per period of the problem.
     kind : {"unread", "angle", "together"}
         Functions do not read them; repeat every 2 pi of each; read their differences only.
     """
@@ -58,7 +58,7 @@ class Drift(NamedTuple):
 
 
 def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: bool) -> Drift | None:
-    """Return what grows for ever along a motion; None if nothing does.
+    """Return the drift of a motion; None if there is none.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
 
 
 def _followed(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
-    """Return a run over which what grows for ever can be told from what swings."""
+    """Return a run long enough to distinguish drift from oscillation."""
     if forced:
         return run(problem, start, SEARCH_PERIODS)
     length = SHORTEST
@@ -109,7 +109,7 @@ def _followed(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
 
 
 def _rates(y: Floats, each: int) -> Floats:
-    """Return what components gain in a period; 0 for one that does not grow, or not steadily."""
+    """Return the gain of components per period; 0 for one that does not grow steadily."""
     window = len(y) // 4
     pieces = [y[len(y) - (k + 1) * window : len(y) - k * window] for k in range(3)]
     last, middle, first = (piece.mean(axis=0) for piece in pieces)
@@ -129,13 +129,13 @@ def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool
     )  # fmt: skip
 
 
-# --- Finding periodic orbits near a state, of systems with forcing and without.
+# --- Search for periodic orbits near a state.
 
 SAME_STATE_RATIO = (
     1e-6  # part of the size of an orbit by which two of its states differ that are one
 )
 COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
-PERIOD_DIVISORS = range(2, 9)  # into which an orbit may fall that was taken for several passes
+PERIOD_DIVISORS = range(2, 9)  # largest number of repeats that an orbit may contain
 
 
 def find_periodic_orbit(
@@ -148,9 +148,8 @@ def find_periodic_orbit(
 ) -> PeriodicOrbit:
     """Find a periodic orbit of a forced system near a state.
 
-    The signature is read off a run over `periods` periods, then all states and event times are
-    corrected by Newton's method. Where the method is ``"auto"``, the orbit takes the one that suits
-    that run.
+    A run over `periods` periods provides the signature, then Newton's method corrects all states
+    and event times. With method ``"auto"``, the orbit uses the method selected by that run.
 
     Parameters
     ----------
@@ -158,9 +157,9 @@ def find_periodic_orbit(
     guess : HybridState
         A state near the orbit.
     periods : int, optional
-        Periods of the problem after which the orbit closes; None: recognised from a run.
+        Periods of the problem after which the orbit closes; None to detect them in a run.
     transient : float
-        Periods to run before the signature is read.
+        Periods to run before the signature is determined.
     active : tuple of str
         Parameters in which the orbit is to be continued afterwards.
 
@@ -217,15 +216,15 @@ def find_cycle(
     transient: float = 0.0,
     active: tuple[str, ...] = (),
 ) -> PeriodicOrbit:
-    """Find a limit cycle, a periodic orbit of a system that nothing forces, near a state.
+    """Find a limit cycle, a periodic orbit of an autonomous system, near a state.
 
     Parameters
     ----------
     family : Family
     guess : HybridState
-        A state near the cycle, or one from which a run comes there.
+        A state near the cycle, or in its basin of attraction.
     period : float, optional
-        That of the cycle, roughly, where `guess` lies near it; recognised from a run by default.
+        Approximate period of the cycle near `guess`; detected in a run by default.
     transient : float
         Time to run first.
     active
@@ -278,7 +277,7 @@ def _corrected(shooting: Shooting, guess: OrbitGuess) -> PeriodicOrbit:
 
 
 def _passes(orbit: PeriodicOrbit) -> int:
-    """Return how often an orbit repeats itself: it is one of a part of the period then."""
+    """Return the number of repeats of a shorter orbit in an orbit."""
     shooting, free = orbit.shooting, orbit.shooting.free
     states, _ = shooting.unpack(orbit.point.unknowns)
     size = np.abs(states[:, free]).max()

@@ -18,10 +18,10 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.shooting import ACCEPTED
 
-# --- Whether a motion has gone where no orbit can be found.
+# --- Divergence of a motion.
 
 MAX_STATE_RATIO = ACCEPTED / float(np.finfo(float).eps)
-"""Of a state: beyond it rounding alone is more than a residual may be."""
+"""Magnitude of a state beyond which rounding exceeds the allowed residual."""
 DIVERGED = "the motion has diverged"
 UNBOUNDED_REMEDY = (
     "give a guess near an orbit, without a transient that leads away from it, or parameters at "
@@ -30,7 +30,7 @@ UNBOUNDED_REMEDY = (
 
 
 def diverged_component(problem: Problem, at: HybridState) -> int | None:
-    """Return the component that is largest where a motion has diverged; None where it has not."""
+    """Return the largest component of a diverged state; None if it has not diverged."""
     free = list(free_components(problem.automaton))
     sizes = np.nan_to_num(np.abs(at.y[free]), nan=np.inf)
     return free[int(np.argmax(sizes))] if sizes.size and sizes.max() > MAX_STATE_RATIO else None
@@ -42,7 +42,7 @@ def check_bounded(problem: Problem, at: HybridState) -> None:
         raise OrbitError(DIVERGED, UNBOUNDED_REMEDY, at)
 
 
-# --- What the functions of a problem depend on: time, and the place of a component of the state.
+# --- Dependence of functions on time and on components of the state.
 
 INSTANTS = 64  # at which the functions are looked at: few enough to be quick, a pulse may be short
 UNEVEN = 0.6180339887498949  # part of the period from one to the next, so that none coincide
@@ -67,9 +67,9 @@ def is_time_dependent(problem: Problem, y: Floats) -> bool:
 
 
 def state_enters(problem: Problem, at: HybridState, shift: Floats, *, exactly: bool) -> bool:
-    """Return whether flow, margins or transitions change where the state is shifted.
+    """Return whether flow, margins or transitions change if the state is shifted.
 
-    `exactly` is whether a difference of the order of rounding is one.
+    With `exactly`, a difference of the order of rounding counts as well.
     """
     try:
         for each in _functions(problem, shift):
@@ -83,14 +83,14 @@ def state_enters(problem: Problem, at: HybridState, shift: Floats, *, exactly: b
 
 
 def unread(problem: Problem, at: HybridState, component: int) -> bool:
-    """Return whether no function reads a component of the state, as far as an instant tells."""
+    """Return whether no function depends on a component of the state at an instant."""
     shift = np.zeros(at.y.size)
     shift[component] = 1.0 + abs(at.y[component])
     return not any(state_enters(problem, at, f * shift, exactly=True) for f in FAR)
 
 
 def _functions(problem: Problem, shift: Floats | None = None) -> Iterator[_Function]:
-    """Yield flow, margins and transitions; of a transition to a shifted state what it changes."""
+    """Yield flow, margins and transitions; for a shifted state the change by a transition."""
     automaton = problem.automaton
     p = np.array(problem.parameters, dtype=float)
 
@@ -121,29 +121,29 @@ def _varies(function: _Function, mode: int, y: Floats, period: float) -> bool:
         return False  # a state that does not belong to the mode
 
 
-# --- Recognising from a run after how long a motion returns.
+# --- Detection of the period in a run.
 
-RETURN_DISTANCE_RATIO = 1e-3  # distance of a return, as a part of the extent of the motion
+RETURN_DISTANCE_RATIO = 1e-3  # distance of a return, relative to the extent of the motion
 CONVERGENCE_RTOL = (
     1e-8  # distance, as a part of the state, at which nothing more is to be looked at
 )
 FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
 MULTIPLES = 4  # of the first return that are looked at for a closer one
-MAX_FORCING_PERIODS = 16  # forcing periods after which an orbit is recognised
+MAX_FORCING_PERIODS = 16  # largest number of forcing periods of a detected orbit
 RETURN_RTOL = 1e-7  # distance, as a part of the motion, of what comes back and not just near
 ROUNDING_ATOLS = 1e2  # absolute tolerances by which states differ that are one
 EXTENT_SAMPLES = 256  # by which the extent of a motion is measured
 LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
 MIN_RUN_LENGTH = 1e-6  # piece of a run, in units of the problem's time
 MIN_RETURN_TIME = 1e-12  # time after which a motion is no longer where it began
-MIN_EXTENT_RATIO = 1e-7  # extent, as a part of the largest seen, below which nothing moves
-STEPS, LOST = 300_000, 20_000  # spent on a motion that does not return, on its first state
+MIN_EXTENT_RATIO = 1e-7  # extent, relative to the largest, below which the motion is at rest
+STEPS, LOST = 300_000, 20_000  # of a motion that does not return; at its first state
 
 
 def first_return(
     states: Floats, modes: NDArray[np.int64], extent: Floats, *, from_last: bool = False
 ) -> int:
-    """Return after how many of a sequence of states the first (or last) one comes again; 0: never.
+    """Return after how many states of a sequence the first (or last) one repeats; 0 for never.
 
     Parameters
     ----------
