@@ -31,7 +31,7 @@ from mems_impact.systems.statistics import (
     RESTING,
     UNSETTLED,
 )
-from mems_impact.systems.validation import tell_of_side
+from mems_impact.systems.validation import check_start_side
 
 __all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions", "map_attractors"]
 
@@ -221,7 +221,7 @@ def map_attractors(
             follow()
         if numbers is not None:
             with at_study_point(numbers[len(found) + len(batch)]):
-                tell_of_side(case.system, problem, start)
+                check_start_side(case.system, problem, start)
         batch.append((case, problem, start))
     follow()
     return found

@@ -25,7 +25,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
-from mems_impact.systems.validation import tell_of_side
+from mems_impact.systems.validation import check_start_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
@@ -316,7 +316,7 @@ def _start(
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
         start = system.hybrid_state(initial, problem)
-        tell_of_side(system, problem, start)
+        check_start_side(system, problem, start)
         return start
     named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     run = simulate(system, initial=initial, options=options, **named)

@@ -43,7 +43,7 @@ from mems_impact.systems.statistics import (
     largest_values,
     reduce_values,
 )
-from mems_impact.systems.validation import mode_monitor, tell_of_side
+from mems_impact.systems.validation import check_start_side, mode_monitor
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 
 if TYPE_CHECKING:
@@ -537,7 +537,7 @@ def find_orbit(
     chosen = ORBIT_OPTIONS if options is None else options
     problem = system.problem(chosen)
     start = system.hybrid_state(guess, problem, field="guess")
-    tell_of_side(system, problem, start)
+    check_start_side(system, problem, start)
     try:
         if system.forced:
             found = orbit_search.find_periodic_orbit(

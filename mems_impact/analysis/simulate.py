@@ -19,7 +19,7 @@ from mems_impact.systems.observables import TimeWindow
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.typical_scales import MaxStateRecorder, warn_if_badly_scaled_run
-from mems_impact.systems.validation import mode_monitor, tell_of_side
+from mems_impact.systems.validation import check_start_side, mode_monitor
 
 __all__ = ["simulate"]
 
@@ -154,7 +154,7 @@ def simulate(
         system = system.ending(until)
         problem = system.problem(options)
     start = system.hybrid_state(initial, problem)
-    tell_of_side(system, problem, start)
+    check_start_side(system, problem, start)
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):

@@ -199,10 +199,10 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         gaps = [(gap.value, j) for gap, j in nearest if gap is not None]
         return min(gaps, default=(0.0, -1))[1]
 
-    def begun_anew(
+    def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Begin a cycle elsewhere; return the same point of the curve, and its direction."""
+        """Return the same point of the curve for a cycle with another start, and its direction."""
         shooting, unknowns, first = rebase_phase(self.shooting, point)
         count = len(self.shooting.segments)
         monitor = self.monitor.rebased(count, first)

@@ -140,14 +140,14 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     def rebased(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats] | None:
-        """Begin a cycle elsewhere, if where it begins is no longer clear of its events."""
-        return None if phase_is_clear(self.shooting, point) else self.begun_anew(point, along)
+        """Restart a cycle if its start is close to an event."""
+        return None if phase_is_clear(self.shooting, point) else self.restarted_cycle(point, along)
 
     @abstractmethod
-    def begun_anew(
+    def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Begin a cycle elsewhere; return it, and the direction of the branch or curve."""
+        """Return a cycle with another start, and the direction of the branch or curve."""
 
     def no_step(self, point: ShootingEvaluation, error: Exception) -> str:
         """Return why there is no step beyond an orbit, however short."""
@@ -378,10 +378,10 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             return self.no_step(point, OrbitError("events go to and fro", "take shorter steps"))
         return Onward(point, along, max(length / 2.0, self.steps.initial))
 
-    def begun_anew(
+    def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Begin a cycle elsewhere; return it, and the direction of the branch."""
+        """Return a cycle with another start, and the direction of the branch."""
         self.shooting, point, along = anew(self.shooting, point, along)
         return point, along
 

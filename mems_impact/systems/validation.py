@@ -47,9 +47,9 @@ from mems_impact.systems.observables import Observable
 __all__ = [
     "check_end",
     "check_parted",
+    "check_start_side",
     "dry_run",
     "mode_monitor",
-    "tell_of_side",
     "warn_of_discontinuity",
 ]
 
@@ -181,12 +181,12 @@ def warn_of_discontinuity(
     try:
         slope = tried.flow(place)
         units = [float(system.out("time", stretch)) for stretch in stretches]
-        return tell_of_jump(tried, place, slope, watching, units)
+        return warn_of_jump(tried, place, slope, watching, units)
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
 
 
-def tell_of_jump(
+def warn_of_jump(
     tried: CheckedFunctions,
     at: EvaluationPoint,
     slope: Sequence[float],
@@ -744,7 +744,7 @@ class DryRun:
                 if stuck or (h < SHORT_STEP_TIMES * unit and self.probes > 0):
                     self.probes -= 1
                     stretches = [part * unit for part in PROBE_OFFSETS]
-                    if tell_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
+                    if warn_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
                         return
                 continue
             there, ahead, error = step
@@ -1031,7 +1031,7 @@ def check_parted(
 CLEARLY = 1e3  # number of tolerances below zero of a negative margin
 
 
-def tell_of_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
+def check_start_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
     """Warn if a run starts beyond a guard whose transition changes the state.
 
     The run itself rejects a start beyond an impact. A start beyond a guard that changes only the
