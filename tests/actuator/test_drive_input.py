@@ -201,7 +201,7 @@ def test_forcing_periods():
 def test_a_waveform_of_constant_force_warns(low):
     with pytest.warns(UserWarning, match=f"square wave is constant.*low = {low:g}"):
         mi.Square(amplitude=0.3, omega=0.5, low=low)
-    with pytest.warns(UserWarning, match=f"pulses never changes.*low = {low:g}"):
+    with pytest.warns(UserWarning, match=f"pulses is constant.*low = {low:g}"):
         mi.Pulse(amplitude=0.3, period=5.0, width=1.0, low=low)
 
 

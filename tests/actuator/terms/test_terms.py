@@ -48,7 +48,7 @@ def test_one_of_each_kind():
     device = ZHAO.adding(mi.Tilt(angle=0.1), mi.FrameLoad(force=1.0))
     assert device.adding(mi.Tilt(angle=0.2)).term("tilt") == mi.Tilt(angle=0.2)
     assert device.without("tilt").terms == (mi.FrameLoad(force=1.0),)
-    with pytest.raises(mi.InvalidParameter, match="Tilt and Tilt are of one kind"):
+    with pytest.raises(mi.InvalidParameter, match="Tilt and Tilt have the same class"):
         ZHAO.replace(terms=(mi.Tilt(angle=0.1), mi.Tilt(angle=0.2)))
     with pytest.raises(mi.InvalidParameter, match="term = 'spin': must be one of tilt, frame_load"):
         device.without("spin")
