@@ -1,13 +1,11 @@
 """DataFrames of runs, orbits, branches and sweeps, with units; export to xarray.
 
-Headings are symbols and plain words, the same whatever the units: these stand in
-``table.attrs["units"]`` by heading, and beside the headings where a table is printed or written
-(`with_units`). ``period`` and ``time`` say when within the forcing, ``t`` counts from the start of
-period 0.
+Headings are symbols and plain words without units. ``table.attrs["units"]`` holds the unit of each
+heading; printed and written tables show it beside the heading (`with_units`). ``period`` and
+``time`` locate a row within the forcing, ``t`` counts from the start of period 0.
 
-pandas has `DataFrame.to_xarray` for that, which knows nothing of ``table.attrs``: units and
-provenance would be lost, and rows be numbered instead of told by time. A subclass of DataFrame that
-does better would come back from every operation of pandas; so this is a function.
+The export to xarray is a function, since `DataFrame.to_xarray` ignores ``table.attrs``, and thus
+units and provenance, and numbers rows instead of using time as coordinate.
 """
 
 from __future__ import annotations
@@ -82,7 +80,7 @@ TIME_COLUMNS = ("time", "t", "start", "end")
 
 
 class Labels(Protocol):
-    """What tables need of a system: its names, and its units."""
+    """Names and units of a system, for its tables."""
 
     @property
     def automaton(self) -> Automaton:
@@ -90,14 +88,14 @@ class Labels(Protocol):
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Units by heading; none for a pure number."""
+        """Units by heading; no entry for a pure number."""
 
     def out(self, heading: str, value: Any) -> Any:
-        """From the units of the numerics to these, by heading."""
+        """Convert a value from the units of the numerics to those of the heading."""
 
     @property
     def forced(self) -> bool:
-        """Whether there are forcing periods to be counted."""
+        """Whether the system has a forcing period."""
 
     @property
     def displayed_states(self) -> tuple[str, ...]:
@@ -109,7 +107,7 @@ class Labels(Protocol):
 
     @property
     def symbols(self) -> Mapping[str, str]:
-        """Symbols of parameters, where they are not to be read off the names."""
+        """Symbols of parameters that do not follow from their names."""
 
 
 def table(
@@ -119,14 +117,14 @@ def table(
     given: Mapping[str, Any] = MappingProxyType({}),
     **attributes: Any,
 ) -> pd.DataFrame:
-    """Return a table of columns in the units of the numerics, in the units of the system.
+    """Return a table in the units of the system, from columns in the units of the numerics.
 
     Parameters
     ----------
     columns : mapping of str to array
     labels : Labels
     given : mapping of str to array, optional
-        Columns that are in the units of the system already; they come first.
+        Columns that already are in the units of the system; they come first.
     **attributes
         For ``table.attrs``, beside units and versions.
     """
@@ -143,7 +141,7 @@ def table(
 
 
 def captions(labels: Labels) -> dict[str, Any]:
-    """Return what figures say of a table of orbits or sweeps, for its ``attrs``."""
+    """Return the captions of a table of orbits or sweeps, for its ``attrs``."""
     section = labels.section
     equation: list[Any] = []
     if section is not None:
@@ -164,12 +162,12 @@ def _version() -> str:
 
 
 def unit_of(heading: str, units: Mapping[str, str]) -> str:
-    """Return the unit of a column: of ``v2 before`` and ``v2 3`` that of ``v2``."""
+    """Return the unit of a column: ``v2 before`` and ``v2 3`` have that of ``v2``."""
     return units.get(name_of(heading, units), "")
 
 
 def name_of(heading: str, names: Container[str]) -> str:
-    """Return what a column is about: ``v2 before`` and ``v2 3`` about ``v2``; empty if nothing."""
+    """Return the quantity of a column: ``v2`` for ``v2 before`` and ``v2 3``; empty if unknown."""
     if heading in TIME_COLUMNS:
         return "time"
     while heading not in names:
@@ -181,7 +179,7 @@ def name_of(heading: str, names: Container[str]) -> str:
 
 
 def with_units(shown: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose headings carry their units, ``x1 [m]``: to be printed or written."""
+    """Return a table with units in its headings, ``x1 [m]``, for printing and writing."""
     units = shown.attrs.get("units", {})
     return shown.rename(
         columns={name: f"{name} [{unit}]" for name, unit in units.items() if name in shown}
@@ -189,9 +187,9 @@ def with_units(shown: pd.DataFrame) -> pd.DataFrame:
 
 
 def bare(shown: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with units in ``attrs`` alone, be it read from a file that `with_units` wrote.
+    """Return a table with units in ``attrs`` instead of its headings: the inverse of `with_units`.
 
-    Others are returned as they are.
+    A table without units in its headings is returned as it is.
     """
     pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in shown.columns}
     found = {name: (match[1], match[2]) for name, match in pairs.items() if match}
@@ -203,9 +201,9 @@ def bare(shown: pd.DataFrame) -> pd.DataFrame:
 
 
 def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) -> dict[str, Any]:
-    """Return the columns that say when: period, time within it, and running time.
+    """Return the columns of time: period, time within it, and running time.
 
-    The running time alone where nothing forces the system.
+    An autonomous system has the running time only.
     """
     running = {"t": cycle * period + time}
     return {"period": cycle, "time": time, **running} if labels.forced else running
@@ -222,19 +220,19 @@ def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
 
 
 def event_words(automaton: Automaton) -> tuple[str, ...]:
-    """Return what rows of the event log are called, by `event_codes`; and what comes after."""
+    """Return the names of events in the log, indexed by `event_codes`; the last is the end."""
     return (*(guard.name for guard in automaton.guards), CHATTER_ENDS, DRIVE_SWITCHES, END)
 
 
 def event_codes(log: Events, automaton: Automaton) -> NDArray[np.int64]:
-    """Return what happened in each row that is shown: places in `event_words`."""
+    """Return the event of each shown row, as an index into `event_words`."""
     m = len(automaton.guards)
     codes = np.where(log.kind == workspace.ACCUMULATION, m, log.guard)
     return np.where(log.kind == workspace.SWITCH, m + 1, codes)
 
 
 def is_shown(log: Events) -> NDArray[np.bool_]:
-    """Return where the rows of the log are events to a user: what ends an arc."""
+    """Return a mask of the rows of the log that are events to a user: those that end an arc."""
     shown: NDArray[np.bool_] = np.isin(
         log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH)
     )
@@ -254,9 +252,9 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     table : DataFrame
         One of this package, such as ``run.samples()`` or ``found.table`` of a map.
     index : str or sequence of str, optional
-        The columns that tell rows apart, which become coordinates: several make a grid, such as
+        The columns that identify a row and become coordinates; several span a grid, such as
         ``("omega", "amplitude")`` of a map. By default the running time ``t`` if the table has it,
-        else the number of the row.
+        and otherwise the number of the row.
 
     Returns
     -------
@@ -366,7 +364,7 @@ def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dic
 
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the columns of what is told of orbits; those that belong to a place come before."""
+    """Return the columns that describe orbits, those of their location first."""
     own = ("value", "values", "label", "kind", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in own]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
@@ -525,14 +523,14 @@ def verification(
     return table(columns, labels)
 
 
-# --- Tables of sweeps: all that was seen at every value of a parameter, and one row per value.
+# --- Tables of sweeps: all crossings at every value of a parameter, and one row per value.
 
 # Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
 DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
 
 
 def counted(labels: Labels) -> str:
-    """Return the column that tells the crossings at one value apart: periods, or their numbers."""
+    """Return the column that numbers the crossings at one value: by period, or consecutively."""
     return PERIOD if labels.forced else NUMBER
 
 
@@ -617,9 +615,9 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Parameter, direction, status, impacting (impacts in the measured time; False where the
-        point failed), the statistics of the sweep, smallest and largest value of the first state
-        on the section, and the number of crossings.
+        Parameter, direction, status, impacting (whether impacts occur in the measured time; False
+        if the point failed), the statistics of the sweep, smallest and largest value of the first
+        state on the section, and the number of crossings.
 
     See Also
     --------
@@ -666,12 +664,12 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
-    """Return where each chain first begins or ceases to impact: direction, value, begins.
+    """Return where impacts first begin or cease in each direction: direction, value, begins.
 
     Parameters
     ----------
     table : DataFrame
-        From `sweep`, or read back from a file. Values that failed are passed over.
+        From `sweep`, or read back from a file. Failed values are ignored.
     """
     summary = sweep_summary(table)
     summary = summary[summary["status"] == "ok"]

@@ -33,20 +33,19 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     ----------
     subject : Subject
     port : int
-        At which it listens; 0 for any that is free.
+        Port of the server; 0 for any free port.
     ready : callable
         ``ready(address)`` is called when the page can be opened.
 
     Raises
     ------
     InvalidParameter
-        If the port cannot be had.
+        If the port cannot be opened.
 
     Notes
     -----
-    It listens on 127.0.0.1. A request for another host is not answered, lest a page from elsewhere
-    comes here by a name of its own that points to this machine, and a websocket is opened for pages
-    from here alone.
+    The server listens on 127.0.0.1. It rejects requests for other host names, which a foreign page
+    could map to this machine, and accepts websockets only from its own pages.
     """
     dials = slider_specs(subject)
     pages: list[Page] = []
@@ -63,8 +62,8 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
         sockets = bind_sockets(port, LOOPBACK)
     except (OSError, OverflowError) as error:
         taken = getattr(error, "errno", None) == errno.EADDRINUSE
-        problem = "is taken" if taken else f"cannot be had ({error})"
-        problem += "; give another, or 0 for any that is free"
+        problem = "is in use" if taken else f"cannot be opened ({error})"
+        problem += "; choose another port, or 0 for any free port"
         raise InvalidParameter("port", port, "", problem=problem) from None
     number = sockets[0].getsockname()[1]
     loop = IOLoop.current()

@@ -57,7 +57,7 @@ MAX_DRAWN_ROWS = 40_000  # that are drawn
 
 @dataclass(frozen=True, kw_only=True)
 class BifurcationDiagram:
-    """A parameter varied slowly, up and down.
+    """A sweep of a parameter, up and down.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class BifurcationDiagram:
     table : DataFrame
         As `mems_impact.sweep` returns it.
     state : str
-        The column that is shown.
+        The shown column.
     failed : str
-        Why some values have none; empty if all have.
+        Why some values failed; empty if none did.
     """
 
     asked: Asked
@@ -271,7 +271,7 @@ TRANSIENT_SHARE = 0.5  # part of a run after which its crossings of the section 
 
 @dataclass(frozen=True, kw_only=True)
 class Cycles:
-    """What comes cycle by cycle: of an actuator, how far the frame gets in each forcing period.
+    """Quantities per cycle: for an actuator, the step of the frame in each forcing period.
 
     Attributes
     ----------
@@ -475,14 +475,14 @@ def _cycles(run: Run, unit: float) -> Cycles:
 
 @dataclass(frozen=True, kw_only=True)
 class Floquet:
-    """The orbit that a motion has come to.
+    """The periodic orbit that attracts a motion.
 
     Attributes
     ----------
     multipliers : ndarray
-        Complex; empty where there is no orbit.
+        Complex; empty if no orbit was found.
     told : str
-        What kind of orbit it is, or why there is none.
+        Description of the orbit, or why none was found.
     """
 
     multipliers: NDArray[np.complex128]
@@ -490,7 +490,7 @@ class Floquet:
 
 
 def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
-    """Find the orbit near the end of a run; what is none is told, not raised."""
+    """Find the periodic orbit near the end of a run; describe a failure rather than raise it."""
     try:
         orbit = mi.find_orbit(picture.run)
     except (mi.OrbitError, mi.RunError, mi.InvalidParameter) as error:

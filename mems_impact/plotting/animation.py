@@ -45,17 +45,17 @@ MIN_LINE_SAMPLES = 400  # samples of a line in a period
 
 
 class Scene(NamedTuple):
-    """A figure that moves.
+    """An animated figure.
 
     Attributes
     ----------
     figure : matplotlib Figure
     draw : callable
-        Puts its artists where they are in the frame of that number.
+        Moves the artists to their places in the frame of a number.
     frames : int
-        How many frames there are.
+        Number of frames.
     moving : list of Artist
-        All that changes; the rest is drawn once.
+        The artists that move; the others are drawn once.
     """
 
     figure: Any
@@ -65,16 +65,16 @@ class Scene(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """The part of a run that moves.
+    """The animated part of a run.
 
     Attributes
     ----------
     samples : DataFrame
-        Close to each other, for lines.
+        Dense samples, for lines.
     every : int
-        Which of them are frames: each one after so many.
+        Number of samples per frame.
     corners : DataFrame
-        The transitions among them.
+        The transitions among the samples.
     """
 
     samples: pd.DataFrame
@@ -83,7 +83,7 @@ class Frames(NamedTuple):
 
     @property
     def shown(self) -> pd.DataFrame:
-        """The samples that are frames."""
+        """The samples at the frames."""
         return self.samples.iloc[:: self.every].reset_index(drop=True)
 
     @property
@@ -94,7 +94,7 @@ class Frames(NamedTuple):
 
 
 def frames_of(run: Run, first: float | None, last: float | None, per_period: int) -> Frames:
-    """Return the samples of a run that frames show, and the transitions among them."""
+    """Return the samples of a run for an animation, and the transitions among them."""
     begin, end = run.extent
     every = math.ceil(MIN_LINE_SAMPLES / per_period)
     rate = per_period * every
@@ -123,7 +123,7 @@ def glow(time: float, step: float, hits: pd.DataFrame) -> pd.DataFrame:
 
 
 def caption(ax: Any) -> Any:
-    """Return the text above axes; a title would wander, as axes are drawn without it."""
+    """Add and return a text above axes; a title would move between frames."""
     return ax.annotate(
         " ", (0.0, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points",
         fontsize="small", va="bottom",
@@ -131,7 +131,7 @@ def caption(ax: Any) -> Any:
 
 
 def clock(run: Run, time: float) -> str:
-    """Return what a frame says of the time."""
+    """Return the time of a frame as text."""
     period = run.system.forcing_period
     if period is not None:
         return f"period {time / period:.2f}"
@@ -145,9 +145,9 @@ def clock(run: Run, time: float) -> str:
 def portrait(
     run: Run, first: float | None, last: float | None, per_period: int, x: str | None, y: str | None
 ) -> Scene:
-    """Return the phase portrait of a run, its last period standing out.
+    """Return the phase portrait of a run with its last period highlighted.
 
-    Of a system without forcing the last sixth of what is shown.
+    For an autonomous system the last sixth is highlighted.
 
     Parameters
     ----------
@@ -225,16 +225,16 @@ NO_FFMPEG = (
 
 
 class Animation:
-    """A run that moves, from `animate`; a notebook shows it.
+    """An animation of a run, from `animate`; a notebook displays it.
 
     Attributes
     ----------
     figure : matplotlib Figure
-        On which frames are drawn; one's own artists on it stay.
+        Figure of the frames; artists added to it stay.
     frames : int
-        How many there are.
+        Number of frames.
     fps : int
-        How many of them a second shows.
+        Frames per second.
 
     See Also
     --------
@@ -285,7 +285,7 @@ class Animation:
         return f"Animation({self.frames} frames, {seconds:.3g} s; .save('x.mp4'), .gif or .html)"
 
     def frame(self, number: int) -> Any:
-        """Return the figure as it is at one frame.
+        """Return the figure at one frame.
 
         Parameters
         ----------
@@ -336,17 +336,17 @@ class Animation:
         Parameters
         ----------
         path : str or path
-            Its ending says what it becomes: ``.mp4`` (by ffmpeg), ``.gif`` or ``.html`` (a page
-            that needs nothing else).
+            File; its suffix selects the format: ``.mp4`` (by ffmpeg), ``.gif`` or ``.html`` (a
+            self-contained page).
         dpi : float, optional
             Dots per inch: 240 for MP4, 170 for GIF and 150 for HTML by default.
         progress : bool or callable, optional
-            Show a bar, or call with the number of frames that are done.
+            Show a bar, or call with the number of finished frames.
 
         Raises
         ------
         InvalidParameter
-            If the ending is another, or there is no ffmpeg for MP4.
+            If the suffix is another, or ffmpeg for MP4 is missing.
         InvalidFile, FileNotWritten
             If the file cannot be written.
         """
@@ -399,7 +399,7 @@ class Animation:
 
 
 def check_ending(field: str, path: str | os.PathLike[str]) -> str:
-    """Return the ending of a file for frames; InvalidParameter where it cannot be written."""
+    """Return the suffix of an animation file; InvalidParameter if it cannot be written."""
     ending = Path(path).suffix.lower()
     if ending not in MOVIE_SUFFIXES:
         allowed = f"a name that ends in {', '.join(MOVIE_SUFFIXES[:-1])} or {MOVIE_SUFFIXES[-1]}"
@@ -475,12 +475,12 @@ def animate(
     per_period: int = FRAMES_PER_PERIOD,
     fps: int = FPS,
 ) -> Animation:
-    """Let a run move: of an actuator the device itself, of any system a phase portrait.
+    """Animate a run: the device of an actuator, or the phase portrait of any system.
 
     Frames are samples of the run at equal intervals. The line of a portrait is exact at impacts and
-    jumps. An impact flashes from the first frame behind it for several frames, so that none is
-    lost between two. In the picture of the device frame, block, stoppers and electrodes are true to
-    scale, and the path of the frame is magnified by the factor that stands beside it.
+    jumps. An impact flashes for several frames from the first frame after it, so that every impact
+    is visible. The drawing of the device shows frame, block, stoppers and electrodes to scale, and
+    magnifies the displacement of the frame by the factor shown beside it.
 
     Parameters
     ----------
@@ -493,10 +493,9 @@ def animate(
         Which states span the plane of a phase portrait, or ``"t"``; the first two that are not
         cyclic by default. Of an actuator its device, if neither is given.
     per_period : int, optional
-        Frames a forcing period; of a system without forcing, frames in all, shared out in the
-        same way over 6 periods.
+        Frames per forcing period; an autonomous system has 6 times as many frames in all.
     fps : int, optional
-        Frames a second.
+        Frames per second.
 
     Returns
     -------

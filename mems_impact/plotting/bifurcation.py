@@ -54,7 +54,7 @@ MARKER_FACE = "white"  # of the others, which are named after a guard, and branc
 
 
 class Diagram(Protocol):
-    """What `plot_branch` needs of a `Branch` or an `EquilibriumBranch`."""
+    """Interface of `Branch` and `EquilibriumBranch` for `plot_branch`."""
 
     @property
     def table(self) -> pd.DataFrame:
@@ -75,15 +75,15 @@ def plot_branch(
 ) -> Any:
     """Draw a state on the section over the parameter of one or more branches.
 
-    Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones left out.
-    Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is touched; LP, H,
-    BP, BE of equilibria, and ? where stability changes at no such point that is found.
+    Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones omitted.
+    Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is grazed; LP, H,
+    BP, BE of equilibria, and ? where stability changes without a detected special point.
 
     Parameters
     ----------
     branch : Branch or EquilibriumBranch, or sequence of these
     sweep : DataFrame, optional
-        From `mems_impact.sweep` over the same parameter, drawn as dots below.
+        From `mems_impact.sweep` over the same parameter, drawn as dots below the branches.
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
     quantity : str, optional
@@ -98,8 +98,8 @@ def plot_branch(
     Raises
     ------
     InvalidParameter
-        If `branch` is none, there is no such quantity, or branches and sweep are over different
-        parameters.
+        If `branch` is not a branch, the quantity is unknown, or branches and sweep are over
+        different parameters.
 
     See Also
     --------
@@ -360,25 +360,25 @@ BRANCH_COLUMNS = ("direction", "status")
 def plot_sweep(
     table: pd.DataFrame | StoredStudy, ax: Any = None, *, quantity: str | None = None
 ) -> Any:
-    """Draw a sweep over its parameter: the first state where the section cuts it, and statistics.
+    """Draw a sweep over its parameter: the first state on the section, and statistics.
 
-    Of an actuator v2 on the section x2 = 0, step and speed of the frame; of any system its first
-    shown state and its observables. The first value at which a chain begins or ceases to impact is
-    marked by a thin line. At the foot of the state stand the values without: triangles where the
-    motion never crosses the section, crosses where the value failed. Where nothing strikes there
-    is no step.
+    For an actuator these are v2 on the section x2 = 0, step and speed of the frame; for any other
+    system its first displayed state and its observables. A thin line marks the first value at which
+    impacts begin or cease. Marks at the lower edge show values without a state: triangles where the
+    motion never crosses the section, crosses where the run failed. Without impacts there is no
+    step.
 
     Parameters
     ----------
     table : DataFrame or StoredStudy
-        From `mems_impact.sweep`, or read back from a file; then with the state alone by default.
+        From `mems_impact.sweep`, or read back from a file; then only the state by default.
         Or the store of a sweep, running or finished.
     ax : matplotlib Axes, optional
         Where to draw one quantity; a new figure by default.
     quantity : str, optional
-        What to draw: a column of the table, or a short name such as an actuator's "step" and
-        "speed". By default all that the system shows, one below the other, on a new figure, and
-        the first state on given axes.
+        A column of the table, or a short name such as an actuator's "step" and "speed". By default
+        all displayed quantities, one below the other, on a new figure, and the first state on given
+        axes.
 
     Returns
     -------
@@ -388,7 +388,7 @@ def plot_sweep(
     Raises
     ------
     InvalidParameter
-        If `table` is none of a sweep, or there is no such quantity.
+        If `table` is not from a sweep, or the quantity is unknown.
 
     See Also
     --------

@@ -51,7 +51,7 @@ TAKEN, OUTSIDE = 1e4, 1e5  # what a place costs that lies on another text, or ou
 
 
 class Mark(NamedTuple):
-    """A point and what shall stand beside it."""
+    """A point and its label."""
 
     text: str
     x: float
@@ -73,7 +73,7 @@ def text_size(text: str, size: float) -> tuple[float, float]:
 
 
 def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
-    """Write labels beside points, where they cover neither each other nor much of the lines.
+    """Write labels beside points, so that they overlap neither each other nor, mostly, lines.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def free_corner(
 
 
 def legend_above(ax: Any, handles: Sequence[Any] | None = None, **options: Any) -> Any:
-    """Put a legend above axes, where nothing is drawn, in as many columns as fit; its dots seen.
+    """Put a legend above axes, in as many columns as fit, with visible dots.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ GREEK = [
 
 
 class Label(NamedTuple):
-    """What an axis says: words, a unit in brackets, and words behind it."""
+    """Label of an axis: words, a unit in brackets, and words after it."""
 
     words: str
     unit: str = ""
@@ -345,9 +345,9 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
 
 
 def label_axis(axis: Any, label: Label) -> None:
-    """Label an axis and its ticks for what is drawn: plain numbers, their size in the unit.
+    """Label an axis and its ticks: plain numbers, with their power of ten in the unit.
 
-    What is drawn stays in the units of its tables.
+    The drawn data stay in the units of their tables.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ MARKERS = "os^Dv<>"
 
 
 class BasinsLike(Protocol):
-    """What `plot_basins` needs of a `Basins`."""
+    """Interface of `Basins` for `plot_basins`."""
 
     @property
     def table(self) -> pd.DataFrame:
@@ -56,10 +56,10 @@ class BasinsLike(Protocol):
 def plot_basins(
     basins: BasinsLike | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
 ) -> Any:
-    """Draw which attractor is reached from where, with the attractors over it.
+    """Draw basins of attraction, and the attractors over them.
 
     A grid is drawn as cells, a sample as dots. The legend gives shares; the marks are the states at
-    the returns of each attractor. Points that failed stay white.
+    the returns of each attractor. Failed points stay white.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
 
 
 class Paint(NamedTuple):
-    """How the cells of one kind are filled."""
+    """Fill of the cells of one kind."""
 
     color: str
     hatch: str = ""
@@ -229,7 +229,7 @@ OTHER_PAINT = Paint("#009e73", "++", "#004d38")
 
 
 class Cells(NamedTuple):
-    """The points of a map on their grid; where there is none yet, `row` is -1."""
+    """The points of a map on their grid; `row` is -1 for missing points."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -243,7 +243,7 @@ def plot_map(
     boundaries: Any = (),
     ax: Any = None,
 ) -> Any:
-    """Draw what motions come to over two parameters: their kinds, or one column of the table.
+    """Draw a two-parameter map: kinds of motions, or one column of the table.
 
     Parameters
     ----------
@@ -251,8 +251,8 @@ def plot_map(
         A map; the store of one, be it still running; or the table of either. Points that are not
         there yet stay white.
     column : str, optional
-        What to draw: a column of numbers. Where it has none, or is 0 since the device is off, the
-        map is grey. Kinds of motions by default; from the fifth on, longer periods share a colour.
+        A column of numbers; kinds of motions by default. Cells without a number, or where the
+        device is off, are grey. From the fifth on, longer periods share a colour.
     boundaries : Curve, OperatingChart, DataFrame, or a sequence of these, optional
         Curves over the same two parameters, or their tables, drawn over the map; inadmissible
         parts are left out. Of a chart both its boundaries: where it switches on, and off.
@@ -321,7 +321,7 @@ def _given(found: Any) -> tuple[pd.DataFrame, Cells]:
         values[i] = np.unique(there if given is None else np.asarray(given, dtype=float))
         places.append(np.searchsorted(values[i], there))
     if not all(map(len, values)):
-        raise InvalidParameter("found", None, "", problem="there is no point to draw yet")
+        raise InvalidParameter("found", None, "", problem="no finished points to draw")
     row = np.full((len(values[1]), len(values[0])), -1)
     row[places[1], places[0]] = np.arange(len(table))
     return table, Cells(values[0], values[1], row)

@@ -39,7 +39,7 @@ NOTEBOOK_DPI = 120  # in a notebook
 
 
 class ShownFigure(Figure):
-    """A figure that a notebook shows, be pyplot in use there or not.
+    """A figure that a notebook displays with or without pyplot.
 
     A notebook shows matplotlib's own figures once pyplot has made one, and these belong to none.
     """
@@ -82,8 +82,8 @@ LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.1)), (0, (4, 1.2, 1, 1.2
 def style(*sheets: Sheet) -> Iterator[None]:
     """Draw figures with other style sheets over the package's own.
 
-    What a sheet does not name stays as it is. Where nobody says anything, the file that the
-    environment variable ``MEMS_IMPACT_STYLE`` names is the sheet, on the command line too.
+    Settings that a sheet does not name stay unchanged. Outside this context, the environment
+    variable ``MEMS_IMPACT_STYLE`` names the style sheet, on the command line too.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def style(*sheets: Sheet) -> Iterator[None]:
     Yields
     ------
     None
-        What is drawn meanwhile has that style.
+        Figures drawn within the context have that style.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def given_axes(ax: Any, count: int, each: str) -> list[Any]:
     count : int
         How many it takes.
     each : str
-        What each is for, in words: "one a state".
+        Purpose of each, in words: "one per state".
 
     Raises
     ------

@@ -319,10 +319,10 @@ def plot_run(
     *,
     states: Sequence[str] | None = None,
 ) -> Any:
-    """Draw the states of a run over time, impacts marked and modes shaded.
+    """Draw the states of a run over time, with impacts marked and modes shaded.
 
-    Where an impact makes a state jump, a dotted line joins the values before and after. The mode in
-    which most of the time is spent is not shaded.
+    A dotted line joins the values before and after a jump at an impact. The most frequent mode is
+    not shaded.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def plot_run(
         figure = new_figure(0.55 * len(chosen), 2.5)
         axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
     else:
-        axes = given_axes(ax, len(chosen), "one a state")
+        axes = given_axes(ax, len(chosen), "one per state")
 
     samples = _samples(run, first, last)
     corners = between(run.corners, samples)

@@ -114,12 +114,12 @@ def plot_tolerance_analysis(
     quantity: str | Sequence[str] | None = None,
     ax: Any = None,
 ) -> Any:
-    """Draw how quantities are spread, with their specification, and Sobol's indices beside them.
+    """Draw histograms of quantities with their specification, and Sobol indices.
 
-    A panel a quantity: a histogram, blue where it is as specified, grey and hatched where it is
-    not, dashed lines at the bounds and a line at the median, and the yield. Where indices were
-    asked for, a panel below has a bar for each of what was drawn: the index of first order,
-    filled, within the total index, open; lines are their intervals.
+    Each quantity has a panel: a histogram, blue within the specification, grey and hatched outside,
+    with dashed lines at the bounds, a line at the median, and the yield. If indices were computed,
+    a panel below has a bar for each sampled parameter: the first-order index, filled, within the
+    total index, open; lines are their intervals.
 
     Parameters
     ----------
@@ -283,10 +283,10 @@ def plot_sensitivity(
     *,
     tolerances: Mapping[str, float | str] | None = None,
 ) -> Any:
-    """Draw by how much a quantity of an orbit changes with each parameter, the most moving first.
+    """Draw a tornado chart: the change of a quantity with each parameter, the largest first.
 
-    To first order, so that a bar to one side is as long as that to the other. Parameters that
-    change nothing are left out.
+    Changes are first-order, so that both sides of a bar are equal. Parameters without influence are
+    omitted.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def plot_sensitivity(
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
     tolerances : mapping of str to float, optional
-        By how much each parameter changes, in its units; 1 % of its value by default.
+        Change of each parameter, in its units; 1 % of its value by default.
 
     Returns
     -------

@@ -134,7 +134,7 @@ STANDARD_DEVIATION = "standard deviation of "
 OPTIMIZATION_ENDINGS = {
     "converged": "converged",
     "lost": "the orbit ends there",
-    "small": "steps became as small as rounding",
+    "small": "the step size reached rounding errors",
     "spent": "the number of iterations was reached",
     "interrupted": "interrupted",
 }
@@ -341,7 +341,7 @@ class Objective:
         tolerances: Mapping[str, float | str],
     ) -> Objective:
         if (maximize is None) == (minimize is None):
-            raise InvalidParameter("maximize", maximize, "given, or minimize; and not both")
+            raise InvalidParameter("maximize", maximize, "given, or minimize, but not both")
         system = orbit.system
         if not (orbit.stable and orbit.admissible):
             raise InvalidParameter("orbit", orbit, "stable and admissible")
@@ -731,6 +731,6 @@ def _checked_objectives(aims: Mapping[str, Sense], held: Limits) -> tuple[str, s
         raise InvalidParameter("aims", aims, allowed)
     for name in aims:
         if name in held:
-            raise InvalidParameter("subject_to", name, "a quantity that is none of the aims")
+            raise InvalidParameter("subject_to", name, "a quantity other than the objectives")
     first, second = aims
     return first, second

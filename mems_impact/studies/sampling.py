@@ -199,7 +199,7 @@ def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
 def _size(field: str, name: str, system: HybridSystem) -> float:
     size = abs(system.value(name))
     if size == 0.0:
-        problem = f"{name} is 0, of which no part can be taken; give the tolerance in its unit"
+        problem = f"{name} is 0, so a relative tolerance is undefined; give it in its unit"
         raise InvalidParameter(f"{field} {name}", None, "", problem=problem)
     return size
 

@@ -73,7 +73,7 @@ class TangentOrbit:
         sizes = np.linalg.svd(point.jacobian, compute_uv=False)
         if not sizes[-1] > SINGULAR * sizes[0]:
             raise OrbitError(
-                "the orbit stands at a fold, where it has no derivative",
+                "the orbit is at a fold, where its derivative does not exist",
                 "move a parameter away from the fold",
             )
         self._rate = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])

@@ -443,7 +443,7 @@ def _spans(
         raise InvalidParameter("periods", periods, "", problem=problem)
     if transient is None or duration is None:
         problem = (
-            "nothing forces the system: say how long each value settles and is measured, in time "
+            "the system is autonomous: give the times of transient and measurement "
             "(transient=…, duration=…)"
         )
         missing = "duration" if duration is None else "transient"

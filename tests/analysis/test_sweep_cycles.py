@@ -109,8 +109,8 @@ def test_jumps_are_maxima_and_impacts_are_counted_per_time():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({}, "duration: nothing forces the system: say how long"),
-        ({"duration": 1.0}, "transient: nothing forces the system"),
+        ({}, "duration: the system is autonomous: give the times"),
+        ({"duration": 1.0}, "transient: the system is autonomous"),
         ({"transient": 1.0, "periods": 3}, "periods = 3: the system has no forcing period"),
         ({"transient": -1.0, "duration": 1.0}, "transient = -1: must be a finite number >= 0"),
         ({"transient": 0.0, "duration": 0.0}, "duration = 0: must be a finite number > 0"),

@@ -36,7 +36,7 @@ def test_a_port_that_is_taken_is_told():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(mi.InvalidParameter, match=f"port = {port}: is taken; give another"):
+        with pytest.raises(mi.InvalidParameter, match=f"port = {port}: is in use; choose another"):
             serve(zhao(), port, print)
 
 

@@ -179,7 +179,7 @@ def test_boundaries(tmp_path):
     [
         ({"found": "map"}, "found = 'str': must be an OperatingMap"),
         ({"found": made_table().drop(columns="motion")}, "must be an OperatingMap"),
-        ({"found": made_table().iloc[:0]}, "there is no point to draw yet"),
+        ({"found": made_table().iloc[:0]}, "no finished points to draw"),
         ({"column": "status"}, "column = 'status': must be one of period, speed"),
         ({"column": "step"}, "must be one of period, speed"),
         ({"boundaries": [made_table()[["omega"]]]}, "curves over amplitude and omega"),

@@ -194,5 +194,5 @@ def test_distributions_about_the_value_of_the_system():
     for given, told in [("5", "e"), ("beta: 5%", "5%"), ("-5%", "5%")]:
         with pytest.raises(mi.InvalidParameter, match=told):
             distributions({"e": given}, system)
-    with pytest.raises(mi.InvalidParameter, match="bias is 0, of which no part can be taken"):
+    with pytest.raises(mi.InvalidParameter, match="bias is 0, so a relative tolerance"):
         distributions({"bias": "5%"}, system)

@@ -57,7 +57,7 @@ def test_no_forcing_no_periods_in_tables():
         mi.simulate(ball())
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached"):
         mi.find_orbit(ball(), options=PLAIN)
-    with pytest.raises(mi.InvalidParameter, match="nothing forces the system: say how long"):
+    with pytest.raises(mi.InvalidParameter, match="the system is autonomous: give the times"):
         mi.sweep(ball(), "e", [0.5])
 
 

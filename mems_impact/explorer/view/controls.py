@@ -60,12 +60,12 @@ class Controls:
         shown = [
             self._length(setting, length_word(system)),
             self._choice("start", "start", list(subject.starts), setting.start),
-            self._choice("x", "phase portrait, right", planar, setting.x),
-            self._choice("y", "phase portrait, up", planar, setting.y),
+            self._choice("x", "phase portrait, x axis", planar, setting.x),
+            self._choice("y", "phase portrait, y axis", planar, setting.y),
         ]
         if system.parameters:
             known = list(system.parameters)
-            shown.append(self._choice("parameter", "diagram over", known, setting.parameter))
+            shown.append(self._choice("parameter", "diagram parameter", known, setting.parameter))
         files = {"device": "Save device", "picture": "Save picture", "python": "Save Python"}
         if "device" not in subject.groups:
             del files["device"]

@@ -1,4 +1,4 @@
-"""One page: what the user does goes to the computing threads, what they find is drawn."""
+"""One page: passes user actions to the computing threads and draws their results."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ from mems_impact.explorer.view.panels import (
 
 __all__ = ["Page"]
 
-FIRST_STATUS = "computing; a system that is new here is compiled first, for some seconds"
+FIRST_STATUS = "computing; a new system is compiled first, about 7 s, once"
 STALE_RUN_SECONDS = 0.5  # s that a run may take though the slider has moved on
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
 
@@ -114,7 +114,7 @@ class Page:
         self.pictures.ask(self.setting)
 
     def save(self, what: str) -> None:
-        """Let the browser save a file of the picture that is shown."""
+        """Save a file of the shown run in the browser."""
         picture = self.picture
         if picture is None:
             return
@@ -193,12 +193,12 @@ class Page:
         return LatestOnlyWorker(compute, deliver, **waits)
 
     def _fail(self, asked: Any, error: Exception) -> None:
-        """Say in one sentence what went wrong; the last good picture stays."""
+        """Show an error in one sentence; the last valid picture stays."""
         if isinstance(error, MemsImpactError):
             text = str(error)
         else:
             print("".join(traceback.format_exception(error)), file=sys.stderr)  # noqa: T201
-            text = f"{type(error).__name__}: {error} (a bug; the terminal has the traceback)"
+            text = f"{type(error).__name__}: {error} (a bug; see the traceback in the terminal)"
         if isinstance(asked, Asked):
             if self.bifurcation is not None:
                 self.bifurcation.say(text)
@@ -233,7 +233,7 @@ class Page:
             self.diagrams.ask(asked)
 
     def _show_frames(self, picture: RunSnapshot) -> None:
-        """Hand the browser what it plays."""
+        """Send the frames of the animation to the browser."""
         frames, setting = picture.motion.frames, picture.setting
         if self.device is not None:
             self.device.show(picture)
@@ -282,7 +282,7 @@ PANEL_CAPTIONS = {
     "bifurcation": "Bifurcation diagram, up and down",
     "cycles": "Cycle by cycle",
 }
-"""The panels in their order, and what stands above each."""
+"""The panels in their order, and the caption above each."""
 
 
 def _text(text: str, **styles: str) -> Div:

@@ -351,7 +351,7 @@ class MultiplierPanel:
     """Multipliers in the complex plane: inside the circle the orbit is stable."""
 
     def __init__(self) -> None:
-        made = self.layout = new_figure(330, match_aspect=True, title="looking for the orbit …")
+        made = self.layout = new_figure(330, match_aspect=True, title="searching for the orbit …")
         made.x_range, made.y_range = Range1d(-LEAST, LEAST), Range1d(-LEAST, LEAST)
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
