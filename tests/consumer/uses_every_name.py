@@ -128,11 +128,11 @@ def systems() -> mi.System:
     free, _held = mi.modes("free", "held")
     assert free is not None
     assert guards
-    assert_type(mi.load_system("own.py:oscillator"), mi.System)
+    assert_type(mi.load_system("own.py:oscillator"), mi.HybridSystem)
     return system
 
 
-def orbits(system: mi.System, actuator: mi.Actuator, drive: mi.Drive) -> None:
+def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> None:
     run = assert_type(mi.simulate(system, duration=3.0), mi.Run)
     with mi.style({}):
         moving = assert_type(mi.animate(run), mi.Animation)
@@ -152,7 +152,7 @@ def orbits(system: mi.System, actuator: mi.Actuator, drive: mi.Drive) -> None:
     mi.plot_curve(curve)
 
 
-def studies(system: mi.System, orbit: mi.Orbit) -> None:
+def studies(system: mi.HybridSystem, orbit: mi.Orbit) -> None:
     table = mi.sweep(system, "A", [0.1, 0.2])
     mi.sweep_summary(table)
     mi.plot_sweep(table)

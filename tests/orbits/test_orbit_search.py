@@ -187,7 +187,7 @@ def test_ball_that_lies_still():
 
 
 def test_guess_far_from_any_orbit_keeps_what_was_computed():
-    with pytest.raises(OrbitError, match="nearer to an orbit") as caught:
+    with pytest.raises(OrbitError, match="closer to an orbit") as caught:
         find_periodic_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.0, 3.0)))
     assert caught.value.partial is not None
     assert caught.value.remedy

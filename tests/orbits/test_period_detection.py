@@ -22,10 +22,8 @@ from tests.hybrid.systems import STOP, TAU, at, problem, stop
 def test_the_section_cuts_what_changes_fastest_against_its_extent(extent, chosen):
     """The rates are 1 and 2; a third component, which is cyclic, changes at 100."""
 
-    def flow(mode, t, y, p, dy):
-        dy[:] = 1.0, 100.0, 2.0
-
-    problem = SimpleNamespace(parameters=(), automaton=SimpleNamespace(flow=flow))
+    automaton = SimpleNamespace(slope_at=lambda mode, t, y, p: np.array([1.0, 100.0, 2.0]))
+    problem = SimpleNamespace(parameters=(), automaton=automaton)
     start = HybridState(0, 0.0, 0, np.array([5.0, 6.0, 7.0]))
     free = [0, 2]
     place = free[chosen]

@@ -55,7 +55,7 @@ def basins(executor=None):
 def test_a_grid_on_both_sides_of_a_guard_is_told_once_with_its_share(executor):
     (told,) = caught_by(mi.StartWarning, lambda: basins(executor))
     assert told.startswith("basins (2 of 4 points, first x = -12): the margin of 'floor' is neg")
-    assert "takes x from -12 to -10" in told
+    assert "changes x from -12 to -10" in told
 
 
 def test_a_map_tells_at_which_parameters_its_start_lies_beyond():

@@ -218,7 +218,7 @@ def test_systems_and_results_are_pickled_with_their_functions():
 
 
 def test_time_means_nothing_where_nothing_forces():
-    with pytest.raises(mi.InvalidParameter, match="must be 0: nothing forces"):
+    with pytest.raises(mi.InvalidParameter, match="must be 0: the system is autonomous"):
         mi.simulate(ball(), duration=1.0, initial=mi.State(x=1.0, time=1.0))
 
 

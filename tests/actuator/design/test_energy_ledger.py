@@ -181,7 +181,7 @@ def test_what_it_does_not_take(run, orbit):
         mi.energy(ZHAO)
     with pytest.raises(mi.InvalidParameter, match="first, last"):
         mi.energy(run, 3, 30.5)
-    with pytest.raises(mi.InvalidParameter, match="once round"):
+    with pytest.raises(mi.InvalidParameter, match="must be None for an orbit"):
         mi.energy(orbit, 0, 1)
     short = simulated(ZHAO, DRIVE, 1, keep="statistics")
     with pytest.raises(mi.InvalidParameter, match="keep"):

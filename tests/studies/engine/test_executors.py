@@ -212,7 +212,7 @@ class Deserted(Executor):
 
 
 def test_that_no_worker_comes_is_said_once(monkeypatch, caplog):
-    monkeypatch.setattr("mems_impact.studies.engine.executors.PATIENCE", 0.0)
+    monkeypatch.setattr("mems_impact.studies.engine.executors.WORKER_WAIT_SECONDS", 0.0)
     looks = []
 
     def stop(done):
