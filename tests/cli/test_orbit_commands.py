@@ -72,7 +72,8 @@ def test_bad_input_is_one_line(cli, arguments, named):
 
 
 @pytest.mark.slow
-def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path):
+def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "300")  # one line per row
     done = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6")
     impacts = pd.read_csv(tmp_path / "out" / "orbit-impacts.csv")
     segments = pd.read_csv(tmp_path / "out" / "orbit-segments.csv")
