@@ -76,7 +76,7 @@ def test_a_chain_goes_on_past_a_chunk_that_is_given_up(pool):
 @pytest.mark.slow
 def test_workers_that_cannot_be_had_anew_leave_what_was_done(pool, tmp_path):
     study = Toy(size=30, flaky=1, where=str(tmp_path / "death"), each=0.001)
-    with pool() as executor, pytest.raises(mi.WorkersLost, match="a function that creates") as caught:
+    with pool() as executor, pytest.raises(mi.WorkersLost, match="function that creates") as caught:
         run_study(study, executor=executor, store=tmp_path / "store")
     lost = caught.value
     assert lost.done == len(lost.table) == mi.read_study(tmp_path / "store").done < 30
