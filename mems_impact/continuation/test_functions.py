@@ -125,6 +125,168 @@ def kind_of(guard: Guard) -> str:
     return GRAZING if guard.impact else guard.name
 
 
+# --- Test functions as equations: what is zero along a curve, and its derivatives.
+
+GRADIENT_STEP = 1e-6  # step of the differences that give the gradient of a test function
+NULL_VECTOR_STEP = 1e-4  # of those of the equations' derivatives along their null vector
+
+
+class DefiningSystem:
+    """A test function as one more equation; its gradient is taken by differences.
+
+    Attributes
+    ----------
+    derived : bool
+        Whether the gradient costs no evaluation of the equations.
+    """
+
+    derived = False
+
+    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
+        self.shooting, self.monitor = shooting, monitor
+
+    def value(self, point: ShootingEvaluation) -> float:
+        """Return what is zero on the curve."""
+        value = self.monitor.value(self.shooting, point, np.zeros(1))
+        if value is None:
+            raise OrbitError(f"no {self.monitor.kind} is left to follow", FOLLOW_OTHER)
+        return value
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return the derivatives by unknowns and parameters."""
+        u, here = np.concatenate([point.unknowns, point.values]), self.value(point)
+        return np.array(
+            [
+                (self.value(self._at(u + shift)) - here) / GRADIENT_STEP
+                for shift in GRADIENT_STEP * np.eye(u.size)
+            ]
+        )
+
+    def _at(self, u: Floats) -> ShootingEvaluation:
+        size = u.size - len(self.shooting.active)
+        return self.shooting.evaluate(u[:size], u[size:])
+
+
+class GrazingCondition(DefiningSystem):
+    """A guard's closest approach, whose derivatives the columns of the arc carry with them."""
+
+    derived = True
+    monitor: ClosestApproachTest
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return its derivatives."""
+        guard = self.monitor.guard
+        touch = closest_approach(self.shooting, point, guard, self.monitor.segment)
+        if touch is None or not touch.inside:
+            return super().gradient(point)
+        return touch_gradient(self.shooting, point, touch.segment, guard)
+
+
+class ContactSpeedCondition(DefiningSystem):
+    """The speed at which the guard that ends a segment is reached."""
+
+    derived = True
+    monitor: ContactSpeedTest
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return its derivatives."""
+        return -rate_gradient(self.shooting, point, self.monitor.segment, self.monitor.guard)
+
+
+class SegmentLengthCondition(DefiningSystem):
+    """The length of a segment."""
+
+    derived = True
+    monitor: SegmentLengthTest
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return its derivatives."""
+        return length_gradient(self.shooting, point, self.monitor.segment)
+
+
+class PeriodDoublingCondition(DefiningSystem):
+    """A period doubling: the determinant of the matrix that has the multipliers, plus one."""
+
+    def value(self, point: ShootingEvaluation) -> float:
+        """Return it, over the size of that matrix."""
+        matrix = reduced_monodromy(self.shooting, point)
+        # Multipliers grow as one over an impact speed; their size is no matter here.
+        return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
+
+
+class NeimarkSackerCondition(DefiningSystem):
+    """A Neimark-Sacker point: the product of a pair of multipliers is one."""
+
+    def value(self, point: ShootingEvaluation) -> float:
+        """Return what the product of the pair that is closest to it has beyond one."""
+        return neutral_pair(np.linalg.eigvals(reduced_monodromy(self.shooting, point)))[2]
+
+
+class ModeChoiceCondition(DefiningSystem):
+    """The margin that decides to which of two modes an event leads."""
+
+
+class FoldCondition(DefiningSystem):
+    """A fold: the last unknown of the equations bordered by their null vectors.
+
+    Zero where the equations are singular, and smooth where the multipliers are not.
+    """
+
+    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
+        super().__init__(shooting, monitor)
+        self._border: tuple[Floats, Floats] | None = None
+        self._second: tuple[ShootingEvaluation, Floats, Floats, Floats] | None = None
+
+    def value(self, point: ShootingEvaluation) -> float:
+        """Return the last unknown of the bordered equations."""
+        return float(self._solve(point, transposed=False)[-1])
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return its derivatives, with the borders from here on those of `point`.
+
+        With w and v the solutions of the bordered equations to the left and to the right they are
+        -w F_uu v and -w F_up v: differences of all derivatives of the equations, along v alone.
+        """
+        left, null, by_all = self._along_null(point)
+        self._border = left, null
+        v = self._solve(point, transposed=False)[:-1]
+        w = self._solve(point, transposed=True)[:-1]
+        return np.asarray(-(w @ by_all) * (v @ null))
+
+    def curvature(self, point: ShootingEvaluation) -> float:
+        """Return the quadratic coefficient of the fold, zero at a cusp."""
+        left, null, by_all = self._along_null(point)
+        # The sign of the singular vectors is arbitrary; the one of their product with the
+        # parameter's derivative is not.
+        sign = float(np.sign(left @ point.by_parameter[:, 0]))
+        return float(left @ by_all[:, : null.size] @ null) * sign
+
+    def _along_null(self, point: ShootingEvaluation) -> tuple[Floats, Floats, Floats]:
+        """Return the null vectors, left and right, and how all derivatives change along this."""
+        if self._second is None or self._second[0] is not point:
+            vectors, _, rows = np.linalg.svd(point.jacobian)
+            left, null = vectors[:, -1], rows[-1]
+            shift = NULL_VECTOR_STEP * null
+            up = self.shooting.evaluate(point.unknowns + shift, point.values)
+            down = self.shooting.evaluate(point.unknowns - shift, point.values)
+            by_unknown = (up.jacobian - down.jacobian) / (2.0 * NULL_VECTOR_STEP)
+            by_parameter = (up.by_parameter - down.by_parameter) / (2.0 * NULL_VECTOR_STEP)
+            self._second = point, left, null, np.hstack([by_unknown, by_parameter])
+        return self._second[1:]
+
+    def _solve(self, point: ShootingEvaluation, *, transposed: bool) -> Floats:
+        if self._border is None:
+            self._border = self._along_null(point)[:2]
+        left, null = self._border
+        size = null.size
+        matrix = np.zeros((size + 1, size + 1))
+        matrix[:size, :size] = point.jacobian
+        matrix[:size, size], matrix[size, :size] = left, null
+        unit = np.zeros(size + 1)
+        unit[size] = 1.0
+        return np.asarray(np.linalg.solve(matrix.T if transposed else matrix, unit))
+
+
 # --- Test functions of orbits and equilibria. They are values, which can be compared, stored and
 # evaluated at any point of a branch. To add one, add a subclass and list it where it applies.
 
@@ -146,6 +308,8 @@ class TestFunction(ABC):
 
     ends_orbits: ClassVar[bool] = False
     """Whether the automaton has no such orbit where the value is negative."""
+    condition: ClassVar[type[DefiningSystem] | None] = None
+    """The test function as an equation; none if it has no curve."""
 
     @abstractmethod
     def value(self, equations: Any, point: Any, along: Floats) -> float | None:
@@ -165,7 +329,11 @@ class TestFunction(ABC):
 
     def equation(self, shooting: Shooting) -> DefiningSystem:
         """Return the test function as one more equation, for curves in two parameters."""
-        raise OrbitError(f"a curve of points of kind {self.kind!r} has no equation", FOLLOW_OTHER)
+        if self.condition is None:
+            raise OrbitError(
+                f"a curve of points of kind {self.kind!r} has no equation", FOLLOW_OTHER
+            )
+        return self.condition(shooting, self)
 
     def rebased(self, segments: int, first: int) -> Self:
         """Return the test function of a cycle of so many segments, begun in its piece `first`."""
@@ -177,14 +345,11 @@ class FoldTest(TestFunction):
     """The parameter's component of the tangent, zero where the branch turns round."""
 
     kind: str = FOLD
+    condition: ClassVar[type[DefiningSystem]] = FoldCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
         """Return that component."""
         return float(along[-1])
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the bordered equations, singular at a fold."""
-        return FoldCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -192,14 +357,11 @@ class PeriodDoublingTest(TestFunction):
     """The characteristic polynomial of the multipliers at -1."""
 
     kind: str = PERIOD_DOUBLING
+    condition: ClassVar[type[DefiningSystem]] = PeriodDoublingCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
         """Return it, in parts of the matrix."""
         return self.equation(equations).value(point)
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return it as an equation."""
-        return PeriodDoublingCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -207,14 +369,11 @@ class NeimarkSackerTest(TestFunction):
     """The product of a pair of multipliers, less one."""
 
     kind: str = NEIMARK_SACKER
+    condition: ClassVar[type[DefiningSystem]] = NeimarkSackerCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
         """Return it for the pair that is closest to a product of one."""
         return self.equation(equations).value(point)
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return it as an equation."""
-        return NeimarkSackerCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -257,15 +416,12 @@ class ClosestApproachTest(SegmentTest):
 
     guard: int
     segment: int = NONE
+    condition: ClassVar[type[DefiningSystem]] = GrazingCondition
 
     def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
         """Return that margin."""
         smallest = closest_approach(equations, point, self.guard, self.segment)
         return None if smallest is None else smallest.value
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the margin as an equation."""
-        return GrazingCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -274,15 +430,12 @@ class ContactSpeedTest(SegmentTest):
 
     guard: int
     segment: int
+    condition: ClassVar[type[DefiningSystem]] = ContactSpeedCondition
 
     def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
         """Return that speed, positive towards the guard."""
         event = point.events[self.segment]
         return None if event is None else -float(event.rates[self.guard])
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the speed as an equation."""
-        return ContactSpeedCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -290,14 +443,11 @@ class SegmentLengthTest(SegmentTest):
     """The length of a segment, zero where two events meet."""
 
     segment: int
+    condition: ClassVar[type[DefiningSystem]] = SegmentLengthCondition
 
     def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float:
         """Return that length."""
         return float(point.ends[self.segment] - point.starts[self.segment])
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the length as an equation."""
-        return SegmentLengthCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -307,16 +457,13 @@ class ModeChoiceTest(SegmentTest):
     guard: int
     segment: int
     mode: int = NONE
+    condition: ClassVar[type[DefiningSystem]] = ModeChoiceCondition
 
     def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
         """Return that margin."""
         if self.guard == NONE or point.events[self.segment] is None:
             return None
         return float(choice_margins(equations, point, self.segment, self.mode)[self.guard])
-
-    def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the margin as an equation."""
-        return ModeChoiceCondition(shooting, self)
 
 
 @dataclass(frozen=True)
@@ -485,165 +632,3 @@ def neutral_pair(multipliers: Any) -> tuple[int, int, float]:
         if (values[i] * values[j]).imag == 0.0
     ]
     return min(products, key=lambda pair: abs(pair[2]))
-
-
-# --- Test functions as equations: what is zero along a curve, and its derivatives.
-
-GRADIENT_STEP = 1e-6  # step of the differences that give the gradient of a test function
-NULL_VECTOR_STEP = 1e-4  # of those of the equations' derivatives along their null vector
-
-
-class DefiningSystem:
-    """A test function as one more equation; its gradient is taken by differences.
-
-    Attributes
-    ----------
-    derived : bool
-        Whether the gradient costs no evaluation of the equations.
-    """
-
-    derived = False
-
-    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
-        self.shooting, self.monitor = shooting, monitor
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return what is zero on the curve."""
-        value = self.monitor.value(self.shooting, point, np.zeros(1))
-        if value is None:
-            raise OrbitError(f"no {self.monitor.kind} is left to follow", FOLLOW_OTHER)
-        return value
-
-    def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return the derivatives by unknowns and parameters."""
-        u, here = np.concatenate([point.unknowns, point.values]), self.value(point)
-        return np.array(
-            [
-                (self.value(self._at(u + shift)) - here) / GRADIENT_STEP
-                for shift in GRADIENT_STEP * np.eye(u.size)
-            ]
-        )
-
-    def _at(self, u: Floats) -> ShootingEvaluation:
-        size = u.size - len(self.shooting.active)
-        return self.shooting.evaluate(u[:size], u[size:])
-
-
-class GrazingCondition(DefiningSystem):
-    """A guard's closest approach, whose derivatives the columns of the arc carry with them."""
-
-    derived = True
-    monitor: ClosestApproachTest
-
-    def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
-        guard = self.monitor.guard
-        touch = closest_approach(self.shooting, point, guard, self.monitor.segment)
-        if touch is None or not touch.inside:
-            return super().gradient(point)
-        return touch_gradient(self.shooting, point, touch.segment, guard)
-
-
-class ContactSpeedCondition(DefiningSystem):
-    """The speed at which the guard that ends a segment is reached."""
-
-    derived = True
-    monitor: ContactSpeedTest
-
-    def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
-        return -rate_gradient(self.shooting, point, self.monitor.segment, self.monitor.guard)
-
-
-class SegmentLengthCondition(DefiningSystem):
-    """The length of a segment."""
-
-    derived = True
-    monitor: SegmentLengthTest
-
-    def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
-        return length_gradient(self.shooting, point, self.monitor.segment)
-
-
-class PeriodDoublingCondition(DefiningSystem):
-    """A period doubling: the determinant of the matrix that has the multipliers, plus one."""
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return it, over the size of that matrix."""
-        matrix = reduced_monodromy(self.shooting, point)
-        # Multipliers grow as one over an impact speed; their size is no matter here.
-        return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
-
-
-class NeimarkSackerCondition(DefiningSystem):
-    """A Neimark-Sacker point: the product of a pair of multipliers is one."""
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return what the product of the pair that is closest to it has beyond one."""
-        return neutral_pair(np.linalg.eigvals(reduced_monodromy(self.shooting, point)))[2]
-
-
-class ModeChoiceCondition(DefiningSystem):
-    """The margin that decides to which of two modes an event leads."""
-
-
-class FoldCondition(DefiningSystem):
-    """A fold: the last unknown of the equations bordered by their null vectors.
-
-    Zero where the equations are singular, and smooth where the multipliers are not.
-    """
-
-    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
-        super().__init__(shooting, monitor)
-        self._border: tuple[Floats, Floats] | None = None
-        self._second: tuple[ShootingEvaluation, Floats, Floats, Floats] | None = None
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return the last unknown of the bordered equations."""
-        return float(self._solve(point, transposed=False)[-1])
-
-    def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives, with the borders from here on those of `point`.
-
-        With w and v the solutions of the bordered equations to the left and to the right they are
-        -w F_uu v and -w F_up v: differences of all derivatives of the equations, along v alone.
-        """
-        left, null, by_all = self._along_null(point)
-        self._border = left, null
-        v = self._solve(point, transposed=False)[:-1]
-        w = self._solve(point, transposed=True)[:-1]
-        return np.asarray(-(w @ by_all) * (v @ null))
-
-    def curvature(self, point: ShootingEvaluation) -> float:
-        """Return the quadratic coefficient of the fold, zero at a cusp."""
-        left, null, by_all = self._along_null(point)
-        # The sign of the singular vectors is arbitrary; the one of their product with the
-        # parameter's derivative is not.
-        sign = float(np.sign(left @ point.by_parameter[:, 0]))
-        return float(left @ by_all[:, : null.size] @ null) * sign
-
-    def _along_null(self, point: ShootingEvaluation) -> tuple[Floats, Floats, Floats]:
-        """Return the null vectors, left and right, and how all derivatives change along this."""
-        if self._second is None or self._second[0] is not point:
-            vectors, _, rows = np.linalg.svd(point.jacobian)
-            left, null = vectors[:, -1], rows[-1]
-            shift = NULL_VECTOR_STEP * null
-            up = self.shooting.evaluate(point.unknowns + shift, point.values)
-            down = self.shooting.evaluate(point.unknowns - shift, point.values)
-            by_unknown = (up.jacobian - down.jacobian) / (2.0 * NULL_VECTOR_STEP)
-            by_parameter = (up.by_parameter - down.by_parameter) / (2.0 * NULL_VECTOR_STEP)
-            self._second = point, left, null, np.hstack([by_unknown, by_parameter])
-        return self._second[1:]
-
-    def _solve(self, point: ShootingEvaluation, *, transposed: bool) -> Floats:
-        if self._border is None:
-            self._border = self._along_null(point)[:2]
-        left, null = self._border
-        size = null.size
-        matrix = np.zeros((size + 1, size + 1))
-        matrix[:size, :size] = point.jacobian
-        matrix[:size, size], matrix[size, :size] = left, null
-        unit = np.zeros(size + 1)
-        unit[size] = 1.0
-        return np.asarray(np.linalg.solve(matrix.T if transposed else matrix, unit))
