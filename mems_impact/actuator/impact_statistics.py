@@ -17,7 +17,7 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 from mems_impact.systems.result import SummaryRepr
-from mems_impact.systems.statistics import Moments
+from mems_impact.systems.window_statistics import Moments
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun

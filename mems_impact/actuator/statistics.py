@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import GUARDS, MODES, STATES, V2, X1, X2, side_of
@@ -28,18 +27,23 @@ from mems_impact.actuator.impact_statistics import (
 )
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.attractors.mapper import RecurrenceResult
-from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.systems.observables import MULTIPLIER, Quantity, TimeWindow
-from mems_impact.systems.statistics import Moments, WindowCheckpoints, closest_approach, ratio
+from mems_impact.systems.observables import MULTIPLIER, Quantity
+from mems_impact.systems.statistics import closest_approach
+from mems_impact.systems.window_statistics import (
+    Moments,
+    MotionTotals,
+    StatisticsAccumulator,
+    TimeWindow,
+    ratio,
+)
 
 if TYPE_CHECKING:
     from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = [
-    "REDUCED",
     "Accumulator",
     "Statistics",
     "actuator_quantities",
@@ -65,7 +69,6 @@ _MEASURES = (
     "closest approach",
 )
 _ENERGY = ("energy in per period", "energy in per impact")  # where it is kept account of
-_IMPACT = [guard.impact for guard in GUARDS]
 _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 
 
@@ -80,38 +83,43 @@ def measures(system: ActuatorSystem, settled: RecurrenceResult, period: float) -
     The deviation of the displacement is its standard deviation from forcing period to forcing
     period; in contacts with stoppers that yield there are no impact speeds.
     """
-    periods = settled.duration / period
-    hits = float(settled.counts[_IMPACT].sum())
-    gains, marks = settled.gains, settled.marks
-    displacement, deviation = gains["step"], settled.deviations["step"]
-    speeds = marks["impact speed mean"]
-    lost = gains["energy lost"] if "energy lost" in gains else float(marks["energy lost"][TOTAL])
-    slipping = float(settled.lasted[SLIPPING].sum())
-    resting = float(settled.lasted[_RESTING].sum())
-    struck = speeds[NUMBER] > 0.0
+    totals = MotionTotals.of(settled, settled.duration / period)
+    hits = totals.impacts(GUARDS)
     values = {
-        "impacts per period": ratio(hits, periods),
-        "displacement per period": ratio(displacement, periods),
-        "displacement per period std": deviation,
-        "displacement per impact": ratio(displacement, hits),
-        "mean speed": ratio(displacement, settled.duration),
-        "impact speed min": float(speeds[LOW]) if struck else math.nan,
-        "impact speed mean": float(speeds[TOTAL] / speeds[NUMBER]) if struck else math.nan,
-        "impact speed max": float(speeds[HIGH]) if struck else math.nan,
-        "energy lost per period": ratio(lost, periods),
-        "chatter per period": ratio(settled.endings, periods),
-        "share slipping": ratio(slipping, settled.duration),
-        "share resting": ratio(resting, settled.duration),
+        **motion_values(totals, hits, totals.moments["impact speed"]),
+        "displacement per period std": settled.deviations["step"],
+        "chatter per period": totals.per_period(totals.chatter),
     }
-    if "energy in" in gains:
-        given = gains["energy in"]
-        values |= zip(_ENERGY, (ratio(given, periods), ratio(given, hits)), strict=True)
+    if "energy in" in totals.gains:
+        given = totals.gains["energy in"]
+        values |= zip(_ENERGY, (totals.per_period(given), ratio(given, hits)), strict=True)
     found = {name: float(system.out(name, value)) for name, value in values.items()}
-    touched = hits > 0.0
-    found["closest approach"] = math.nan if touched else closest_approach(system, settled)
-    if not touched and resting > 0.0:
-        found["closest approach"] = 0.0
+    found["closest approach"] = approach(totals, hits, closest_approach(system, settled))
     return found
+
+
+def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict[str, float]:
+    """Return the statistics that runs and studies have in common, by heading."""
+    displacement, lost = totals.gains["step"], totals.gains.get("energy lost")
+    if lost is None:
+        lost = totals.moments["energy lost"].total
+    return {
+        "impacts per period": totals.per_period(impacts),
+        "displacement per period": totals.per_period(displacement),
+        "displacement per impact": ratio(displacement, impacts),
+        "mean speed": ratio(displacement, totals.duration),
+        **{f"impact speed {each}": speeds.reduced(each, totals.periods) for each in REDUCED},
+        "energy lost per period": totals.per_period(lost),
+        "share slipping": totals.share(SLIPPING),
+        "share resting": totals.share(_RESTING),
+    }
+
+
+def approach(totals: MotionTotals, impacts: float, closest: float) -> float:
+    """Return the closest approach of a motion: NaN if it has impacts, 0 if the block rests."""
+    if impacts > 0.0:
+        return math.nan
+    return 0.0 if totals.share(_RESTING) > 0.0 else closest
 
 
 # --- Statistics of a run, gathered from its events as they come.
@@ -190,7 +198,7 @@ class Statistics:
     energy_lost_per_period: float
 
 
-class Accumulator:
+class Accumulator(StatisticsAccumulator):
     """Gathers the statistics of one run; called with every chunk of its events.
 
     Parameters
@@ -203,15 +211,12 @@ class Accumulator:
     """
 
     def __init__(self, actuator: Actuator, start: HybridState, window: TimeWindow) -> None:
-        self._actuator, self._window = actuator, window
-        self._anchors = WindowCheckpoints(window, start, len(MODES))
+        super().__init__(window, start, len(MODES), len(GUARDS))
+        self._actuator = actuator
         self._waiting: Events | None = None  # from an impact on whose step has not ended
-        self._impacts = self._chatter = 0
-        self._speeds = Moments()
-        self._steps = Moments()
+        self._speeds, self._steps, self._energies = Moments(), Moments(), Moments()
         self._blows = BlowCounter()
         self._rests = RestDetector(actuator, window.period)
-        self._energy = 0.0
         self._closest = math.inf
 
     def __call__(self, events: Events) -> None:
@@ -219,13 +224,17 @@ class Accumulator:
         if len(events) == 0:
             return
         events = self._rests(events)
-        self._anchors.take(events)
-        self._take_impacts(events, self._window.contains(events))
+        inside = self._take(events)
+        struck = is_impact(events) & inside
+        self._speeds.add(np.abs(events.before[struck, V2]))
+        if not yields(self._actuator):
+            ended = (events.kind == workspace.ACCUMULATION) & inside
+            self._energies.add(energy_lost(events[struck | ended], self._actuator))
+        turned = events[(events.kind == workspace.APPROACH) & inside]
+        side = np.where(turned.guard == 0, 1.0, -1.0)
+        gaps = self._actuator.delta - side * turned.before[:, X2]
+        self._closest = min(self._closest, float(gaps.min(initial=math.inf)))
         self._take_steps(events)
-
-    def anchor(self, border: int) -> HybridState:
-        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
-        return self._anchors[border]
 
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`, by name.
@@ -241,59 +250,31 @@ class Accumulator:
 
     def measured(self, final: HybridState, borders: Sequence[Floats]) -> Statistics:
         """Return the same as an object."""
-        window = self._window.until(final)
-        self._anchors.end(final)
         if self._waiting is not None:
             self._take_steps(self._waiting[:0], last=True)
-        displacement = float(borders[1][X1] - borders[0][X1])
-        periods = window.last - window.first
-        duration = periods * window.period
-        impacts, blows = self._impacts, self._blows.count
-        closest = self._closest if math.isfinite(self._closest) else math.nan
-        energy = self._energy
+        change = borders[1] - borders[0]
+        gains = {"step": float(change[X1])}
         if yields(self._actuator):
-            place = contact_loss(self._actuator)
-            energy = float(borders[1][place] - borders[0][place])
-        slipping = float(self._anchors.durations[SLIPPING].sum())
-        resting = float(self._anchors.durations[_RESTING].sum())
-        if resting > 0.0:
-            closest = 0.0
+            gains["energy lost"] = float(change[contact_loss(self._actuator)])
+        totals = self._totals(final, 1.0, gains, {"energy lost": self._energies})
+        window, blows = self._window.until(final), self._blows
+        impacts = int(totals.impacts(GUARDS))
+        closest = self._closest if math.isfinite(self._closest) else math.nan
+        common = motion_values(totals, impacts, self._speeds)
         return Statistics(
             window_first=window.first,
             window_last=window.last,
-            periods=periods,
+            periods=totals.periods,
             impacts=impacts,
-            impacts_per_period=ratio(impacts, periods),
-            blows=blows,
-            blows_per_period=ratio(blows, periods),
-            displacement_per_period=ratio(displacement, periods),
-            displacement_per_impact=ratio(displacement, impacts),
+            blows=blows.count,
+            blows_per_period=totals.per_period(blows.count),
             displacement_per_impact_std=self._steps.deviation(),
-            displacement_per_blow=ratio(displacement, blows),
-            displacement_per_blow_std=self._blows.displacements.deviation(),
-            mean_speed=ratio(displacement, duration),
-            impact_speed_min=self._speeds.low if impacts else math.nan,
-            impact_speed_mean=self._speeds.mean if impacts else math.nan,
-            impact_speed_max=self._speeds.high if impacts else math.nan,
-            share_slipping=ratio(slipping, duration),
-            share_resting=ratio(resting, duration),
-            closest_approach=math.nan if impacts else closest,
-            chatter_sequences=self._chatter,
-            energy_lost_per_period=ratio(energy, periods),
+            displacement_per_blow=ratio(gains["step"], blows.count),
+            displacement_per_blow_std=blows.displacements.deviation(),
+            closest_approach=approach(totals, impacts, closest),
+            chatter_sequences=totals.chatter,
+            **{name.replace(" ", "_"): value for name, value in common.items()},
         )
-
-    def _take_impacts(self, events: Events, inside: NDArray[np.bool_]) -> None:
-        struck = is_impact(events) & inside
-        ended = (events.kind == workspace.ACCUMULATION) & inside
-        self._impacts += int(struck.sum())
-        self._chatter += int(ended.sum())
-        self._speeds.add(np.abs(events.before[struck, V2]))
-        if not yields(self._actuator):
-            self._energy += float(energy_lost(events[struck | ended], self._actuator).sum())
-        turned = events[(events.kind == workspace.APPROACH) & inside]
-        side = np.where(turned.guard == 0, 1.0, -1.0)
-        gaps = self._actuator.delta - side * turned.before[:, X2]
-        self._closest = min(self._closest, float(gaps.min(initial=math.inf)))
 
     def _take_steps(self, events: Events, *, last: bool = False) -> None:
         if self._waiting is not None:

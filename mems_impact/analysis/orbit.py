@@ -38,12 +38,11 @@ from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole, with_units
 from mems_impact.systems.statistics import (
     SAMPLES_PER_PERIOD,
-    Moments,
     evaluate_observables,
     largest_values,
-    reduce_values,
 )
 from mems_impact.systems.validation import check_start_side, mode_monitor
+from mems_impact.systems.window_statistics import Moments
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 
 if TYPE_CHECKING:
@@ -324,7 +323,7 @@ class Orbit(Result):
             if each.at:
                 moments = Moments()
                 moments.add(at_events[each.name][~np.isnan(at_events[each.name])])
-                values[each.name] = reduce_values(each.reduce, moments, 1.0)
+                values[each.name] = moments.reduced(each.reduce, 1.0)
             else:
                 begin, end = (
                     self.system.evaluate_observable(each, y, self._problem) for y in (first, last)

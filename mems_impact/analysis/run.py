@@ -17,10 +17,10 @@ from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.observables import StatisticsAccumulator, TimeWindow
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, with_units
 from mems_impact.systems.statistics import LazyStatistics, evaluate_observables
+from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -32,12 +32,12 @@ from mems_impact.orbits.family import ParameterPoint
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import Segment
-from mems_impact.systems import observables, state, statistics
+from mems_impact.systems import state, statistics
 from mems_impact.systems.base import HybridSystem, SystemFamily
 from mems_impact.systems.serialization.codec import Reader, register
 from mems_impact.systems.serialization.detached import DetachedSystem, check_same_system, describe
-from mems_impact.systems.statistics import Moments
 from mems_impact.systems.system import System
+from mems_impact.systems.window_statistics import Moments, TimeWindow
 
 __all__ = ["register_run", "restored"]
 
@@ -119,7 +119,7 @@ KINDS: tuple[type, ...] = (
     Options, HybridState, Events, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
     BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
-    observables.TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
+    TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
     EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
     equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
@@ -129,7 +129,6 @@ for kind in (*KINDS, *ORBIT_TESTS):
 register(BranchEvent)
 register(CurveEvent)
 register_object(Moments)
-register_object(statistics.WindowCheckpoints)
 register(
     statistics.RunStatistics,
     parts=lambda each: each.gathered(),

@@ -15,11 +15,11 @@ from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
-from mems_impact.systems.observables import TimeWindow
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.typical_scales import MaxStateRecorder, warn_if_badly_scaled_run
 from mems_impact.systems.validation import check_start_side, mode_monitor
+from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["simulate"]
 

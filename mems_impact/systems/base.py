@@ -30,12 +30,11 @@ from mems_impact.systems.observables import (
     EventObserver,
     Observable,
     Quantity,
-    StatisticsAccumulator,
-    TimeWindow,
 )
 from mems_impact.systems.result import Result, deep_equal
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
+from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 from mems_impact.tables import unit_of
 
 __all__ = ["HybridSystem", "SystemFamily"]
@@ -389,6 +388,12 @@ class HybridSystem(Result, ABC):
     def study_observables(self) -> tuple[Observable, ...]:
         """The observables that studies record."""
         return self.observables
+
+    def observable_codes(self, observable: Observable) -> tuple[int, ...]:
+        """Return the codes of the transitions at which studies evaluate an observable."""
+        guards = [guard.name for guard in self.automaton.guards]
+        places = tuple(guards.index(name) for name in observable.at)
+        return (*places, *(len(guards) + place for place in places))
 
     @property
     def symbols(self) -> Mapping[str, str]:

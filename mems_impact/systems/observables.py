@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
@@ -20,8 +16,6 @@ __all__ = [
     "EventObserver",
     "Observable",
     "Quantity",
-    "StatisticsAccumulator",
-    "TimeWindow",
 ]
 
 # --- Observables.
@@ -143,22 +137,6 @@ def observable(orbit: Any, *, name: str) -> float:
 MULTIPLIER = Quantity("largest multiplier", largest_multiplier, solved=True)
 
 
-class StatisticsAccumulator(Protocol):
-    """Accumulates statistics over the events of a run."""
-
-    def __call__(self, events: Events) -> None:
-        """Take the next chunk of events."""
-
-    def anchor(self, border: int) -> HybridState:
-        """Return the start of the arc that contains the start (0) or end (1) of the window."""
-
-    def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
-        """Return the statistics of a run that ended at `final`.
-
-        `borders` are the states at the start and end of the window.
-        """
-
-
 class EventObserver(Protocol):
     """Observes the events of a run and warns the user at its end."""
 
@@ -167,42 +145,3 @@ class EventObserver(Protocol):
 
     def tell(self, final: HybridState) -> None:
         """Warn about a run that ended at `final`."""
-
-
-@dataclass(frozen=True)
-class TimeWindow:
-    """The part of a run over which statistics are computed.
-
-    Attributes
-    ----------
-    first, last : float
-        In periods; half-open: an event at its end is outside.
-    period : float
-    """
-
-    first: float
-    last: float
-    period: float
-
-    def instant(self, border: int) -> tuple[int, float]:
-        """Return the start (0) or end (1) as whole periods and the time within the next one."""
-        periods = (self.first, self.last)[border]
-        whole = math.floor(periods)
-        return whole, (periods - whole) * self.period
-
-    def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
-        """Return the times since the start (0) or end (1) of the window."""
-        at_cycle, at_time = self.instant(border)
-        # Subtract whole periods as integers first, so that late instants lose no digits.
-        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
-        return result
-
-    def contains(self, events: Events) -> NDArray[np.bool_]:
-        """Return which events lie within."""
-        inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
-        return inside & (self.since(1, events.cycle, events.time) < 0.0)
-
-    def until(self, final: HybridState) -> TimeWindow:
-        """Return the part before `final`: a failed run may end within the window, or before."""
-        reached = final.cycle + final.time / self.period
-        return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)

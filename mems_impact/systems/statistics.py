@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.hybrid.attractors.mapper import RecurrenceResult
-from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
@@ -21,7 +19,14 @@ from mems_impact.hybrid.simulation import Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.observables import StatisticsAccumulator, TimeWindow
+from mems_impact.systems.observables import Observable
+from mems_impact.systems.window_statistics import (
+    Moments,
+    MotionTotals,
+    StatisticsAccumulator,
+    TimeWindow,
+    ratio,
+)
 
 __all__ = [
     "CHAOTIC",
@@ -32,7 +37,6 @@ __all__ = [
     "RESTING",
     "SAMPLES_PER_PERIOD",
     "UNSETTLED",
-    "Moments",
     "RunStatistics",
     "closest_approach",
     "counted_periods",
@@ -154,48 +158,6 @@ def counted_periods(count: int) -> str:
     return f"period {count}"
 
 
-# --- Moments of values that arrive in chunks.
-
-
-class Moments:
-    """Number, mean, standard deviation and extremes of values that arrive in chunks.
-
-    Attributes
-    ----------
-    count : int
-    mean : float
-    low, high : float
-        Smallest and largest value.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.mean = self._squares = 0.0
-        self.low, self.high = math.inf, -math.inf
-
-    def add(self, values: Floats) -> None:
-        """Add the next chunk of values."""
-        if values.size == 0:
-            return
-        # Update of Chan, Golub and LeVeque: sums of squares would lose the deviations of nearly
-        # equal values.
-        mean = float(values.mean())
-        squares = float(((values - mean) ** 2).sum())
-        total = self.count + values.size
-        apart = mean - self.mean
-        self._squares += squares + apart * apart * self.count * values.size / total
-        self.mean += apart * values.size / total
-        self.count = total
-        self.low, self.high = (
-            min(self.low, float(values.min())),
-            max(self.high, float(values.max())),
-        )
-
-    def deviation(self) -> float:
-        """Return the population standard deviation; NaN without values."""
-        return math.sqrt(self._squares / self.count) if self.count else math.nan
-
-
 # --- Statistics of a run, accumulated during the run, so that memory does not grow with its length.
 
 
@@ -228,65 +190,14 @@ class LazyStatistics:
         return gatherer
 
 
-class WindowCheckpoints:
-    """Starts of the arcs that contain the borders of a window, and durations of the modes."""
-
-    def __init__(self, window: TimeWindow, start: HybridState, modes: int) -> None:
-        self._window = window
-        self._anchors = [start, start]
-        self._last = start  # the last event, whose mode lasts until the next one
-        self._remembered = start.remembered  # by the engine, after it
-        self.durations = np.zeros(modes)
-
-    def take(self, events: Events) -> None:
-        """Take the next chunk of events."""
-        if len(events) == 0:
-            return
-        self._take_durations(events.cycle, events.time, events.mode_after)
-        for border in (0, 1):
-            begins = events.starts_arc
-            begins &= self._window.since(border, events.cycle, events.time) <= 0.0
-            places = np.flatnonzero(begins)
-            if places.size > 0:
-                row = int(places[-1])
-                known = events[:row].remembered(self._remembered)
-                self._anchors[border] = replace(instant_after(events, row), remembered=known)
-        self._last = instant_after(events, len(events) - 1)
-        self._remembered = events.remembered(self._remembered)
-
-    def end(self, final: HybridState) -> None:
-        """Process the end of the run."""
-        self._take_durations(
-            np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
-        )
-        self._last = final
-
-    def __getitem__(self, border: int) -> HybridState:
-        return self._anchors[border]
-
-    def _take_durations(
-        self, cycle: NDArray[np.int64], time: Floats, mode: NDArray[np.int64]
-    ) -> None:
-        cycle = np.concatenate([[self._last.cycle], cycle])
-        time = np.concatenate([[self._last.time], time])
-        during = np.concatenate([[self._last.mode], mode[:-1]]).astype(np.int64)
-        lengths = np.diff(cycle) * self._window.period + np.diff(time)
-        lengths += np.minimum(self._window.since(0, cycle, time)[:-1], 0.0)
-        lengths -= np.maximum(self._window.since(1, cycle, time)[1:], 0.0)
-        np.add.at(self.durations, during, np.maximum(lengths, 0.0))
-
-
-class RunStatistics:
+class RunStatistics(StatisticsAccumulator):
     """Statistics of any system: events by guard, fractions of time in modes, and observables."""
 
     def __init__(
         self, system: HybridSystem, problem: Problem, start: HybridState, window: TimeWindow
     ) -> None:
+        super().__init__(window, start, len(system.modes), len(system.automaton.guards))
         self.resume(system, problem)
-        self._window = window
-        self._anchors = WindowCheckpoints(window, start, len(system.modes))
-        self._counts = np.zeros(len(system.automaton.guards), dtype=np.int64)
-        self._chatter = 0
         self._moments = {each.name: Moments() for each in system.observables if each.at}
 
     def resume(self, system: HybridSystem, problem: Problem) -> None:
@@ -307,52 +218,31 @@ class RunStatistics:
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
-        self._anchors.take(events)
-        inside = events[self._window.contains(events)]
-        fired = inside.guard[inside.kind == workspace.TRANSITION]
-        self._counts += np.bincount(fired, minlength=self._counts.size)
-        self._chatter += int((inside.kind == workspace.ACCUMULATION).sum())
+        inside = events[self._take(events)]
         for name, values in evaluate_observables(self._system, self._problem, inside).items():
             self._moments[name].add(values[~np.isnan(values)])
 
-    def anchor(self, border: int) -> HybridState:
-        """Return the start of the arc that contains the start (0) or end (1) of the window."""
-        return self._anchors[border]
-
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`."""
-        self._anchors.end(final)
-        window, system = self._window.until(final), self._system
-        # Rates of an autonomous system are per unit of time.
-        unit = 1.0 if system.forced else window.period
-        each_period = "per period" if system.forced else "per time"
-        first, last = window.first * unit, window.last * unit
-        periods = last - first
-        guards = [guard for guard in system.automaton.guards if guard.name != PLACEHOLDER_GUARD]
-        impacts = sum(
-            int(count) for count, guard in zip(self._counts, guards, strict=False) if guard.impact
-        )
-        values: dict[str, float] = {
-            "window first": first,
-            "window last": last,
-            "impacts": impacts,
-            f"impacts {each_period}": ratio(impacts, periods),
-        }
-        for guard, count in zip(guards, self._counts, strict=False):
-            values[f"{guard.name} {each_period}"] = ratio(int(count), periods)
-        values["chatter sequences"] = self._chatter
-        if len(system.modes) > 1:
-            for mode, lasted in zip(system.modes, self._anchors.durations, strict=True):
-                duration = (window.last - window.first) * window.period
-                values[f"share {mode}"] = ratio(float(lasted), duration)
+        system = self._system
+        gains: dict[str, float] = {}
         for each in system.observables:
-            if each.at:
-                moments = self._moments[each.name]
-                values[each.name] = reduce_values(each.reduce, moments, periods)
-            else:
+            if not each.at:
                 begin, end = (system.evaluate_observable(each, y, self._problem) for y in borders)
-                values[each.name] = ratio(end - begin, periods)
-        return values
+                gains[each.name] = end - begin
+        # Rates of an autonomous system are per unit of time.
+        period = 1.0 if system.forced else float(system.out("time", self._window.period))
+        totals = self._totals(final, period, gains, self._moments)
+        window = self._window.until(final)
+        return {
+            "window first": window.first * period,
+            "window last": window.last * period,
+            "impacts": int(totals.impacts(system.automaton.guards)),
+            **event_rates(system, totals),
+            "chatter sequences": totals.chatter,
+            **mode_shares(system, totals),
+            **observable_rates(system.observables, totals),
+        }
 
 
 def evaluate_observables(
@@ -372,33 +262,32 @@ def evaluate_observables(
     return found
 
 
-def reduce_values(reduce: str, moments: Moments, periods: float) -> float:
-    """Return the reduced value of an observable at events."""
-    if moments.count == 0:
-        return 0.0 if reduce == "sum" else math.nan
-    match reduce:
-        case "sum":
-            return ratio(moments.mean * moments.count, periods)
-        case "mean":
-            return moments.mean
-        case "min":
-            return moments.low
-    return moments.high
+def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, float]:
+    """Return the number of impacts, and of events of each guard, per period or unit of time."""
+    each = "period" if system.forced else "time"
+    guards = system.automaton.guards
+    values = {f"impacts per {each}": totals.per_period(totals.impacts(guards))}
+    for guard, count in zip(guards, totals.counts.tolist(), strict=True):
+        if guard.name != PLACEHOLDER_GUARD:
+            values[f"{guard.name} per {each}"] = totals.per_period(float(count))
+    return values
 
 
-def instant_after(events: Events, row: int) -> HybridState:
-    """Return the instant just after an event."""
-    return HybridState(
-        int(events.cycle[row]),
-        float(events.time[row]),
-        int(events.mode_after[row]),
-        events.after[row].copy(),
-    )
+def mode_shares(system: HybridSystem, totals: MotionTotals) -> dict[str, float]:
+    """Return the fraction of time in each mode, if there are several."""
+    if len(system.modes) == 1:
+        return {}
+    return {f"share {mode}": totals.share(i) for i, mode in enumerate(system.modes)}
 
 
-def ratio(part: float, whole: float) -> float:
-    """Return part / whole, NaN if `whole` is zero."""
-    return part / whole if whole > 0 else math.nan
+def observable_rates(observables: Sequence[Observable], totals: MotionTotals) -> dict[str, float]:
+    """Return the reduced values of observables at events, and the rates of change of others."""
+    return {
+        each.name: totals.moments[each.name].reduced(each.reduce, totals.periods)
+        if each.at
+        else totals.per_period(totals.gains[each.name])
+        for each in observables
+    }
 
 
 # --- Statistics of attractors in studies.
@@ -433,36 +322,23 @@ def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> 
     period : float
         The period of the problem, in scaled units.
     """
-    lasted = settled.duration / period
-    periods = lasted if system.forced else float(system.out("time", settled.duration))
+    duration = settled.duration
+    periods = duration / period if system.forced else float(system.out("time", duration))
+    totals = MotionTotals.of(settled, periods)
     each = "period" if system.forced else "time"
-    automaton = system.automaton
-    hits = sum(
-        float(count)
-        for guard, count in zip(automaton.guards, settled.counts, strict=True)
-        if guard.impact
-    )
-    values = {f"impacts per {each}": ratio(hits, periods)}
-    for guard, count in zip(automaton.guards, settled.counts, strict=True):
-        if guard.name != PLACEHOLDER_GUARD:
-            values[f"{guard.name} per {each}"] = ratio(float(count), periods)
-    values[f"chatter per {each}"] = ratio(settled.endings, periods)
-    if len(system.modes) > 1:
-        for mode, lasted in zip(system.modes, settled.lasted, strict=True):
-            values[f"share {mode}"] = ratio(float(lasted), settled.duration)
-    for observable in system.study_observables:
-        name = observable.name
-        if observable.at:
-            values[name] = _reduced(observable.reduce, settled.marks[name], periods)
-        else:
-            values[name] = ratio(settled.gains[name], periods)
-            values[f"{name} std"] = settled.deviations[name]
+    values = {
+        **event_rates(system, totals),
+        f"chatter per {each}": totals.per_period(totals.chatter),
+        **mode_shares(system, totals),
+        **observable_rates(system.study_observables, totals),
+    }
+    values |= {f"{name} std": deviation for name, deviation in settled.deviations.items()}
     for name in values:
         values[name] = float(system.out(name, values[name]))
-    if any(guard.impact for guard in automaton.guards):
+    if any(guard.impact for guard in system.automaton.guards):
         values["closest approach"] = closest_approach(system, settled)
     if not system.forced:
-        values[RETURN] = float(system.out("time", ratio(settled.duration, settled.measured)))
+        values[RETURN] = float(system.out("time", ratio(duration, settled.measured)))
     return values
 
 
@@ -478,16 +354,3 @@ def closest_approach(system: HybridSystem, settled: RecurrenceResult) -> float:
     if not math.isfinite(least):
         return math.nan
     return float(system.out("closest approach", least))
-
-
-def _reduced(reduce: str, mark: np.ndarray, periods: float) -> float:
-    if mark[NUMBER] == 0.0:
-        return 0.0 if reduce == "sum" else math.nan
-    match reduce:
-        case "sum":
-            return ratio(float(mark[TOTAL]), periods)
-        case "mean":
-            return float(mark[TOTAL] / mark[NUMBER])
-        case "min":
-            return float(mark[LOW])
-    return float(mark[HIGH])

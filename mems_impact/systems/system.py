@@ -37,11 +37,12 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
-from mems_impact.systems.observables import Observable, StatisticsAccumulator, TimeWindow
+from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State
 from mems_impact.systems.statistics import RunStatistics, measure_names, measures
 from mems_impact.systems.typical_scales import typical_of
 from mems_impact.systems.validation import check_parted
+from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 from mems_impact.tables import name_of
 
 __all__ = ["System"]
@@ -424,10 +425,9 @@ class System(HybridSystem):
     @property
     def observed(self) -> CompiledObservables:
         """The observables that studies record, as one function of scaled states."""
-        guards = [guard.name for guard in self.automaton.guards]
         return observed(
             tuple(
-                (each.name, each.function, tuple(guards.index(name) for name in each.at))
+                (each.name, each.function, self.observable_codes(each))
                 for each in self.study_observables
             ),
             self.states,

@@ -316,3 +316,56 @@ def test_a_turn_by_an_irrational_angle_is_quasi_periodic():
     options = RecurrenceOptions(tolerance=1e-8, longest=4)
     (found,) = map_attractors([InitialCondition(system)], options, FAST)
     assert found.motion == "quasi-periodic"
+
+
+def test_chatter_counts_alike_in_runs_and_studies():
+    # Each period ends a chatter sequence, which is no impact, but loses energy.
+    system = ACTUATOR.replace(mu_s=0.01, mu_d=0.01).under(mi.Sine(amplitude=0.45, omega=0.1))
+    recurrence = RecurrenceOptions(transient=40, periods=20, tolerance=1e-9, exponents="none")
+    start = mi.State(v2=1.0)
+    (found,) = map_attractors([InitialCondition(system, start)], recurrence, FAST)
+    run = mi.simulate(system, 60, initial=start, window=(48, 60), options=FAST).statistics
+    assert found.period == 1
+    assert found.measures["chatter per period"] == pytest.approx(run["chatter sequences"] / 12)
+    shared = {name for name in found.measures if name in run.index}
+    assert {"impact speed min", "impact speed mean", "energy lost per period"} < shared
+    for name in shared:
+        assert found.measures[name] == pytest.approx(run[name], rel=1e-12, nan_ok=True), name
+
+
+def relay_flow(mode, t, y, p):
+    return y.v, p.mu * (1.0 - y.x * y.x) * y.v - p.k * y.x
+
+
+def relay_margin(mode, t, y, p):
+    return y.x * (1 - 2 * mode)
+
+
+def relay_transition(mode, t, y, p):
+    return 1 - mode, (y.x, y.v)
+
+
+def kinetic_energy(mode, t, before, after, p):
+    return before.v * before.v
+
+
+def test_rates_of_an_autonomous_system_are_per_unit_of_its_time():
+    kinetic = mi.Observable("energy", kinetic_energy, at=("zero",), reduce="sum")
+    system = mi.System(
+        flow=relay_flow,
+        states=("x", "v"),
+        modes=("right", "left"),
+        parameters={"mu": 1e3, "k": 1e6},
+        guards=[mi.Guard("zero", relay_margin, relay_transition)],
+        initial=mi.State(x=1.0, v=1.0, mode="right"),
+        observables=[kinetic],
+        typical={"time": 1e-3, "v": 1e3, "mu": 1e3, "k": 1e6},
+    )
+    recurrence = RecurrenceOptions(transient=0.05, periods=0.02, exponents="none")
+    (found,) = map_attractors([InitialCondition(system, None)], recurrence)
+    assert found.motion == "periodic"
+    length = 6 * found.measures["return time"]
+    run = mi.simulate(system, duration=0.05, window=(0.05 - length, 0.05)).statistics
+    assert run["window last"] == pytest.approx(0.05, rel=1e-15)
+    for name in ("impacts per time", "zero per time", "energy"):
+        assert found.measures[name] == pytest.approx(run[name], rel=1e-6), name

@@ -56,7 +56,7 @@ class CompiledObservables:
     ----------
     function : callable
         ``function(mode, code, t, states, p, out)`` writes the observables: with `code` -1 those of
-        the state, the first `gains` of `out`; with the number of a guard those that its events
+        the state, the first `gains` of `out`; with the code of a transition those that its events
         have, behind them. `states` are the state before and after an event, one behind the other.
     gains, marks : tuple of str
         Names of the observables of the state, and at events.
@@ -80,7 +80,7 @@ def observed(
     Parameters
     ----------
     given : tuple of (str, callable, tuple of int)
-        Name, function, and the guards at whose events it is taken; none for one of the state.
+        Name, function, and the codes of events at which it is taken; none for one of the state.
     states : tuple of str
     parameters : tuple of str or None
         By which functions read ``p``; None for those that take it as an array.
@@ -119,9 +119,9 @@ def observed(
     for i, (_, gives, _guards) in enumerate(gains):
         space[f"gain_{i}"] = gives
         of_state.append(f"out[{i}] = gain_{i}(before, q)")
-    for i, (_, gives, guards) in enumerate(marks):
+    for i, (_, gives, codes) in enumerate(marks):
         space[f"mark_{i}"] = gives
-        test = " or ".join(f"code == {guard}" for guard in guards)
+        test = " or ".join(f"code == {code}" for code in codes)
         at_events.append(f"if {test}:")
         at_events += indented([f"out[{len(gains) + i}] = mark_{i}(mode, time, before, after, q)"])
     lines += ["if code < 0:", *indented(of_state or ["pass"])]

@@ -134,7 +134,9 @@ def width_of(m: int, modes: int, gains: int, marks: int) -> int:
 
 
 def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, out: Any) -> int:
-    """Write observables into `out`: of a state, with `code` -1, or of an event at a guard.
+    """Write observables into `out`: of a state, with `code` -1, or of an event.
+
+    The code of an event is that of its transition, m + guard at the end of chatter.
 
     Returns 1 if one of their functions fails.
     """
@@ -173,7 +175,8 @@ def accumulate_event(engine: Any, s: Any, w: Any, event: Any, when: float) -> No
             states[j] = event[HEAD + j]
         for i in range(w.marks):
             values[w.gains + i] = math.nan
-        w.failed |= observe(engine, w, int(event[MODE_BEFORE]), guard, event[TIME], states, values)
+        code = guard if kind == TRANSITION else s.m + guard
+        w.failed |= observe(engine, w, int(event[MODE_BEFORE]), code, event[TIME], states, values)
         first = COUNTS + 2 * s.m + s.modes + w.gains
         for i in range(w.marks):
             accumulate_value(now, first + PARTS * i, values[w.gains + i])

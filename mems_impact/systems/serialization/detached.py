@@ -18,9 +18,10 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.observables import Observable, TimeWindow
+from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import State
 from mems_impact.systems.statistics import measure_names
+from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
 

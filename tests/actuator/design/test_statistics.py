@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.statistics import Accumulator
-from mems_impact.systems.observables import TimeWindow
+from mems_impact.systems.window_statistics import TimeWindow
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)

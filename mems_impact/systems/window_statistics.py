@@ -1,0 +1,299 @@
+"""Statistics over a window: moments of values, totals of a motion, and their accumulation in a run.
+
+Runs and studies compute their statistics from the same `MotionTotals`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
+from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
+
+__all__ = ["Moments", "MotionTotals", "StatisticsAccumulator", "TimeWindow", "ratio"]
+
+
+def ratio(part: float, whole: float) -> float:
+    """Return part / whole, NaN if `whole` is zero."""
+    return part / whole if whole > 0 else math.nan
+
+
+class Moments:
+    """Number, sum, standard deviation and extremes of values that arrive in chunks.
+
+    Attributes
+    ----------
+    count : int
+    total : float
+    low, high : float
+        Smallest and largest value.
+    """
+
+    def __init__(self) -> None:
+        self.count, self.total, self._squares = 0, 0.0, 0.0
+        self.low, self.high = math.inf, -math.inf
+
+    @classmethod
+    def of(cls, mark: Floats) -> Moments:
+        """Return those of an observable of a `RecurrenceResult`; their deviation is unknown."""
+        moments = cls()
+        moments.count, moments.total = int(mark[NUMBER]), float(mark[TOTAL])
+        moments.low, moments.high = float(mark[LOW]), float(mark[HIGH])
+        moments._squares = math.nan
+        return moments
+
+    @property
+    def mean(self) -> float:
+        """Mean value; NaN without values."""
+        return ratio(self.total, self.count)
+
+    def add(self, values: Floats) -> None:
+        """Add the next chunk of values."""
+        if values.size == 0:
+            return
+        # Update of Chan, Golub and LeVeque: sums of squares would lose the deviations of nearly
+        # equal values.
+        mean = float(values.mean())
+        self._squares += float(((values - mean) ** 2).sum())
+        if self.count:
+            apart = mean - self.mean
+            whole = self.count + values.size
+            self._squares += apart * apart * self.count * values.size / whole
+        self.count += values.size
+        self.total += float(values.sum())
+        self.low = min(self.low, float(values.min()))
+        self.high = max(self.high, float(values.max()))
+
+    def deviation(self) -> float:
+        """Return the population standard deviation; NaN without values."""
+        return math.sqrt(self._squares / self.count) if self.count else math.nan
+
+    def reduced(self, reduction: str, periods: float) -> float:
+        """Return the sum per period, the mean, or the smallest or largest value.
+
+        Without values the sum is zero, and the others are NaN.
+        """
+        if self.count == 0:
+            return 0.0 if reduction == "sum" else math.nan
+        match reduction:
+            case "sum":
+                return ratio(self.total, periods)
+            case "mean":
+                return self.mean
+            case "min":
+                return self.low
+        return self.high
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionTotals:
+    """Totals of a motion over a window.
+
+    Attributes
+    ----------
+    duration : float
+        Length of the window.
+    periods : float
+        The same in forcing periods; for an autonomous system in its unit of time.
+    counts : array, shape (m,)
+        Transitions by guard.
+    chatter : int
+        Completed chatter sequences.
+    durations : float array, shape (modes,)
+        Time in each mode.
+    gains : mapping of str to float
+        Changes of observables of the state.
+    moments : mapping of str to Moments
+        Values of observables at events.
+    """
+
+    duration: float
+    periods: float
+    counts: NDArray[Any]
+    chatter: int
+    durations: Floats
+    gains: Mapping[str, float]
+    moments: Mapping[str, Moments]
+
+    @classmethod
+    def of(cls, settled: RecurrenceResult, periods: float) -> MotionTotals:
+        """Return the totals of an attractor."""
+        return cls(
+            duration=settled.duration,
+            periods=periods,
+            counts=settled.counts,
+            chatter=settled.endings,
+            durations=settled.lasted,
+            gains=settled.gains,
+            moments={name: Moments.of(mark) for name, mark in settled.marks.items()},
+        )
+
+    def per_period(self, total: float) -> float:
+        """Return a total per period, or per unit of time of an autonomous system."""
+        return ratio(total, self.periods)
+
+    def impacts(self, guards: Sequence[Guard]) -> float:
+        """Return the number of impacts."""
+        return float(self.counts[[guard.impact for guard in guards]].sum())
+
+    def share(self, modes: Any) -> float:
+        """Return the fraction of time in one mode or several, by number or by mask."""
+        return ratio(float(self.durations[modes].sum()), self.duration)
+
+
+@dataclass(frozen=True)
+class TimeWindow:
+    """The part of a run over which statistics are computed.
+
+    Attributes
+    ----------
+    first, last : float
+        In periods; half-open: an event at its end is outside.
+    period : float
+    """
+
+    first: float
+    last: float
+    period: float
+
+    def instant(self, border: int) -> tuple[int, float]:
+        """Return the start (0) or end (1) as whole periods and the time within the next one."""
+        periods = (self.first, self.last)[border]
+        whole = math.floor(periods)
+        return whole, (periods - whole) * self.period
+
+    def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
+        """Return the times since the start (0) or end (1) of the window."""
+        at_cycle, at_time = self.instant(border)
+        # Subtract whole periods as integers first, so that late instants lose no digits.
+        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
+        return result
+
+    def contains(self, events: Events) -> NDArray[np.bool_]:
+        """Return which events lie within."""
+        inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
+        return inside & (self.since(1, events.cycle, events.time) < 0.0)
+
+    def until(self, final: HybridState) -> TimeWindow:
+        """Return the part before `final`: a failed run may end within the window, or before."""
+        reached = final.cycle + final.time / self.period
+        return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)
+
+
+class StatisticsAccumulator(ABC):
+    """Accumulates statistics over the events of a run; a call takes the next chunk of them.
+
+    Its memory does not grow with the length of the run.
+
+    Parameters
+    ----------
+    window : TimeWindow
+    start : HybridState
+        The start of the run.
+    modes, guards : int
+        Number of modes, and of the guards whose events are counted: the first ones.
+    """
+
+    def __init__(self, window: TimeWindow, start: HybridState, modes: int, guards: int) -> None:
+        self._window = window
+        self._anchors = [start, start]  # starts of the arcs that contain the borders of the window
+        self._last = start  # the last event, whose mode lasts until the next one
+        self._remembered = start.remembered  # by the engine, after it
+        self._durations = np.zeros(modes)
+        self._counts = np.zeros(guards, dtype=np.int64)
+        self._chatter = 0
+
+    @abstractmethod
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    @abstractmethod
+    def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
+        """Return the statistics of a run that ended at `final`.
+
+        `borders` are the states at the start and end of the window.
+        """
+
+    def anchor(self, border: int) -> HybridState:
+        """Return the start of the arc that contains the start (0) or end (1) of the window."""
+        return self._anchors[border]
+
+    def _take(self, events: Events) -> NDArray[np.bool_]:
+        """Count the next events; return which of them lie within the window."""
+        inside = self._window.contains(events)
+        if len(events) == 0:
+            return inside
+        self._take_durations(events.cycle, events.time, events.mode_after)
+        for border in (0, 1):
+            begins = events.starts_arc
+            begins &= self._window.since(border, events.cycle, events.time) <= 0.0
+            places = np.flatnonzero(begins)
+            if places.size > 0:
+                row = int(places[-1])
+                known = events[:row].remembered(self._remembered)
+                self._anchors[border] = replace(instant_after(events, row), remembered=known)
+        self._last = instant_after(events, len(events) - 1)
+        self._remembered = events.remembered(self._remembered)
+        fired = events.guard[inside & (events.kind == workspace.TRANSITION)]
+        self._counts += np.bincount(fired, minlength=self._counts.size)[: self._counts.size]
+        self._chatter += int((inside & (events.kind == workspace.ACCUMULATION)).sum())
+        return inside
+
+    def _totals(
+        self,
+        final: HybridState,
+        period: float,
+        gains: Mapping[str, float],
+        moments: Mapping[str, Moments],
+    ) -> MotionTotals:
+        """Return the totals of a run that ended at `final`; rates are per `period` of the window.
+
+        `period` is 1, or the duration of a period in the unit of rates.
+        """
+        self._take_durations(
+            np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
+        )
+        self._last = final
+        window = self._window.until(final)
+        return MotionTotals(
+            duration=(window.last - window.first) * window.period,
+            periods=window.last * period - window.first * period,
+            counts=self._counts,
+            chatter=self._chatter,
+            durations=self._durations,
+            gains=gains,
+            moments=moments,
+        )
+
+    def _take_durations(
+        self, cycle: NDArray[np.int64], time: Floats, mode: NDArray[np.int64]
+    ) -> None:
+        cycle = np.concatenate([[self._last.cycle], cycle])
+        time = np.concatenate([[self._last.time], time])
+        during = np.concatenate([[self._last.mode], mode[:-1]]).astype(np.int64)
+        lengths = np.diff(cycle) * self._window.period + np.diff(time)
+        lengths += np.minimum(self._window.since(0, cycle, time)[:-1], 0.0)
+        lengths -= np.maximum(self._window.since(1, cycle, time)[1:], 0.0)
+        np.add.at(self._durations, during, np.maximum(lengths, 0.0))
+
+
+def instant_after(events: Events, row: int) -> HybridState:
+    """Return the instant just after an event."""
+    return HybridState(
+        int(events.cycle[row]),
+        float(events.time[row]),
+        int(events.mode_after[row]),
+        events.after[row].copy(),
+    )
