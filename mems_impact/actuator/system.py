@@ -54,12 +54,12 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
+from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.flow import weight_of
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems.base import HybridSystem

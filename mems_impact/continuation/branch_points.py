@@ -10,6 +10,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.newton import Linearised, P, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED
 
@@ -114,10 +115,12 @@ class BranchPoints(Generic[P]):
         matrix = np.zeros((size + 2, size + 2))
         matrix[:size] = bordered[:size]
         for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
-            ends = [x + KERNEL_STEP * v, x - KERNEL_STEP * v]
-            up, down = (_derivatives(self._equations.evaluate(e[:-1], e[-1:])) for e in ends)
-            matrix[size + j, :-1] = -w @ (up - down) / (2.0 * KERNEL_STEP)
+            matrix[size + j, :-1] = -w @ central_difference(partial(self._along, x, v), KERNEL_STEP)
         return point, np.concatenate([point.residual + beta * border, g]), matrix
+
+    def _along(self, x: Floats, v: Floats, step: float) -> Floats:
+        there = x + step * v
+        return _derivatives(self._equations.evaluate(there[:-1], there[-1:]))
 
 
 def _derivatives(point: Linearised) -> Floats:

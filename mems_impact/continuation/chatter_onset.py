@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.bisection import bisect
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import CHATTER_ONSET, ORBIT_LABELS, SegmentLengthTest
@@ -31,7 +32,6 @@ ONSET_DISTANCES = (
     1e-4,
     1e-3,
 )  # of the parameter, in which the onset is looked for
-ONSET_BISECTIONS = 60
 BEYOND_ONSET = (
     "beyond it the impacts do not come to rest before the contact is released, and orbits of ever "
     "more impacts accumulate here; find an orbit beyond and follow that"
@@ -80,11 +80,7 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
         beyond = next((d for d in ONSET_DISTANCES if not rests(d)), None)
         if before is None or beyond is None:
             return None
-        for _ in range(ONSET_BISECTIONS):
-            middle = 0.5 * (before + beyond)
-            if met.value + middle in (met.value + before, met.value + beyond):
-                break
-            before, beyond = (middle, beyond) if rests(middle) else (before, middle)
+        before, _ = bisect(rests, before, beyond, abs(float(np.spacing(met.value))))
         there, start = begin(before)
     except CONTINUATION_ERRORS:
         return None

@@ -36,6 +36,7 @@ from mems_impact.continuation.test_functions import (
     TestFunction,
     closest_approach,
     curve_tests,
+    multipliers_at,
     orbit_tests,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -260,7 +261,13 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
         if isinstance(self.monitor, ClosestApproachTest):
             named.append(DegenerateGrazingTest(self.monitor.kind))
-        found = {test: test.on_curve(self.condition, point) for test in named}
+        multipliers = multipliers_at(self.shooting, point)  # once for all tests that need them
+        found = {
+            test: test.of(multipliers)
+            if isinstance(test, MultiplierTest)
+            else test.on_curve(self.condition, point)
+            for test in named
+        }
         tests: Tests = {test: value for test, value in found.items() if value is not None}
         for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
             if isinstance(other, MARGIN_TESTS) and other not in self.zero:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from mems_impact.continuation.test_functions import (
     closest_approach,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -173,14 +175,12 @@ def low_velocity_contact(
     """Return the state nearest to `y` on the guard, with its margin falling at `speed`."""
     h, free = 1e-5, list(variational.free)
     margin, rate = variational.margins(mode, time, y)
-    rows = np.zeros((2, len(free)))
-    for c, i in enumerate(free):
-        shift = np.zeros(y.size)
-        shift[i] = h
-        up = variational.margins(mode, time, y + shift)
-        down = variational.margins(mode, time, y - shift)
-        rows[0, c] = (up[0][guard] - down[0][guard]) / (2.0 * h)
-        rows[1, c] = (up[1][guard] - down[1][guard]) / (2.0 * h)
+
+    def along(unit: Floats, step: float) -> Floats:
+        return np.array(variational.margins(mode, time, y + step * unit))[:, guard]
+
+    units = np.eye(y.size)[free]
+    rows = np.array([central_difference(partial(along, unit), h) for unit in units]).T
     wanted = np.array([-margin[guard], -speed - rate[guard]])
     weak = y.copy()
     weak[free] += np.linalg.lstsq(rows, wanted)[0]

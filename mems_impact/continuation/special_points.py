@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.bisection import bisect
 from mems_impact.continuation.arclength import PredictorStep, tangent
 from mems_impact.continuation.test_functions import (
     AT_ZERO,
@@ -114,13 +115,8 @@ def locate_defect(
     OrbitError
         If a point within the step cannot be corrected.
     """
-    kept, lost = 0.0, length
-    while lost - kept > max(MIN_BRACKET_RATIO, 4.0 * np.spacing(lost)):
-        middle = 0.5 * (kept + lost)
-        if defects(shooting, step.at(middle).point):
-            lost = middle
-        else:
-            kept = middle
+    bracket = max(MIN_BRACKET_RATIO, 4.0 * float(np.spacing(length)))
+    kept, lost = bisect(lambda at: not defects(shooting, step.at(at).point), 0.0, length, bracket)
     defect = defects(shooting, step.at(lost).point)[0]
     i, guards = defect.segment, shooting.automaton.guards
     monitor: TestFunction

@@ -13,6 +13,7 @@ from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.branch_points import regularity
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.periodic_orbit import reduced_monodromy
 from mems_impact.orbits.shooting import (
@@ -219,7 +220,7 @@ class NeimarkSackerCondition(DefiningSystem):
 
     def value(self, point: ShootingEvaluation) -> float:
         """Return what the product of the pair that is closest to it has beyond one."""
-        return neutral_pair(np.linalg.eigvals(reduced_monodromy(self.shooting, point)))[2]
+        return neutral_pair(multipliers_at(self.shooting, point))[2]
 
 
 class ModeChoiceCondition(DefiningSystem):
@@ -266,12 +267,12 @@ class FoldCondition(DefiningSystem):
         if self._second is None or self._second[0] is not point:
             vectors, _, rows = np.linalg.svd(point.jacobian)
             left, null = vectors[:, -1], rows[-1]
-            shift = NULL_VECTOR_STEP * null
-            up = self.shooting.evaluate(point.unknowns + shift, point.values)
-            down = self.shooting.evaluate(point.unknowns - shift, point.values)
-            by_unknown = (up.jacobian - down.jacobian) / (2.0 * NULL_VECTOR_STEP)
-            by_parameter = (up.by_parameter - down.by_parameter) / (2.0 * NULL_VECTOR_STEP)
-            self._second = point, left, null, np.hstack([by_unknown, by_parameter])
+
+            def along(step: float) -> Floats:
+                there = self.shooting.evaluate(point.unknowns + step * null, point.values)
+                return np.hstack([there.jacobian, there.by_parameter])
+
+            self._second = point, left, null, central_difference(along, NULL_VECTOR_STEP)
         return self._second[1:]
 
     def _solve(self, point: ShootingEvaluation, *, transposed: bool) -> Floats:
@@ -556,8 +557,7 @@ class MultiplierTest(TestFunction):
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
         """Return the value at an orbit of the curve."""
-        matrix = reduced_monodromy(equations, point)
-        return self.of(np.linalg.eigvals(matrix).astype(complex))
+        return self.of(multipliers_at(equations, point))
 
     def of(self, multipliers: Complexes) -> float:
         """Return the value, without the multipliers that the curve has throughout.
@@ -621,6 +621,11 @@ def curve_tests(kind: str) -> tuple[MultiplierTest | CuspTest, ...]:
     names = (PLUS, MINUS, PAIR, *(COSINES if kind == NEIMARK_SACKER else ()))
     found = tuple(MultiplierTest(kind, name) for name in names)
     return (*found, CuspTest()) if kind == FOLD else found
+
+
+def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
+    """Return the multipliers at an orbit, in no order."""
+    return np.linalg.eigvals(reduced_monodromy(shooting, point)).astype(complex)
 
 
 def neutral_pair(multipliers: Any) -> tuple[int, int, float]:

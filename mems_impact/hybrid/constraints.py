@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.hybrid.differences import weight_of
 
 __all__ = ["PROJECTION_STEPS", "elimination", "projection_source"]
 

@@ -45,9 +45,9 @@ from typing import Any
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import constraints as held
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
 from mems_impact.hybrid.pickling import portable
-from mems_impact.hybrid.variational.flow import weight_of
 
 __all__ = [
     "GENERATED",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ from scipy.sparse.csgraph import structural_rank
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.hybrid.variational.flow import weight_of
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
@@ -288,20 +289,14 @@ def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """
     columns = []
     for j in range(x.size):
-        unit = max(1.0, abs(float(x[j])))
-        estimates = [_central(function, x, j, step * unit) for step in DIFFERENCE_STEPS]
+        size, unit = max(1.0, abs(float(x[j]))), np.eye(x.size)[j]
+        along = partial(_along, function, x, unit)
+        estimates = [sixth_order_difference(along, step * size) for step in DIFFERENCE_STEPS]
         apart = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
         best = np.argmin(apart, axis=0)
         columns.append(np.choose(best, estimates[: len(apart)]))
     return np.array(columns).T.reshape(-1, x.size) if columns else np.zeros((function(x).size, 0))
 
 
-def _central(function: Callable[[Floats], Floats], x: Floats, j: int, h: float) -> Floats:
-    total: Floats = np.zeros(0)
-    for s in (1, 2, 3):
-        up, down = x.copy(), x.copy()
-        up[j] += s * h
-        down[j] -= s * h
-        term = weight_of(s) / h * (function(up) - function(down))
-        total = total + term if total.size else term
-    return total
+def _along(function: Callable[[Floats], Floats], x: Floats, unit: Floats, step: float) -> Floats:
+    return function(x + step * unit)

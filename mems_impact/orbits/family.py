@@ -14,8 +14,8 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.problem import Problem, ProblemParameters
-from mems_impact.hybrid.variational.flow import weight_of
 
 RELATIVE_STEP = 3e-3  # of the differences that give dp/dvalue and dperiod/dvalue
 
@@ -112,17 +112,14 @@ class Family(ABC):
         """
         value = self.value(name)
         h = RELATIVE_STEP * (abs(value) if value != 0.0 else 1.0)
-        p: Floats | float = 0.0
-        period = 0.0
-        switches: Floats | float = 0.0
-        for s in (1, 2, 3):
-            up = self.numbers(**{name: value + s * h})
-            down = self.numbers(**{name: value - s * h})
-            w = weight_of(s) / h
-            p = p + w * (np.asarray(up.parameters) - np.asarray(down.parameters))
-            period += w * (up.period - down.period)
-            switches = switches + w * (np.array(up.switches) - np.array(down.switches))
-        return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))
+
+        def numbers(step: float) -> Floats:
+            there = self.numbers(**{name: value + step})
+            return np.concatenate([[there.period], there.parameters, there.switches])
+
+        rates = sixth_order_difference(numbers, h)
+        count = 1 + len(self.numbers().parameters)
+        return rates[1:count], float(rates[0]), rates[count:]
 
 
 # --- Numbers of a problem at values of the active parameters.

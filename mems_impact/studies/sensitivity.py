@@ -17,9 +17,9 @@ from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.variational.derivatives import Arc, Event
-from mems_impact.hybrid.variational.flow import weight_of
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
@@ -209,7 +209,7 @@ def derivatives(
             if wanted and kind:
                 found[rows, column] = _along_solved(orbit.system, wanted, beside, size)
             elif wanted:
-                found[rows, column] = _central(
+                found[rows, column] = _derivatives(
                     orbit.system, wanted, beside.to_first_order, DERIVATIVE_STEP * size
                 )
         # A parameter that changes nothing has the derivative zero.
@@ -226,23 +226,23 @@ def _along_solved(
 ) -> Floats:
     for part in SOLVED_STEPS[:-1]:
         try:
-            return _central(system, quantities, beside.solved, part * size)
+            return _derivatives(system, quantities, beside.solved, part * size)
         except OrbitError:
             continue
-    return _central(system, quantities, beside.solved, SOLVED_STEPS[-1] * size)
+    return _derivatives(system, quantities, beside.solved, SOLVED_STEPS[-1] * size)
 
 
-def _central(
+def _derivatives(
     system: HybridSystem,
     quantities: Sequence[Quantity],
     at: Callable[[float], PeriodicOrbit],
-    h: float,
+    step: float,
 ) -> Floats:
-    total = np.zeros(len(quantities))
-    for s in (-3, -2, -1, 1, 2, 3):
-        there = orbit_of(system, at(s * h))
-        total += weight_of(s) / h * np.array([each(there) for each in quantities])
-    return total
+    def values(distance: float) -> Floats:
+        there = orbit_of(system, at(distance))
+        return np.array([each(there) for each in quantities])
+
+    return sixth_order_difference(values, step)
 
 
 def chosen_quantities(

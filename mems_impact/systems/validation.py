@@ -20,13 +20,14 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dis import get_instructions
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
+from mems_impact._util.bisection import bisect
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
 from mems_impact.hybrid.definition import Definition, named_tuple
@@ -630,7 +631,7 @@ SHORT_FLIGHT_RATIO = 1e-2  # of the time scale: ever shorter flights below it en
 CHATTER_FLIGHTS = 3  # flights
 ZERO = 1e-9  # of the change of a margin within the time scale: a smaller margin is zero
 FALLING = 1e-3  # of the rate before a transition: a larger negative rate after it is falling
-EVENT_BISECTIONS = 50
+EVENT_WIDTH = 2.0**-50  # part of a step within which an event is located
 SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
 JUMP_PROBES = 4  # points at which a jump is sought
 
@@ -816,15 +817,12 @@ class DryRun:
             y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in parts]
             return EvaluationPoint(at.mode, at.t + part * h, y)
 
+        def above(i: int, part: float) -> bool:
+            return self.tried.margin(i, between(part)) > 0.0
+
         found = []
         for i in fallen:
-            low, high = 0.0, 1.0
-            for _ in range(EVENT_BISECTIONS):
-                middle = 0.5 * (low + high)
-                if self.tried.margin(i, between(middle)) > 0.0:
-                    low = middle
-                else:
-                    high = middle
+            low, _ = bisect(partial(above, i), 0.0, 1.0, EVENT_WIDTH)
             found.append((low, self.guards[i].order or 0, i))
         part, _, i = min(found)
         return i, between(part)

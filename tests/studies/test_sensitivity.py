@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.hybrid.differences import weight_of
 from tests.analysis.oscillators import belt, belt_period, thermostat
 from tests.analysis.systems import oscillator
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
@@ -256,14 +257,14 @@ def locate_crisis(
             bottom = trial
             break
         top, states, step = trial, found, 2.0 * step
-    while top - bottom > tolerance * below:
-        trial = 0.5 * (top + bottom)
-        found = attractor(trial, states)
-        if found:
-            top, states = trial, found
-        else:
-            bottom = trial
-    return top
+
+    def persists(amplitude: float) -> bool:
+        nonlocal states
+        found = attractor(amplitude, states)
+        states = found or states
+        return bool(found)
+
+    return bisect(persists, top, bottom, tolerance * below)[0]
 
 
 # --- Thresholds of slip and impacts at single frequencies.

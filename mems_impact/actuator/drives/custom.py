@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.pickling import portable, same_function
 
 __all__ = ["Custom"]
@@ -150,8 +151,7 @@ class Custom(Drive):
                 f"the square of the voltage at t = {at:.6g} differs from its value a period later"
             )
             raise InvalidParameter("period", self.period, "", problem=problem)
-        slopes = self._probed("function", probes + h) - self._probed("function", probes - h)
-        slopes /= 2.0 * h
+        slopes = central_difference(lambda step: self._probed("function", probes + step), h)
         scale = max(float(np.max(np.abs(slopes), initial=0.0)), largest / self.period)
         wrong = ~(np.abs(slopes - rates) <= 1e-3 * scale)
         if wrong.any():
