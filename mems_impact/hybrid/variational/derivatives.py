@@ -13,12 +13,12 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, create_engine
-from mems_impact.hybrid.variational.flow import extended_flow
+from mems_impact.hybrid.variational.flow import extended_flow, with_columns
 from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
-    WORK_ROWS,
     SegmentBatch,
     propagate_segments,
+    variational_workspace,
 )
 
 
@@ -102,29 +102,14 @@ class Variational:
         self.k = directions.shape[0]
         self._block = np.concatenate([p, directions.ravel()])
         self._size = self.n * (1 + len(self.free) + self.k)
-        extended = Automaton(
-            states=tuple(f"y{i}" for i in range(self._size)),
-            modes=automaton.modes,
-            guards=automaton.guards,
-            flow=extended_flow(
-                automaton.flow, self.n, len(self.free), self.k, p.size, automaton.step
-            ),
-            margins=automaton.margins,
-            transition=automaton.transition,
-            step=automaton.step,
-            bounds=automaton.bounds,
+        extended = extended_flow(
+            automaton.flow, self.n, len(self.free), self.k, p.size, automaton.step
         )
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
-        self._problem = Problem(
-            automaton=extended,
-            parameters=np.concatenate([self._block, scratch]),
-            period=problem.period,
-            options=problem.options,
-            time_scale=problem.time_scale,
-        )
+        parameters = np.concatenate([self._block, scratch])
+        self._problem = with_columns(problem, extended, parameters, self._size)
         self._bound = create_engine(self._problem)
-        self._work = np.zeros((WORK_ROWS, max(self._size, 2 * self.m + self.n, p.size)))
-        self._constrained = constraints(automaton)
+        self._variational = variational_workspace(problem, self.k, self._size)
         # A state and its columns where an arc begins.
         self._begin = np.zeros(self._size)
         for c, i in enumerate(self.free):
@@ -176,32 +161,22 @@ class Variational:
         OrbitError
             If the engine fails or the budget of steps is spent.
         """
-        count, n, m, k, size = len(segments), self.n, self.m, self.k, self._size
+        count, n, m, k = len(segments), self.n, self.m, self.k
         codes = np.zeros((count, 3), dtype=np.int64)
         codes[:, :2] = segments
         moving = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
         y = np.tile(self._begin, (count, 1))
         y[:, :n] = states
+        into = self._variational.with_rows(count)
         way = SegmentBatch(
-            n=n,
-            m=m,
-            parameters=self._block.size // (1 + k),
-            directions=k,
-            max_steps=self._problem.options.max_steps,
-            width=self._problem.automaton.step,
-            constrained=self._constrained,
+            variational=into,
             segments=codes,
             times=times,
             motions=moving,
             states=y,
             slopes=np.zeros((count, 2, n)),
-            minima=np.zeros((count, 2, m)),
-            touches=np.zeros((count, m, size)),
             margins=np.zeros((count, 2, 2 * m)),
-            margin=np.zeros((count, 2 * m, n + 2 + k)),
-            jump=np.zeros((count, n, n + 2 + k)),
             after=np.zeros((count, n)),
-            work=self._work,
         )
         try:
             failed = self._bound.call(propagate_segments, self._block, way)
@@ -215,30 +190,30 @@ class Variational:
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT
         way.after[none] = y[none, :n]
-        way.margin[none], way.jump[none] = 0.0, 0.0
-        way.jump[none, :, 1 : n + 1] = np.eye(n)
+        into.margin[none], into.jump[none] = 0.0, 0.0
+        into.jump[none, :, 1 : n + 1] = np.eye(n)
         arcs = Arc(
             end=columns[:, 0],
             by_state=columns[:, 1:free].transpose(0, 2, 1),
             by_parameter=columns[:, free:].transpose(0, 2, 1),
             slope_start=way.slopes[:, 0],
             slope_end=way.slopes[:, 1],
-            minima=way.minima[:, 0],
-            minima_time=way.minima[:, 1],
-            touches=way.touches.reshape(count, m, -1, n),
+            minima=into.minima[:, 0],
+            minima_time=into.minima[:, 1],
+            touches=into.touches.reshape(count, m, -1, n),
             margins=way.margins[:, :, :m],
             rates=way.margins[:, :, m:],
         )
         events = Event(
             after=way.after,
-            margins=way.margin[:, :m, 0],
-            rates=way.margin[:, m:, 0],
-            margin_by_state=way.margin[:, :, 1 : n + 1],
-            margin_by_time=way.margin[:, :, n + 1],
-            margin_by_parameter=way.margin[:, :, n + 2 :],
-            jump_by_state=way.jump[:, :, 1 : n + 1],
-            jump_by_time=way.jump[:, :, n + 1],
-            jump_by_parameter=way.jump[:, :, n + 2 :],
+            margins=into.margin[:, :m, 0],
+            rates=into.margin[:, m:, 0],
+            margin_by_state=into.margin[:, :, 1 : n + 1],
+            margin_by_time=into.margin[:, :, n + 1],
+            margin_by_parameter=into.margin[:, :, n + 2 :],
+            jump_by_state=into.jump[:, :, 1 : n + 1],
+            jump_by_time=into.jump[:, :, n + 1],
+            jump_by_parameter=into.jump[:, :, n + 2 :],
             mode=codes[:, 2].tolist(),
         )
         return arcs, events
@@ -271,11 +246,6 @@ class Variational:
     ) -> tuple[Arc, Event]:
         segments = np.array([[mode, code]], dtype=np.int64)
         return self.traverse(segments, np.asarray(y)[None], np.array([times]), motions)
-
-
-def constraints(automaton: Automaton) -> NDArray[np.int64]:
-    """Return for each mode whether its states lie on a manifold: 1, or 0."""
-    return np.array([int(i in automaton.constrained) for i in range(len(automaton.modes))])
 
 
 def free_components(automaton: Automaton) -> tuple[int, ...]:

@@ -18,11 +18,34 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from mems_impact._util.arrays import Floats
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.differences import weight_of
+from mems_impact.hybrid.problem import Problem
 
-def weight_of(s: int) -> float:
-    """Return the weight of the value at `s` steps in a central difference of sixth order."""
-    weight = 45.0 if abs(s) == 1 else (-9.0 if abs(s) == 2 else 1.0)
-    return weight / 60.0 if s > 0 else -weight / 60.0
+
+def with_columns(
+    problem: Problem, flow: Callable[..., Any], parameters: Floats, size: int
+) -> Problem:
+    """Return the problem of `size` components, state and columns, with their flow."""
+    automaton = problem.automaton
+    extended = Automaton(
+        states=tuple(f"y{i}" for i in range(size)),
+        modes=automaton.modes,
+        guards=automaton.guards,
+        flow=flow,
+        margins=automaton.margins,
+        transition=automaton.transition,
+        step=automaton.step,
+        bounds=automaton.bounds,
+    )
+    return Problem(
+        automaton=extended,
+        parameters=parameters,
+        period=problem.period,
+        options=problem.options,
+        time_scale=problem.time_scale,
+    )
 
 
 @cache

@@ -18,22 +18,21 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
-from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import LoopMemory, Problem, create_engine
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.derivatives import constraints, free_components
-from mems_impact.hybrid.variational.flow import stretched_flow
+from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.hybrid.variational.flow import stretched_flow, with_columns
 from mems_impact.hybrid.variational.saltation import (
     STRETCHING,
-    WORK_ROWS,
     PerturbationState,
     PropagationProblem,
     constrain,
     flow_at,
     orthonormalize,
     stretch,
+    variational_workspace,
 )
 
 CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
@@ -86,19 +85,10 @@ class LyapunovIntegrator:
         uneven: bool = False,
     ) -> None:
         automaton, options = problem.automaton, problem.options
-        n, m = len(automaton.states), len(automaton.guards)
+        n = len(automaton.states)
         p = np.asarray(problem.parameters, dtype=float)
         size = n * (1 + count)
-        extended = Automaton(
-            states=tuple(f"y{i}" for i in range(size)),
-            modes=automaton.modes,
-            guards=automaton.guards,
-            flow=stretched_flow(automaton.flow, n, count, p.size, automaton.step),
-            margins=automaton.margins,
-            transition=automaton.transition,
-            step=automaton.step,
-            bounds=automaton.bounds,
-        )
+        extended = stretched_flow(automaton.flow, n, count, p.size, automaton.step)
         self.problem, self.final, self.chunk, self.uneven = problem, start, chunk, uneven
         self.grown: list[Floats] = []
         self.lengths: list[float] = []
@@ -121,36 +111,19 @@ class LyapunovIntegrator:
         numbers = {"plain": own.handle_address, "advance": places.get("advance", 0)}
         self._work = own.record(STRETCHING, {}, numbers)
         self._bound = create_engine(
-            Problem(
-                automaton=extended,
-                parameters=np.concatenate([p, np.zeros(2 * n)]),
-                period=problem.period,
-                options=options,
-                time_scale=problem.time_scale,
-            )
+            with_columns(problem, extended, np.concatenate([p, np.zeros(2 * n)]), size)
         )
         scale = problem.time_scale or problem.period
         self._setup = PropagationProblem(
-            n=n,
-            m=m,
+            variational=variational_workspace(problem, 0, size),
             k=count,
-            parameters=p.size,
-            directions=0,
-            max_steps=options.max_steps,
             period=problem.period,
             scale=scale,
-            width=automaton.step,
             rtol=options.rtol,
             atol=options.atol,
             cyclic=np.array([int(i in automaton.cyclic) for i in range(n)]),
             records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
-            constrained=constraints(automaton),
             switches=np.array(problem.switches, dtype=float),
-            minima=np.zeros((1, 2, m)),
-            touches=np.zeros((1, m, size)),
-            margin=np.zeros((1, 2 * m, n + 2)),
-            jump=np.zeros((1, n, n + 2)),
-            work=np.zeros((WORK_ROWS + 3, max(size, 2 * m + n, p.size))),
         )
         y = np.zeros(size)
         free = list(free_components(automaton))
@@ -277,7 +250,7 @@ class LyapunovIntegrator:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
         at, dy = self._at, np.zeros_like(self._at.y)
         self._bound.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
-        return dy.reshape(-1, self._setup.n)
+        return dy.reshape(-1, self._setup.variational.n)
 
     def _begin(self, loose: NDArray[np.bool_]) -> None:
         """Put the columns somewhere in general, but for what the mode of the start holds fixed.
@@ -285,7 +258,7 @@ class LyapunovIntegrator:
         What no flow changes may be held by a constraint, as the velocity of a stuck frame is, or be
         `loose`: changed by events, as that of a body without forces between its impacts.
         """
-        at, n, k = self._at, self._setup.n, self._setup.k
+        at, n, k = self._at, self._setup.variational.n, self._setup.k
         columns = at.y[n:].reshape(k, n)
         at.alive[:] = 1
         for c in range(k):

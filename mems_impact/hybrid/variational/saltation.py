@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.event_loop.event_detection import (
     FADING,
@@ -50,7 +51,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     table_row,
     whole_periods,
 )
-from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.hybrid.problem import Problem
 from mems_impact.integrators import interface
 
 # --- The way of an orbit through its segments, written over the engine's contract, for both
@@ -58,14 +59,14 @@ from mems_impact.integrators import interface
 
 FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
 NO_EVENT = -1  # as the code of what ends a segment
-WORK_ROWS = 8  # rows of `work`
+WORK_ROWS = 11  # rows of `work`
 # Sixth differences of a smooth function are below this part of what it changes by. Where they are
 # not, steps are taken finer by this factor, up to so many times.
 ROUGH, FINER, REFINED = 1e-3, 0.125, 3
 
 
-class SegmentBatch(NamedTuple):
-    """N segments, and what is written of them. Arrays have a row for each segment.
+class VariationalWorkspace(NamedTuple):
+    """Sizes, constants and arrays of arcs and events with derivatives. N is 1 along a run.
 
     Attributes
     ----------
@@ -76,6 +77,68 @@ class SegmentBatch(NamedTuple):
         Step of the differences.
     constrained : int array, shape (modes,)
         1 for a mode whose states lie on a manifold.
+    minima : float array, shape (N, 2, m)
+        Gets the smallest value that each margin has at a closest approach inside the arc (inf if it
+        has none), and when. Of approaches between which an engine sees no change of the rate's
+        sign, only those are told that come near zero or below it.
+    touches : float array, shape (N, m, n (1 + columns))
+        Gets state and columns there.
+    margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
+        Get margins and rates before the event, and the state after it, with their derivatives: the
+        value, then by each component of the state, by time, by each direction.
+    work : float array, shape (WORK_ROWS, 2 m + n or more)
+    """
+
+    n: int
+    m: int
+    parameters: int
+    directions: int
+    max_steps: int
+    width: float
+    constrained: Any
+    minima: Any
+    touches: Any
+    margin: Any
+    jump: Any
+    work: Any
+
+    def with_rows(self, count: int) -> VariationalWorkspace:
+        """Return the workspace with new arrays for N = `count`."""
+        return self._replace(
+            minima=np.zeros((count, *self.minima.shape[1:])),
+            touches=np.zeros((count, *self.touches.shape[1:])),
+            margin=np.zeros((count, *self.margin.shape[1:])),
+            jump=np.zeros((count, *self.jump.shape[1:])),
+        )
+
+
+def variational_workspace(problem: Problem, directions: int, size: int) -> VariationalWorkspace:
+    """Return a workspace for one segment, with `size` components of state and columns."""
+    automaton = problem.automaton
+    n, m, parameters = len(automaton.states), len(automaton.guards), len(problem.parameters)
+    modes = range(len(automaton.modes))
+    return VariationalWorkspace(
+        n=n,
+        m=m,
+        parameters=parameters,
+        directions=directions,
+        max_steps=problem.options.max_steps,
+        width=automaton.step,
+        constrained=np.array([int(mode in automaton.constrained) for mode in modes]),
+        minima=np.zeros((1, 2, m)),
+        touches=np.zeros((1, m, size)),
+        margin=np.zeros((1, 2 * m, n + 2 + directions)),
+        jump=np.zeros((1, n, n + 2 + directions)),
+        work=np.zeros((WORK_ROWS, max(size, 2 * m + n, parameters))),
+    )
+
+
+class SegmentBatch(NamedTuple):
+    """N segments, and what is written of them. Arrays have a row for each segment.
+
+    Attributes
+    ----------
+    variational : VariationalWorkspace
     segments : int array, shape (N, 3)
         Mode and code of what ends the segment (or NO_EVENT); gets the mode that this leads to.
     times : float array, shape (N, 4)
@@ -87,41 +150,20 @@ class SegmentBatch(NamedTuple):
         State and columns at the start; gets those at the end.
     slopes : float array, shape (N, 2, n)
         Gets the flow at start and end.
-    minima : float array, shape (N, 2, m)
-        Gets the smallest value that each margin has at a closest approach inside the arc (inf if it
-        has none), and when. Of approaches between which an engine sees no change of the rate's
-        sign, only those are told that come near zero or below it.
-    touches : float array, shape (N, m, n (1 + columns))
-        Gets state and columns there.
     margins : float array, shape (N, 2, 2 m)
         Gets margins and rates at start and end.
-    margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
-        Get margins and rates before the event, and the state after it, with their derivatives: the
-        value, then by each component of the state, by time, by each direction.
     after : float array, shape (N, n)
         Gets the state after the event.
-    work : float array, shape (SCRATCH, 2 m + n or more)
     """
 
-    n: int
-    m: int
-    parameters: int
-    directions: int
-    max_steps: int
-    width: float
-    constrained: Any
+    variational: VariationalWorkspace
     segments: Any
     times: Any
     motions: Any
     states: Any
     slopes: Any
-    minima: Any
-    touches: Any
     margins: Any
-    margin: Any
-    jump: Any
     after: Any
-    work: Any
 
 
 def propagate_segments(engine: Any, block: Any, way: Any) -> int:
@@ -140,9 +182,10 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
     int
         Number of the segment that cannot be integrated, or -1.
     """
-    n, directions = way.n, way.directions
+    into = way.variational
+    n, directions = into.n, into.directions
     free = way.states.shape[1] // n - 1 - directions
-    slope = way.work[5]
+    slope = into.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
     for i in range(way.segments.shape[0]):
@@ -151,8 +194,8 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
         y, motions = way.states[i], way.motions[i]
         for j in range(2 * directions):
             interface.set_parameter(engine, block.size + j, motions[j])
-        if way.constrained[mode] == 1:
-            project(engine, mode, start, y, way, i)
+        if into.constrained[mode] == 1:
+            project(engine, mode, start, y, into, i)
         interface.margins(engine, mode, start, y, way.margins[i, 0])
         interface.flow(engine, mode, start, y, slope)
         for c in range(n):
@@ -161,7 +204,7 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
             moved = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
                 y[n * (1 + free + j) + c] += slope[c] * moved
-        if not integrate(engine, mode, y, start, end, way, i, watched=True):
+        if not integrate(engine, mode, y, start, end, into, i, watched=True):
             return i
         # From the left, where a drive that switches at the end has not done so yet.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
@@ -173,7 +216,7 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
                 y[n * (1 + free + j) + c] -= slope[c] * moved
         interface.margins(engine, mode, way.times[i, 3], y, way.margins[i, 1])
         if code != NO_EVENT:
-            differentiate_event(engine, mode, code, end, y, way.times[i, 2], way, i)
+            differentiate_event(engine, mode, code, end, y, way.times[i, 2], into, i)
             for c in range(n):
                 way.after[i, c] = y[c]
             way.segments[i, 2] = interface.transition(engine, mode, code, end, way.after[i])
@@ -206,7 +249,7 @@ def integrate(
     """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well.
 
     If `watched`, closest approaches are written into the row `place` of the arrays of `into`, as of
-    a `SegmentBatch`.
+    a `VariationalWorkspace`.
     """
     m = into.m
     for i in range(m):
@@ -384,7 +427,7 @@ def differentiate_event(
 ) -> None:
     """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
 
-    Into the row `place` of margin and jump of `into`, as of a `SegmentBatch`. Differences in time
+    Into the row `place` of margin and jump of `into`, a `VariationalWorkspace`. Differences in time
     stay within `room` of `t`. The engine's parameters are moved and put back.
     """
     n, m, count, directions = into.n, into.m, into.parameters, into.directions
@@ -514,51 +557,37 @@ class PerturbationState(NamedTuple):
 
 
 class PropagationProblem(NamedTuple):
-    """What of a problem is asked on the way, and scratch.
+    """What of a problem is asked on the way.
 
     Attributes
     ----------
-    n, m, k, parameters, directions, max_steps : int
-        States, guards, columns, parameters; directions in their space, none; steps that an arc may
-        take.
-    period, scale, width, rtol, atol : float
-        `scale` is the problem's time scale, `width` the step of differences.
+    variational : VariationalWorkspace
+    k : int
+        Columns.
+    period, scale, rtol, atol : float
+        `scale` is the problem's time scale.
     cyclic : int array, shape (n,)
         1 for a component that is cyclic.
     records : int array, shape (m,)
         1 for a guard that only records.
-    constrained : int array, shape (modes,)
-        1 for a mode whose states lie on a manifold.
     switches : float array, shape (s,)
-    minima, touches, margin, jump, work
-        As of a `SegmentBatch` of one segment.
     """
 
-    n: int
-    m: int
+    variational: VariationalWorkspace
     k: int
-    parameters: int
-    directions: int
-    max_steps: int
     period: float
     scale: float
-    width: float
     rtol: float
     atol: float
     cyclic: Any
     records: Any
-    constrained: Any
     switches: Any
-    minima: Any
-    touches: Any
-    margin: Any
-    jump: Any
-    work: Any
 
 
 def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
     """Carry the columns up to an event, and through it; return whether that went well."""
-    n, kind, guard = setup.n, int(event[KIND]), int(event[GUARD])
+    into = setup.variational
+    n, kind, guard = into.n, int(event[KIND]), int(event[GUARD])
     passes = kind == TRANSITION and setup.records[guard] == 1
     if passes or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
         return True
@@ -591,14 +620,16 @@ def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
 
 def load_state(numbers: Any, first: int, at: Any, setup: Any) -> None:
     """Put the state to `numbers` from `first` on, but for what its cyclic components gathered."""
-    for j in range(setup.n):
+    into = setup.variational
+    for j in range(into.n):
         at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]
 
 
 def is_at(event: Any, at: Any, setup: Any) -> bool:
     """Return whether the columns stand at the state before an event: it completes a sequence."""
+    into = setup.variational
     same = True
-    for j in range(setup.n):
+    for j in range(into.n):
         same = same and (setup.cyclic[j] == 1 or at.y[j] == event[HEAD + j])
     return same
 
@@ -613,6 +644,7 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
 
     They are made orthonormal on the way and at the end. An instant that has come is left as it is.
     """
+    into = setup.variational
     if ahead_of(at, cycle, time, setup) <= 0.0:
         return True
     while True:
@@ -625,9 +657,7 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
         if parts <= 1:
             end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
-        went = end <= at.t[0] or integrate(
-            engine, mode, at.y, at.t[0], end, setup, 0, watched=False
-        )
+        went = end <= at.t[0] or integrate(engine, mode, at.y, at.t[0], end, into, 0, watched=False)
         if not went:
             return False
         whole = 2.0 * (end - at.t[0]) >= at.length[0]  # of a short part nothing is learnt
@@ -646,8 +676,9 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
 
 def constrain(engine: Any, at: Any, setup: Any) -> None:
     """Take from the columns what leads off the manifold on which the mode's states lie."""
-    if setup.constrained[at.place[1]] == 1:
-        project(engine, at.place[1], at.t[0], at.y, setup, 0)
+    into = setup.variational
+    if into.constrained[at.place[1]] == 1:
+        project(engine, at.place[1], at.t[0], at.y, into, 0)
 
 
 def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
@@ -657,27 +688,28 @@ def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
     drive it does not; nor at a guard that a transition of this instant has put beyond its zero:
     that one fires when that transition comes.
     """
-    n, m, k = setup.n, setup.m, setup.k
+    into = setup.variational
+    n, m, k = into.n, into.m, setup.k
     guard, switch = int(event[GUARD]), int(event[KIND]) == SWITCH
     mode, t = int(event[MODE_BEFORE]), at.t[0]
-    before, after = setup.work[8], setup.work[9]
+    before, after = into.work[8], into.work[9]
     # From the left, where a drive that switches now has not done so yet.
     interface.flow(engine, mode, t - 1e-15 * abs(t), at.y, before)
     differentiate(engine, mode, 2 * m if switch else guard, at, setup)
     rate, beyond = 0.0, True
     if not switch:
         size = gain = 0.0
-        rate = setup.margin[0, guard, n + 1]
+        rate = into.margin[0, guard, n + 1]
         for j in range(n):
-            slope = setup.margin[0, guard, 1 + j]
+            slope = into.margin[0, guard, 1 + j]
             rate += slope * before[j]
             gain += abs(slope)
             size += abs(slope * at.y[j])
         error = setup.rtol * size + setup.atol * gain
         far = TOLERANCES * error + 1e-6 * abs(rate) * setup.scale
-        beyond = setup.margin[0, guard, 0] < -far
+        beyond = into.margin[0, guard, 0] < -far
         rate = math.copysign(max(abs(rate), SLOWEST), rate)
-    state = setup.work[10]
+    state = into.work[10]
     for j in range(n):
         state[j] = at.y[j]
         at.y[j] = event[HEAD + n + j]
@@ -685,15 +717,15 @@ def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
     for j in range(n):
         at.y[j] = state[j]
     for i in range(n):
-        acts = abs(setup.jump[0, i, n + 1] + before[i] - after[i])
+        acts = abs(into.jump[0, i, n + 1] + before[i] - after[i])
         for j in range(n):
-            acts = max(acts, abs(setup.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
+            acts = max(acts, abs(into.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
         at.changed[i] |= int(acts > ACTS)
     for c in range(k):
         if not beyond:
             at.shifts[c] = 0.0
             for j in range(n):
-                at.shifts[c] += setup.margin[0, guard, 1 + j] * at.y[n * (1 + c) + j] / rate
+                at.shifts[c] += into.margin[0, guard, 1 + j] * at.y[n * (1 + c) + j] / rate
         update_column(c, before, after, at, setup)
 
 
@@ -704,25 +736,26 @@ def apply_rest_saltation(engine: Any, guard: int, at: Any, setup: Any) -> None:
     follow each other close it, and move the bodies by their masses, as they change velocities. The
     flights that are left out are so low that the instant at which it is taken does not matter.
     """
-    n, mode = setup.n, at.place[1]
-    none, after, closing = setup.work[8], setup.work[9], setup.work[5]
+    into = setup.variational
+    n, mode = into.n, at.place[1]
+    none, after, closing = into.work[8], into.work[9], into.work[5]
     for j in range(n):
         none[j] = after[j] = 0.0
-    differentiate(engine, mode, setup.m + guard, at, setup)
+    differentiate(engine, mode, into.m + guard, at, setup)
     contact_response(engine, mode, guard, closing, at, setup)
     closed = 0.0
     for j in range(n):
-        closed += setup.margin[0, guard, 1 + j] * closing[j]
+        closed += into.margin[0, guard, 1 + j] * closing[j]
     for c in range(setup.k):
         at.shifts[c] = 0.0
         column = n * (1 + c)
         gap = 0.0
         for j in range(n):
-            gap += setup.margin[0, guard, 1 + j] * at.y[column + j]
+            gap += into.margin[0, guard, 1 + j] * at.y[column + j]
         for j in range(n):
             at.y[column + j] -= gap / closed * closing[j] if closed != 0.0 else 0.0
         update_column(c, none, after, at, setup)
-    at.place[1] = interface.transition(engine, mode, setup.m + guard, at.t[0], at.y)
+    at.place[1] = interface.transition(engine, mode, into.m + guard, at.t[0], at.y)
 
 
 def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, setup: Any) -> None:
@@ -731,14 +764,15 @@ def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, se
     The impulse is what the impact makes of a state of another closing speed: the derivative of the
     transition along the gradient of the rate. MARGIN and JUMP are those of the contact.
     """
-    n, rate = setup.n, setup.m + guard
-    x, behind = setup.work[0], setup.work[6]
+    into = setup.variational
+    n, rate = into.n, into.m + guard
+    x, behind = into.work[0], into.work[6]
     for i in range(n):
-        moved[i] = -setup.margin[0, rate, 1 + i]
+        moved[i] = -into.margin[0, rate, 1 + i]
         for j in range(n):
-            moved[i] += setup.jump[0, i, 1 + j] * setup.margin[0, rate, 1 + j]
+            moved[i] += into.jump[0, i, 1 + j] * into.margin[0, rate, 1 + j]
     length = length_of(moved, 0, n)
-    h = setup.width / length if length > 0.0 else 0.0
+    h = into.width / length if length > 0.0 else 0.0
     for i in range(n, at.y.size):
         x[i] = 0.0  # no columns
     for i in range(n):
@@ -753,11 +787,12 @@ def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, se
 
 def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> None:
     """Differentiate margins and the transition `code` here and now, into MARGIN and JUMP."""
+    into = setup.variational
     t, room = at.t[0], math.inf
     for i in range(setup.switches.size):
         since = abs(t - setup.switches[i]) % setup.period
         room = max(min(room, since, setup.period - since), NEAREST)
-    differentiate_event(engine, mode, code, t, at.y, room, setup, 0)
+    differentiate_event(engine, mode, code, t, at.y, room, into, 0)
 
 
 def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
@@ -766,20 +801,21 @@ def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
     For a motion that comes to it sooner by its shift, the flow after it acts for so much longer and
     the flow before it for so much less.
     """
-    n, column, shift = setup.n, setup.n * (1 + c), at.shifts[c]
-    result = setup.work[10]
+    into = setup.variational
+    n, column, shift = into.n, into.n * (1 + c), at.shifts[c]
+    result = into.work[10]
     length = most = 0.0
     for i in range(n):
         most = max(most, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
-        kick = after[i] - setup.jump[0, i, n + 1]
-        parts = abs(after[i]) + abs(setup.jump[0, i, n + 1])
+        kick = after[i] - into.jump[0, i, n + 1]
+        parts = abs(after[i]) + abs(into.jump[0, i, n + 1])
         for j in range(n):
-            kick -= setup.jump[0, i, 1 + j] * before[j]
-            parts += abs(setup.jump[0, i, 1 + j] * before[j])
+            kick -= into.jump[0, i, 1 + j] * before[j]
+            parts += abs(into.jump[0, i, 1 + j] * before[j])
         result[i] = kick * shift if shift != 0.0 else 0.0
         parts = parts * abs(shift) if shift != 0.0 else 0.0
         for j in range(n):
-            moved = setup.jump[0, i, 1 + j] * at.y[column + j]
+            moved = into.jump[0, i, 1 + j] * at.y[column + j]
             result[i] += moved
             parts += abs(moved)
         if setup.cyclic[i] == 0:
@@ -798,7 +834,8 @@ def orthonormalize(nothing: float, at: Any, setup: Any) -> float:
     the column of which least was. One of which no more than the part `nothing` was is zero from
     then on.
     """
-    n, least = setup.n, 1.0
+    into = setup.variational
+    n, least = into.n, 1.0
     for c in range(setup.k):
         column = n * (1 + c)
         for i in range(n):
