@@ -24,8 +24,8 @@ X1, V1, X2, V2 = 0, 1, 2, 3
 STATES = ("x1", "v1", "x2", "v2")
 
 RIGHT_IMPACT, LEFT_IMPACT, RELEASE, SLIP_END, BREAK_AWAY = 0, 1, 2, 3, 4
-# Impacts first: they change the velocities on which all the others hang. Release before the end of
-# a slip, since what the load on the frame is depends on whether the block is held.
+# Order of simultaneous events: impacts first, since they change the velocities that the other
+# margins depend on; release before slip end, since it changes the load on the frame.
 GUARDS = (
     Guard(name="right impact", order=0, impact=True),
     Guard(name="left impact", order=1, impact=True),
@@ -67,7 +67,7 @@ def friction_towards(speed: float) -> int:
 
 
 def free_mode(load: float, v1: float, p: Any) -> int:
-    """Return the mode of a free block: the frame slips on, or Equation (4) holds it or not."""
+    """Return the mode with a free block; a frame at rest sticks or slips by Equation (4)."""
     if v1 != 0.0:
         return mode_of(friction_towards(v1), FREE)
     if abs(load) <= eq.static_limit(p):
@@ -76,10 +76,10 @@ def free_mode(load: float, v1: float, p: Any) -> int:
 
 
 def mode_under(y: Any, pull: float, p: Any) -> int:
-    """Return the mode that the state `y` is in where the electrodes pull with the force `pull`.
+    """Return the mode of the state `y` under the force `pull` of the electrodes.
 
-    By Equation (4) and the contact force: a block at rest on a stopper stays there if it presses
-    against it; a frame at rest stays there if the load on it is within static friction.
+    A block at rest on a stopper stays in contact if the contact force is positive. A frame at rest
+    sticks if the load on it is within static friction, Equation (4).
     """
     friction = friction_towards(y[V1])
     direction = direction_of(friction)
@@ -104,11 +104,11 @@ class Pull(NamedTuple):
     Attributes
     ----------
     force : callable
-        ``force(t, x2, p)``
+        ``force(t, x2, p)``.
     with_rate : callable
-        ``with_rate(t, x2, v2, p)``: the force and its time derivative.
+        ``with_rate(t, x2, v2, p)``, the force and its time derivative.
     slope : callable
-        ``slope(t, x2, p)``: its derivative by x2.
+        ``slope(t, x2, p)``, its derivative by x2.
     """
 
     force: Callable[..., float]
@@ -134,7 +134,7 @@ def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float])
 
 
 def two_sided(right: Pull, left: Pull) -> Pull:
-    """Return the pull of both electrodes; `left` is that of the left one in its mirror image."""
+    """Return the pull of both electrodes; `left` is that of the mirror image of the left one."""
     force_right, with_rate_right, slope_right = right
     force_left, with_rate_left, slope_left = left
 
@@ -170,7 +170,7 @@ def actuator_automaton(
     left, left_rate : callable, optional
         Those at the left electrode; none by default.
     bounds : bool, optional
-        Whether compiled functions are kept within their arrays; those of users must be.
+        Whether compiled functions check array bounds, as functions of users require.
     """
     pulls = one_sided(voltage, voltage_rate)
     if left is not None and left_rate is not None:
@@ -242,15 +242,15 @@ def actuator_automaton(
         if code in (RIGHT_IMPACT, LEFT_IMPACT):
             impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
         elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
-            # An accumulated sequence of impacts is one without rebound.
+            # A complete chatter sequence ends like an impact without rebound.
             impact(1 if code == COUNT + RIGHT_IMPACT else -1, 0.0, y, p)
         elif code == RELEASE:
-            # The contact force is zero to rounding: let go whatever its sign.
+            # The contact force is zero up to rounding: release for either sign.
             return free_mode(eq.load(y[X2], y[V2], pull(t, y[X2], p), p), y[V1], p)
         elif code == SLIP_END:
             y[V1] = 0.0
         elif code == BREAK_AWAY:
-            # The load is at the static limit to rounding: slip whichever side it is on.
+            # The load is at the static limit up to rounding: slip on either side of it.
             y[V1] = 0.0
             load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
             return mode_of(friction_towards(load), FREE)

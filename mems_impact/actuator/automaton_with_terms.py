@@ -1,10 +1,10 @@
 """The automaton of a device with optional terms.
 
-Each sum, and each chain of what is put into a place, is a function that calls the next, so that the
-compiler sees plain calls.
+Sums and products of functions are nested functions, each of which calls the next, so that numba
+compiles plain calls.
 
-With stoppers that yield, the modes "right" and "left" are those in which block and stopper touch,
-and forces between them grow with the depth; nothing is reset there.
+With compliant stoppers, the modes "right" and "left" are contacts in which the force increases with
+the depth; impacts reset no velocities.
 """
 
 from __future__ import annotations
@@ -50,26 +50,24 @@ from mems_impact.hybrid.automaton import Automaton
 
 __all__ = ["Model", "compose", "composed_automaton", "layout"]
 
-# --- The equations of an actuator with terms, put together from what each contributes.
+# --- Equations of an actuator with terms
 
-SCRATCH_ARRAYS = (
-    2  # arrays of the size of the state, between the numbers of the terms and of the drive
-)
+SCRATCH_ARRAYS = 2  # arrays of the size of the state, between the numbers of terms and drive
 
 
 @dataclass(frozen=True)
 class ArrayLayout:
-    """Where everything stands in the arrays of parameters and states.
+    """Layout of the arrays of parameters and states.
 
     Attributes
     ----------
     states : tuple of str
     terms : tuple of ParameterIndices
-        Of each term, without electrodes.
+        Indices of each term, without those at electrodes.
     electrodes : tuple of tuple of ParameterIndices
-        Of each term at each electrode.
+        Indices of each term at each electrode.
     scratch, drive : int
-        Where scratch arrays and the numbers of the drive begin in ``p``.
+        First indices of the scratch arrays and of the numbers of the drive in ``p``.
     """
 
     states: tuple[str, ...]
@@ -80,7 +78,7 @@ class ArrayLayout:
 
 
 def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
-    """Return where everything stands; a left electrode's states are called ``left_...``."""
+    """Return the layout; the states of a left electrode have the names ``left_...``."""
     states = list(STATES)
 
     def placed(names: Sequence[str], prefix: str = "") -> dict[str, int]:
@@ -114,10 +112,10 @@ class Model:
     contributions : tuple of TermContribution
         In the order of the terms.
     electrodes : tuple of Electrode
-        The right one, and the left one where there is one.
+        The right electrode, and the left one if present.
     pull : callable
-        ``pull(v, w, y, p)`` of the electrodes, positive to the right, where the drive puts v on the
-        right one and w on the left one.
+        ``pull(v, w, y, p)``, the force of the electrodes, positive to the right, for the voltages v
+        of the right and w of the left one.
     force, on_frame, on_block : callable
         ``force(y, p)`` of the terms.
     static_limit : callable
@@ -129,14 +127,14 @@ class Model:
     adhesion : callable
         ``adhesion(p)``
     stopper : callable or None
-        ``stopper(depth, rate, p)``; None for stoppers that are rigid.
+        ``stopper(depth, rate, p)``; None for rigid stoppers.
     stopper_slopes : callable
-        ``stopper_slopes(depth, rate, p)``, its derivatives by both.
+        ``stopper_slopes(depth, rate, p)``, its derivatives by depth and rate.
     rates : callable
         ``rates(v, w, y, p, dy)`` writes the derivatives of the states of the terms.
     sticks : bool
     cyclic : tuple of int
-        Places of the states that no function reads.
+        Indices of the states that no function reads.
     """
 
     layout: ArrayLayout
@@ -165,21 +163,21 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
         kind.term.contribution(at, kind.shape) for kind, at in zip(kinds, places.terms, strict=True)
     )
     ends = tuple(electrode_of(kinds, own) for own in places.electrodes)
-    normal = multiplied([part.normal for part in parts if part.normal])
+    normal = product_of([part.normal for part in parts if part.normal])
     return Model(
         layout=places,
         contributions=parts,
         electrodes=ends,
         pull=pull_of(ends),
-        force=summed([part.force for part in parts if part.force]),
-        on_frame=summed([part.on_frame for part in parts if part.on_frame]),
-        on_block=summed([part.on_block for part in parts if part.on_block]),
+        force=total_of([part.force for part in parts if part.force]),
+        on_frame=total_of([part.on_frame for part in parts if part.on_frame]),
+        on_block=total_of([part.on_block for part in parts if part.on_block]),
         static_limit=limit_of(normal),
-        sliding_friction=friction_of(chosen(parts, "friction") or eq.mu_d, normal),
-        restitution=chosen(parts, "restitution") or eq.restitution,
-        adhesion=chosen(parts, "adhesion") or eq.no_adhesion,
-        stopper=chosen(parts, "stopper"),
-        stopper_slopes=chosen(parts, "stopper_slopes") or eq.no_slopes,
+        sliding_friction=friction_of(override(parts, "friction") or eq.mu_d, normal),
+        restitution=override(parts, "restitution") or eq.restitution,
+        adhesion=override(parts, "adhesion") or eq.no_adhesion,
+        stopper=override(parts, "stopper"),
+        stopper_slopes=override(parts, "stopper_slopes") or eq.no_slopes,
         rates=all_rates(kinds, places, parts, ends),
         sticks=all(part.sticks for part in parts),
         cyclic=cyclic_of(parts, places),
@@ -187,19 +185,19 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
 
 
 def cyclic_of(parts: Sequence[TermContribution], places: ArrayLayout) -> tuple[int, ...]:
-    """Return the places of the states that no function reads: x1 as a rule, and sums of terms."""
+    """Return the indices of the states that no function reads: usually x1, and sums of terms."""
     frame = () if any(part.places_frame for part in parts) else (X1,)
     sums = (at.y[each] for part, at in zip(parts, places.terms, strict=True) for each in part.sums)
     return (*frame, *sums)
 
 
-def chosen(parts: Sequence[TermContribution], name: str) -> Any:
-    """Return what a term puts into a place of which there is one; None if no term does."""
+def override(parts: Sequence[TermContribution], name: str) -> Any:
+    """Return the function `name` of the term that provides it; None without such a term."""
     found = [each for part in parts if (each := getattr(part, name))]
     return found[-1] if found else None
 
 
-def summed(functions: Sequence[Function]) -> Function:
+def total_of(functions: Sequence[Function]) -> Function:
     """Return the sum of functions ``f(y, p)``."""
     if not functions:
 
@@ -209,7 +207,7 @@ def summed(functions: Sequence[Function]) -> Function:
         return nothing
     if len(functions) == 1:
         return functions[0]
-    first, rest = functions[0], summed(functions[1:])
+    first, rest = functions[0], total_of(functions[1:])
 
     def both(y, p):  # type: ignore[no-untyped-def]
         return first(y, p) + rest(y, p)
@@ -217,7 +215,7 @@ def summed(functions: Sequence[Function]) -> Function:
     return both
 
 
-def multiplied(functions: Sequence[Function]) -> Function:
+def product_of(functions: Sequence[Function]) -> Function:
     """Return the product of functions ``f(p)``."""
     if not functions:
 
@@ -225,7 +223,7 @@ def multiplied(functions: Sequence[Function]) -> Function:
             return 1.0
 
         return one
-    first, rest = functions[0], multiplied(functions[1:])
+    first, rest = functions[0], product_of(functions[1:])
 
     def both(p):  # type: ignore[no-untyped-def]
         return first(p) * rest(p)
@@ -234,7 +232,7 @@ def multiplied(functions: Sequence[Function]) -> Function:
 
 
 def limit_of(normal: Function) -> Function:
-    """Return the load that static friction holds."""
+    """Return the limit of static friction."""
 
     def static_limit(p):  # type: ignore[no-untyped-def]
         return eq.static_limit(p) * normal(p)
@@ -243,7 +241,7 @@ def limit_of(normal: Function) -> Function:
 
 
 def friction_of(coefficient: Function, normal: Function) -> Function:
-    """Return the friction on a frame that slips."""
+    """Return the friction force on a slipping frame."""
 
     def sliding_friction(direction, v1, p):  # type: ignore[no-untyped-def]
         weight = (p[eq.M1] + p[eq.M2]) * p[eq.G] * normal(p)
@@ -253,7 +251,7 @@ def friction_of(coefficient: Function, normal: Function) -> Function:
 
 
 def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]) -> Electrode:
-    """Return an electrode with all that terms make of it."""
+    """Return an electrode as modified by all terms."""
 
     def node(v, x, y, p):  # type: ignore[no-untyped-def]
         return v
@@ -269,7 +267,7 @@ def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]
 
 
 def attraction_of(electrode: Electrode) -> Function:
-    """Return the force with which an electrode pulls."""
+    """Return the attractive force of an electrode."""
     _, slope, node, offset = electrode
 
     def attraction(v, x, y, p):  # type: ignore[no-untyped-def]
@@ -305,17 +303,17 @@ def all_rates(
     """Return the function that writes the derivatives of all states of terms."""
     found: list[tuple[int, Function]] = []
     for part, at in zip(parts, places.terms, strict=True):
-        found += zip(at.y.values(), map(undriven, part.rates), strict=True)
+        found += zip(at.y.values(), map(voltage_independent, part.rates), strict=True)
     for side, (electrode, own) in enumerate(zip(electrodes, places.electrodes, strict=True)):
         for kind, at in zip(kinds, own, strict=True):
             rates = kind.term.electrode_rates(at, kind.shape, electrode)
             sided = [at_left(rate) if side else at_right(rate) for rate in rates]
             found += zip(at.y.values(), sided, strict=True)
-    return filling(found)
+    return rate_writer(found)
 
 
-def undriven(rate: Function) -> Function:
-    """Return a rate that no voltage enters as a function of the voltages too."""
+def voltage_independent(rate: Function) -> Function:
+    """Return a function of state and parameters as one of the voltages, too."""
 
     def driven(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(y, p)
@@ -324,7 +322,7 @@ def undriven(rate: Function) -> Function:
 
 
 def at_right(rate: Function) -> Function:
-    """Return the rate of a state at the right electrode as a function of all."""
+    """Return the rate of a state at the right electrode as a function of both voltages."""
 
     def driven(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(v, y[X2], y[V2], y, p)
@@ -333,7 +331,7 @@ def at_right(rate: Function) -> Function:
 
 
 def at_left(rate: Function) -> Function:
-    """Return the rate of a state at the left electrode as a function of all."""
+    """Return the rate of a state at the left electrode as a function of both voltages."""
 
     def driven(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(w, -y[X2], -y[V2], y, p)
@@ -341,15 +339,15 @@ def at_left(rate: Function) -> Function:
     return driven
 
 
-def filling(rates: Sequence[tuple[int, Function]]) -> Function:
-    """Return the function that writes rates into their places."""
+def rate_writer(rates: Sequence[tuple[int, Function]]) -> Function:
+    """Return the function that writes rates at their indices."""
     if not rates:
 
         def nothing(v, w, y, p, dy):  # type: ignore[no-untyped-def]
             pass
 
         return nothing
-    (place, rate), rest = rates[0], filling(rates[1:])
+    (place, rate), rest = rates[0], rate_writer(rates[1:])
 
     def fill(v, w, y, p, dy):  # type: ignore[no-untyped-def]
         dy[place] = rate(v, w, y, p)
@@ -358,27 +356,27 @@ def filling(rates: Sequence[tuple[int, Function]]) -> Function:
     return fill
 
 
-# --- The hybrid automaton of an actuator with terms: the modes, guards and rules of `modes`.
+# --- Automaton of an actuator with terms
 
-LOAD_RATE_STEP = 1e-3  # of the differences that give the rate of a load, in units of sqrt(m2/k)
-CONTACT_STEP_RATIO = 1e-6  # of those that give derivatives, within the depth of a contact
+LOAD_RATE_STEP = 1e-3  # difference step of the rate of a load, in units of sqrt(m2/k)
+CONTACT_STEP_RATIO = 1e-6  # difference step of derivatives with compliant stoppers
 
 
 def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
-    """Return the forces on which modes and margins hang.
+    """Return the forces that determine modes and margins.
 
     Returns
     -------
     load : callable
-        ``load(side, v, w, y, p)``, what a block that moves exerts on the frame; `side` tells the
-        stopper that yields to it, 0 for none.
+        ``load(side, v, w, y, p)``, the force of a moving block on the frame; `side` is that of a
+        compliant stopper in contact, 0 for none.
     moved : callable
-        ``moved(mode, v, w, y, p)``, all that would set the frame in motion but for friction.
+        ``moved(mode, v, w, y, p)``, the total force on the frame without friction.
     pressing : callable
-        ``pressing(side, direction, v, w, y, p)``, the force that holds the block at rest on the
-        face of a stopper, where friction acts in `direction`.
+        ``pressing(side, direction, v, w, y, p)``, the contact force between a block at rest and a
+        stopper, for a slip in `direction`.
     resting_acceleration : callable
-        ``resting_acceleration(direction, y, p)`` of frame and block together.
+        ``resting_acceleration(direction, y, p)``, that of frame and block together.
     """
     pull, force, stopper = model.pull, model.force, model.stopper
     on_frame, on_block = model.on_frame, model.on_block
@@ -436,9 +434,9 @@ def composed_automaton(
     Parameters
     ----------
     kinds : tuple of TermKind
-        Of the terms.
+        Kinds of the terms.
     voltage, voltage_rate, left, left_rate, bounds
-        As of `mems_impact.actuator.automaton.actuator_automaton`.
+        As for `mems_impact.actuator.automaton.actuator_automaton`.
     """
     model = compose(kinds, 1 if left is None else 2)
     load, moved, pressing, resting_acceleration = forces_of(model)
@@ -470,7 +468,7 @@ def composed_automaton(
         rates(v, w, y, p, dy)
 
     def friction_mode(mode, v, w, y, p):  # type: ignore[no-untyped-def]
-        # The frame slips on; at rest, Equation (4) holds it, or it slips where it is pushed.
+        # A slipping frame slips on. At rest it sticks by Equation (4), or slips with the force.
         if y[V1] != 0.0:
             return friction_towards(y[V1])
         own = moved(mode, v, w, y, p)
@@ -478,10 +476,10 @@ def composed_automaton(
             return STUCK
         return friction_towards(own if own != 0.0 else 1.0)
 
-    def touched(kept, v, w, y, p):  # type: ignore[no-untyped-def]
-        # The contact of the block: on a stopper that yields it stays the one that it is in, and
-        # begins with the way that the block goes at its face; or, as on a rigid one, where the
-        # block rests and is held.
+    def contact_mode(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The contact of the block. A contact with a compliant stopper persists, and starts if the
+        # block moves into the stopper at its face. On either kind of stopper, a block at rest with
+        # a positive contact force is in contact.
         if not rigid and kept != FREE:
             return kept
         for contact in (RIGHT, LEFT):
@@ -496,19 +494,19 @@ def composed_automaton(
         return FREE
 
     def mode_under(kept, v, w, y, p):  # type: ignore[no-untyped-def]
-        contact = touched(kept, v, w, y, p)
+        contact = contact_mode(kept, v, w, y, p)
         return mode_of(friction_mode(mode_of(STUCK, contact), v, w, y, p), contact)
 
-    def watched(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
-        # What is taken by differences of the rates of two guards; of a load, not the part of a
-        # stopper that yields, which bends within less than they are wide.
+    def difference_force(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The force whose rate is computed by differences. It excludes the force of a compliant
+        # stopper, which is nonlinear over less than the difference step.
         if code == RELEASE:
             return pressing(side_of(mode), direction_of(mode), v, w, y, p)
         return moved(mode if rigid else mode % 3, v, w, y, p)
 
     def slope_along(code, mode, t, y, p):  # type: ignore[no-untyped-def]
-        # Along the flow, and along the voltages' own rates: these jump where a drive switches.
-        # Without the corner of a margin: where a charge follows fast, the points lie far apart.
+        # Differences along the flow and along the voltage rates, since voltages jump at switches.
+        # The force is smooth, unlike a margin, so the points may be far apart for fast charges.
         v, w = volts(t, p)
         dv, dw = volt_rates(t, p)
         h = LOAD_RATE_STEP * (p[eq.M2] / p[eq.K]) ** 0.5
@@ -522,7 +520,7 @@ def composed_automaton(
             s = sign * size * h
             for k in range(n):
                 x[k] = y[k] + s * slope[k]
-            found = watched(code, mode, v + s * dv, w + s * dw, x, p)
+            found = difference_force(code, mode, v + s * dv, w + s * dw, x, p)
             total += sign * (8.0 if size == 1 else -1.0) * found
         rate = total / (12.0 * h)
         side = side_of(mode)
@@ -558,7 +556,7 @@ def composed_automaton(
             rate = slope_along(BREAK_AWAY, mode, t, y, p)
             g[BREAK_AWAY], r[BREAK_AWAY] = static_reserve(static_limit(p), push, rate)
 
-    def strike(side, resting, y, p):  # type: ignore[no-untyped-def]
+    def apply_impact(side, resting, y, p):  # type: ignore[no-untyped-def]
         y[X2] = side * p[eq.DELTA]
         if rigid:
             e = 0.0 if resting else restitution(abs(y[V2]), p)
@@ -568,18 +566,18 @@ def composed_automaton(
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         v, w = volts(t, p)
         if code in (RIGHT_IMPACT, LEFT_IMPACT):
-            strike(1 if code == RIGHT_IMPACT else -1, False, y, p)
+            apply_impact(1 if code == RIGHT_IMPACT else -1, False, y, p)
         elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
-            # An accumulated sequence of impacts is one without rebound.
-            strike(1 if code == COUNT + RIGHT_IMPACT else -1, True, y, p)
+            # A complete chatter sequence ends like an impact without rebound.
+            apply_impact(1 if code == COUNT + RIGHT_IMPACT else -1, True, y, p)
         elif code == RELEASE:
-            # Depth, or force, is zero to rounding: let go whatever its sign.
+            # Depth or force is zero up to rounding: release for either sign.
             y[X2] = side_of(mode) * p[eq.DELTA]
             return mode_of(friction_mode(mode_of(STUCK, FREE), v, w, y, p), FREE)
         elif code == SLIP_END:
             y[V1] = 0.0
         elif code == BREAK_AWAY:
-            # The push is at the static limit to rounding: slip whichever side it is on.
+            # The force is at the static limit up to rounding: slip on either side of it.
             y[V1] = 0.0
             return mode_of(friction_towards(moved(mode, v, w, y, p)), mode // 3)
         return mode_under(mode // 3, v, w, y, p)
@@ -600,10 +598,10 @@ def composed_automaton(
 
 
 def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float]:
-    """Return what static friction holds beyond a push, and the rate of that.
+    """Return the reserve of static friction under a force `push`, and its rate.
 
-    Like limit - abs(push) where the two are close, but without its corner: on a stopper that yields
-    the push goes a long way in no time.
+    It equals limit - abs(push) to first order near the limit, but is smooth at push = 0: in contact
+    with a compliant stopper the force changes fast.
     """
     if limit == 0.0:
         return -abs(push), -rate if push > 0.0 else rate
@@ -611,7 +609,7 @@ def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float
 
 
 def voltages(right: Function, left: Function | None, begin: int) -> Any:
-    """Return the voltages of both electrodes as a function of time; 0 where there is none."""
+    """Return the voltages of both electrodes as a function of time; 0 for an absent one."""
     if left is None:
 
         def one(t, p):  # type: ignore[no-untyped-def]

@@ -1,7 +1,7 @@
 """Works and losses as additional states.
 
-The flow is that of `automaton_with_terms`; nothing but the sums is added to it, so that they are as
-exact as the motion.
+The flow is that of `automaton_with_terms` with additional integrals, which have the accuracy of the
+motion.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mems_impact.actuator.automaton_with_terms import (
     Model,
     compose,
     composed_automaton,
-    filling,
-    undriven,
+    rate_writer,
+    voltage_independent,
     voltages,
 )
 from mems_impact.actuator.terms.base import Function, TermKind
@@ -35,26 +35,26 @@ __all__ = [
 ]
 
 SUMMED = ("electrodes", "slip", "friction", "damping")
-"""What is summed up of every device: work of the electrodes on the block, the path on which the
-frame slips, and two losses."""
+"""Integrals of every device: work of the electrodes on the block, distance of slip of the frame,
+and losses by friction and by damping."""
 
 
 @dataclass(frozen=True)
 class EnergyAccounts:
-    """The stores and the losses of an actuator, as functions for numba and by name.
+    """Stored energies and losses of an actuator by name, as functions for numba.
 
     Attributes
     ----------
     lost : mapping of str to callable
-        ``lost(v, w, y, p)``, the power that each term turns into heat.
+        ``lost(v, w, y, p)``, the power that each term dissipates.
     at_electrodes : tuple of str
-        Those of these terms whose loss the drive feeds.
+        Names of losses at electrodes, which the drive supplies directly.
     stored : mapping of str to callable
-        ``energy(v, w, y, p)`` of each store: the moving bodies, the spring, terms.
+        ``energy(v, w, y, p)``, each stored energy: of the moving bodies, the spring, terms.
     fields : tuple of str
-        Those of the stores that the drive fills.
+        Names of field energies, which the drive supplies.
     loads : tuple of str
-        Those of the stores that lie outside the device: what is stored there is work done.
+        Names of energies outside the device, which count as work done.
     """
 
     lost: dict[str, Function]
@@ -66,33 +66,36 @@ class EnergyAccounts:
 
 @cache
 def accounts(kinds: tuple[TermKind, ...], electrodes: int) -> EnergyAccounts:
-    """Return the stores and losses of an actuator with terms and one or two electrodes."""
+    """Return the stored energies and losses of an actuator with one or two electrodes."""
     model = compose(kinds, electrodes)
     lost: dict[str, Function] = {}
-    stored: dict[str, Function] = {"kinetic": undriven(kinetic), "spring": undriven(spring)}
+    stored: dict[str, Function] = {
+        "kinetic": voltage_independent(kinetic),
+        "spring": voltage_independent(spring),
+    }
     at_electrodes, fields, loads = [], [], []
     for number, kind in enumerate(kinds):
         part, name = model.contributions[number], kind.term.name()
         if part.lost is not None:
-            lost[name] = undriven(part.lost)
+            lost[name] = voltage_independent(part.lost)
         if part.energy is not None:
-            stored[name] = undriven(part.energy)
+            stored[name] = voltage_independent(part.energy)
             if part.on_frame is not None or part.on_block is not None:
                 loads.append(name)
         energies, powers = at_electrodes_of(model, number, kind)
         if energies:
             fields.append(f"{name} (field)")
-            stored[fields[-1]] = summed(energies)
+            stored[fields[-1]] = total_of(energies)
         if powers:
             at_electrodes.append(f"{name} (current)" if name in lost else name)
-            lost[at_electrodes[-1]] = summed(powers)
+            lost[at_electrodes[-1]] = total_of(powers)
     return EnergyAccounts(lost, tuple(at_electrodes), stored, tuple(fields), tuple(loads))
 
 
 def at_electrodes_of(
     model: Model, number: int, kind: TermKind
 ) -> tuple[list[Function], list[Function]]:
-    """Return the energies and the losses of a term at the electrodes."""
+    """Return the energies and losses of a term at the electrodes."""
     energies, powers = [], []
     for side, (electrode, own) in enumerate(
         zip(model.electrodes, model.layout.electrodes, strict=True)
@@ -100,9 +103,9 @@ def at_electrodes_of(
         energy = kind.term.electrode_energy(own[number], kind.shape, electrode)
         power = kind.term.electrode_lost(own[number], kind.shape, electrode)
         if energy is not None:
-            energies.append(sided(energy, side))
+            energies.append(at_electrode(energy, side))
         if power is not None:
-            powers.append(sided(power, side))
+            powers.append(at_electrode(power, side))
     return energies, powers
 
 
@@ -115,15 +118,15 @@ def summing_automaton(
     left_rate: Callable[..., float] | None = None,
     bounds: bool = True,
 ) -> Automaton:
-    """Return the automaton of an actuator that sums up works and losses along its arcs.
+    """Return the automaton of an actuator that integrates works and losses.
 
-    Its states are those of the actuator, and a sum for each of `SUMMED` and of
+    Its states are those of the actuator, followed by an integral for each of `SUMMED` and of
     `EnergyAccounts.lost`.
 
     Parameters
     ----------
     kinds, voltage, voltage_rate, left, left_rate, bounds
-        As of `mems_impact.actuator.automaton_with_terms.composed_automaton`.
+        As for `mems_impact.actuator.automaton_with_terms.composed_automaton`.
     """
     plain = composed_automaton(kinds, voltage, voltage_rate, left, left_rate, bounds)
     electrodes = 1 if left is None else 2
@@ -132,12 +135,12 @@ def summing_automaton(
     pull, sliding_friction, move = model.pull, model.sliding_friction, plain.flow
     volts = voltages(voltage, left, model.layout.drive)
     first = len(plain.states)
-    fill = filling(list(enumerate(lost.values(), first + len(SUMMED))))
+    fill = rate_writer(list(enumerate(lost.values(), first + len(SUMMED))))
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         move(mode, t, y, p, dy)
         v, w = volts(t, p)
-        direction, speed = direction_of(mode), dy[X2]  # which is 0 where the block rests
+        direction, speed = direction_of(mode), dy[X2]  # zero in rest contact
         dy[first] = pull(v, w, y, p) * speed
         dy[first + 1] = abs(dy[X1])
         dy[first + 2] = sliding_friction(direction, y[V1], p) * y[V1] if direction != 0 else 0.0
@@ -156,12 +159,12 @@ def summing_automaton(
 
 @cache
 def accounted_automaton(*given: Any) -> Automaton:
-    """Return the same without its guards: it follows one arc in its mode."""
+    """Return the `summing_automaton` without guards, for single arcs."""
     return unguarded(summing_automaton(*given))
 
 
 def sum_of(name: str) -> str:
-    """Return what the state is called in which something is summed up."""
+    """Return the name of the state of an integral."""
     return "sum_of_" + re.sub(r"\W+", "_", name).strip("_")
 
 
@@ -172,12 +175,12 @@ def kinetic(y, p):  # type: ignore[no-untyped-def]
 
 
 def spring(y, p):  # type: ignore[no-untyped-def]
-    """Return the energy of the spring between them."""
+    """Return the energy of the spring between frame and block."""
     return 0.5 * p[eq.K] * y[X2] * y[X2]
 
 
-def sided(function: Function, side: int) -> Function:
-    """Return ``f(v, x, y, p)`` of the right (0) or left electrode as one of both voltages."""
+def at_electrode(function: Function, side: int) -> Function:
+    """Return ``f(v, x, y, p)`` of the right (0) or left electrode as ``f(v, w, y, p)``."""
     if side == 0:
 
         def right(v, w, y, p):  # type: ignore[no-untyped-def]
@@ -191,7 +194,7 @@ def sided(function: Function, side: int) -> Function:
     return left
 
 
-def summed(functions: Sequence[Function]) -> Function:
+def total_of(functions: Sequence[Function]) -> Function:
     """Return the sum of one or two functions."""
     if len(functions) == 1:
         return functions[0]

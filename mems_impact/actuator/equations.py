@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-# ruff: noqa: D103 - the table above the functions says what each of them is.
+# ruff: noqa: D103 - the table above the functions describes them.
 
 
-# Places in the parameter array; the order of `Actuator`'s fields.
+# Indices in the parameter array, in the order of `Actuator`'s fields.
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 
 # electrode_gap       d - x2, frozen halfway between stopper and electrode
@@ -19,7 +19,7 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 #                     The left one is its mirror image: attraction(-x2, ...), to the left
 # attraction_slope    its derivative by x2
 # attraction_rate     its time derivative
-# load                k x2 + c v2 - pull: what the block exerts on the frame, Equation (3); `pull`
+# load                k x2 + c v2 - pull, the force of the block on the frame, Equation (3); `pull`
 #                     is the force of the electrodes, positive to the right
 # load_rate           its time derivative
 # static_limit        mu_s N, Equation (4)
@@ -32,23 +32,23 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # contact_force_rate  its time derivative
 # frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
 #
-# The same as functions that terms may put others in place of (see `actuator.terms.base`):
+# Functions that terms may replace (see `actuator.terms.base`):
 #
 # capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
-# mu_d, restitution, no_adhesion, no_slopes   of the paper: constants, and none
+# mu_d, restitution, no_adhesion, no_slopes   constants of the paper, and zero
 
 
 def impact_loss(m1: float, m2: float, before: Any, after: Any) -> Any:
-    """Return the energy that an impact takes, by the velocities v2 of the block in the frame.
+    """Return the energy lost in an impact, from the velocities v2 of the block in the frame.
 
-    Equations (5) and (6) conserve momentum: what is lost is of the relative motion alone.
+    Equations (5) and (6) conserve momentum, so that only energy of the relative motion is lost.
     """
     return 0.5 * m1 * m2 / (m1 + m2) * (before - after) * (before + after)
 
 
 def electrode_gap(x2: float, p: Any) -> float:
-    # A trial step may look beyond the stopper; halfway to the electrode the force is frozen, so
-    # that nothing near the singularity is ever evaluated.
+    # A trial step may extend beyond the stopper. Halfway to the electrode the force is frozen, so
+    # that it is never evaluated near the singularity.
     return p[D] - min(x2, 0.5 * (p[DELTA] + p[D]))
 
 

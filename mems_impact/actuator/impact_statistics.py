@@ -40,7 +40,7 @@ __all__ = [
     "yields",
 ]
 
-# --- Impacts of a run and the steps of the frame after them.
+# --- Impacts and steps of the frame
 
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
 """Whether the frame slips, by mode."""
@@ -52,7 +52,7 @@ def is_impact(events: Events) -> NDArray[np.bool_]:
 
 
 def is_release(events: Events) -> NDArray[np.bool_]:
-    """Return where the block leaves a stopper on which it has rested, or which has yielded."""
+    """Return which rows are releases from a stopper, of either kind."""
     return (events.kind == workspace.TRANSITION) & (events.guard == RELEASE)
 
 
@@ -62,7 +62,7 @@ def yields(actuator: Actuator) -> bool:
 
 
 def contact_loss(actuator: Actuator) -> int:
-    """Return the place of the state that sums up what contacts with compliant stoppers lose."""
+    """Return the index of the state that integrates the losses in compliant stoppers."""
     states = layout([term.kind for term in actuator.terms], 0).states
     return states.index("contact_loss")
 
@@ -70,8 +70,7 @@ def contact_loss(actuator: Actuator) -> int:
 def energy_lost(events: Events, actuator: Actuator) -> Floats:
     """Return the energy that each row loses: impacts, and the rest of chatter sequences.
 
-    A contact with a compliant stopper has lost it when the block leaves; NaN if it has not left
-    yet.
+    The loss of a contact with a compliant stopper is known at its end; NaN if it has not ended.
     """
     if not yields(actuator):
         speeds = events.before[:, V2], events.after[:, V2]
@@ -92,7 +91,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     """Return the rows of the impacts and the step of the frame after each of them.
 
     A step is the displacement of the frame from an impact until the frame rests or the next
-    impact comes, whichever is first; NaN if neither has come yet.
+    impact, whichever is first; NaN if neither has occurred.
 
     Returns
     -------
@@ -101,7 +100,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     """
     impact = is_impact(events)
     rows = np.flatnonzero(impact)
-    # A contact that begins with the frame at rest may move it yet.
+    # A compliant contact that starts with the frame at rest may still move it.
     comes = SLIPPING[events.mode_before] | np.isin(events.guard, (RELEASE, SLIP_END))
     rests = ~SLIPPING[events.mode_after] & events.starts_arc & comes
     ends = np.flatnonzero(impact | rests)
@@ -116,7 +115,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     return rows, steps
 
 
-# --- Blows: a chatter sequence that ends in sticking contact counts once.
+# --- Blows
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -199,21 +198,21 @@ def blows(run: ActuatorRun) -> BlowStatistics:
 
 
 def blow_of(log: Events) -> tuple[NDArray[np.int64], int]:
-    """Return where the blow of each row begins.
+    """Return the first row of the blow of each row.
 
     Parameters
     ----------
     log : Events
-        Impacts and ends of chatter, no other rows; k of them.
+        Impacts and ends of chatter only, k rows.
 
     Returns
     -------
     first : int array, shape (k,)
-        The row of the first impact of the blow; -1 for an end of chatter that no impact of the
-        log leads to.
+        The row of the first impact of the blow; -1 for an end of chatter without an impact in the
+        log.
     settled : int
-        The rows before this one cannot change with what comes: the sequence of ever weaker
-        impacts that begins there may still end in rest.
+        Later events do not affect the rows before this one, at which a chatter sequence starts that
+        may still end in rest.
     """
     place = np.arange(len(log))
     ends = log.kind == workspace.ACCUMULATION
@@ -249,13 +248,13 @@ def _chosen(events: Events) -> NDArray[np.bool_]:
 class BlowCounter:
     """Accumulates the number and displacements of blows, chunk by chunk of impacts.
 
-    What is held back is one sequence of ever weaker impacts, which may yet end in rest.
+    It keeps the rows of one chatter sequence, which may still end in rest.
 
     Attributes
     ----------
     count : int
     displacements : Moments
-        Of those whose last step has ended.
+        Moments of the displacements of blows whose last step has ended.
     """
 
     def __init__(self) -> None:
@@ -264,16 +263,16 @@ class BlowCounter:
         self._held: tuple[Events, Floats, NDArray[np.bool_]] | None = None
 
     def add(self, log: Events, steps: Floats, inside: NDArray[np.bool_], *, last: bool) -> None:
-        """Take the next rows.
+        """Process the next rows.
 
         Parameters
         ----------
         log, steps : Events, float array
-            From `contacts`.
+            Results of `contacts`.
         inside : bool array
-            Whether a blow that begins with the row counts.
+            Whether a blow that starts with the row counts.
         last : bool
-            Whether no more rows come.
+            Whether these are the last rows.
         """
         if self._held is not None:
             events, before, within = self._held
@@ -291,7 +290,7 @@ class BlowCounter:
 
 @dataclass(frozen=True)
 class BlowTable:
-    """The blows among events, one a row.
+    """The blows among events, one per row.
 
     Attributes
     ----------
@@ -301,7 +300,7 @@ class BlowTable:
     rests : bool array
         Whether they end in rest on the stopper.
     displacement : float array
-        Of the frame, until it rests or the next blow comes; NaN if neither has come yet.
+        Displacement of the frame until it rests or the next blow; NaN if neither has occurred.
     energy : float array
         Kinetic energy lost.
     """
@@ -329,25 +328,23 @@ def each_blow(events: Events, actuator: Actuator) -> BlowTable:
 
 
 def _sums(first: NDArray[np.int64], values: NDArray[Any]) -> Floats:
-    """Return, where a blow begins, the sum of the values of its rows; 0 elsewhere."""
+    """Return the sum of the values of each blow at its first row; 0 in other rows."""
     sums = np.zeros(first.size)
     member = first >= 0
     np.add.at(sums, first[member], values[member])
     return sums
 
 
-# --- Rest on compliant stoppers, detected by the duration of contacts.
+# --- Rest on compliant stoppers
 
-MAX_BOUNCE_RATIO = (
-    2.0  # a force that presses makes a bounce last up to so many times as long (exponent 1)
-)
+MAX_BOUNCE_RATIO = 2.0  # largest extension of a bounce by a pressing force (exponent 1)
 
 
 class RestDetector:
     """Distinguishes bounces off compliant stoppers from rest on them, chunk by chunk of events.
 
-    A bounce lasts for up to two of its `contact_time`; what lasts longer has come to rest. The
-    event that ends it is then told like the end of a sequence of impacts at a rigid stopper.
+    A bounce lasts up to two of its `contact_time`; a longer contact is rest. The event at its end
+    is marked like the end of a chatter sequence on a rigid stopper.
 
     Parameters
     ----------
@@ -363,7 +360,7 @@ class RestDetector:
         self._hits = np.zeros((0, 3))  # the last impact so far: time, speed, guard
 
     def __call__(self, events: Events) -> Events:
-        """Return the next events, with the ends of rests marked."""
+        """Process the next events; return them with ends of rest marked."""
         if not self._yields:
             return events
         time = events.cycle * self._period + events.time
@@ -383,9 +380,9 @@ class RestDetector:
 
 
 def contact_time(actuator: Actuator, speed: Floats) -> Floats:
-    """Return how long the block is in contact with a compliant stopper at impacts with `speed`.
+    """Return the duration of contact with a compliant stopper for impacts with `speed`.
 
-    Of a frame at rest, without damping and force: quadrature of the energy,
+    For a frame at rest, without damping and other forces, it is the quadrature of the energy,
     m2 s'^2/2 + K s^(n+1)/(n+1) = m2 speed^2/2 at the depth s (Johnson, Contact Mechanics, 1985,
     Section 11.4).
 

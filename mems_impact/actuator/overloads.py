@@ -1,7 +1,7 @@
-"""`simulate` and `find_orbit` as devices have them: `overloads.pyi` tells editors their results.
+"""`simulate` and `find_orbit` with overloads for devices, which `overloads.pyi` gives to editors.
 
-The functions are those of `analysis`, which knows nothing of actuators. Nothing of the actuator is
-imported here, so that a run of another system loads none of it.
+The functions are those of `analysis`. This module imports nothing of the actuator, so that runs of
+other systems do not load it.
 """
 
 from mems_impact.analysis.orbit import find_orbit

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from mems_impact._util.formatting import html_table, shown
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive, unknown
-from mems_impact.actuator.plausibility import look_at_device, look_at_drive
+from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_names, term_of, term_with
 from mems_impact.actuator.toml_files import parse_toml, read_bytes
@@ -250,11 +250,11 @@ class Actuator(Checked):
 
         It can replace the two arguments actuator and drive: ``simulate(actuator.under(drive))``.
         """
-        from mems_impact.actuator.system import ActuatorSystem  # which stands on this
+        from mems_impact.actuator.system import ActuatorSystem  # avoids a circular import
 
         system = ActuatorSystem(self, drive)
-        look_at_device(self)
-        look_at_drive(self, drive)
+        check_plausible_device(self)
+        check_plausible_drive(self, drive)
         return system
 
     def to_si(self, scales: Scales) -> Self:
@@ -389,7 +389,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
             'units = "dimensionless" if they are'
         )
         warnings.warn(message, UnitsWarning, stacklevel=2)
-    look_at_device(actuator)
+    check_plausible_device(actuator)
     return actuator
 
 

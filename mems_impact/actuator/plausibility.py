@@ -1,7 +1,4 @@
-"""Plausible ranges of device parameters, and warnings outside them.
-
-All of it concerns devices in SI; a dimensionless one may have any numbers.
-"""
+"""Plausible ranges of parameters of devices in SI units, and warnings outside them."""
 
 from __future__ import annotations
 
@@ -21,18 +18,18 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.actuator.terms.base import Term
 
-__all__ = ["look_at_device", "look_at_drive", "look_at_target"]
+__all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
 
 
 class Range(NamedTuple):
-    """Between what a quantity may lie, and where it usually does; 0 is always in it."""
+    """Plausible bounds of a quantity, and its usual value; 0 is always plausible."""
 
     low: float
     usual: float
     high: float
 
 
-# More than an order beyond what is published of such devices, on either side.
+# More than a factor 10 wider than the range of published devices, on either side.
 MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
 ELECTRODE_AREA = Range(1e-7, 1e-4, 1e-1)  # of electrodes
 STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
@@ -74,7 +71,7 @@ TERM_RANGES = {
     "tabulated_restitution.speeds": SPEED,
     "tilt.angle": Range(0.0, 0.05, 0.8),
 }
-"""Of terms, by name and number."""
+"""Ranges of the parameters of terms."""
 
 VOLTAGE = Range(0.0, 30.0, 1e4)
 PERIOD = Range(1e-8, 1e-3, 300.0)
@@ -85,7 +82,7 @@ TARGETS = {
     "rad/s": Range(10.0, 1e4, 1e9),
 }
 LIKELY_PREFIXES = {"m": 1e-3, "u": 1e-6, "n": 1e-9, "k": 1e3}
-OTHERS = {
+ALTERNATIVE_UNITS = {
     "kg": {"g": 1e-3, "mg": 1e-6, "ug": 1e-9, "ng": 1e-12},
     "m": {"mm": 1e-3, "um": 1e-6, "nm": 1e-9},
     "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -94,20 +91,18 @@ OTHERS = {
     "F": {"uF": 1e-6, "nF": 1e-9, "pF": 1e-12, "fF": 1e-15},
     "": {"%": 1e-2},
 }
-"""What else a number may be in, by its unit, where that is not a prefix away."""
+"""Likely alternatives of units that have more than the common prefixes."""
 
-LENGTH_UNITS = {"mm": 1e3, "um": 1e6}  # by which a number per metre is told per another length
-VOLTAGE_SAMPLES = 256  # of a period, by which its largest voltage is seen
+LENGTH_UNITS = {"mm": 1e3, "um": 1e6}  # factors of a number per millimetre or micrometre
+VOLTAGE_SAMPLES = 256  # of a period, for its largest voltage
 HALF_PERMITTIVITY = 4.427e-12  # of vacuum [F/m]
-QUASI_STATIC_RATIO = (
-    300.0  # ratio of resonance and frequency from which a block follows as if at rest
-)
-RESONANCE_RATIO = 30.0  # ratio of both within which they are
-HERTZ = 1.3  # ratio of two resonances that are the same
+QUASI_STATIC_RATIO = 300.0  # ratio of resonance to frequency above which motion is quasi-static
+RESONANCE_RATIO = 30.0  # largest ratio of a plausible frequency to the resonance
+EQUAL_RESONANCE_RATIO = 1.3  # largest ratio of resonances that count as equal
 
 
-def look_at_device(actuator: Actuator) -> None:
-    """Warn, once, of parameters that look like ones in other units."""
+def check_plausible_device(actuator: Actuator) -> None:
+    """Warn once of parameters that seem to be given in other units."""
     from mems_impact.actuator.parameters import PARAMETER_UNITS
 
     if actuator.units != "SI":
@@ -116,63 +111,65 @@ def look_at_device(actuator: Actuator) -> None:
         value, unit = getattr(actuator, name), PARAMETER_UNITS.get(name, "")
         if name == "alpha" and value > within.high:
             alpha = HALF_PERMITTIVITY * value
-            _tell(f"{_far(name, value, unit, within)}; an area of {value:g} m^2, of which alpha is "
-                  f"{alpha:.4g} F m?")  # fmt: skip
+            message = _range_message(name, value, unit, within)
+            _warn_once(f"{message}; an area of {value:g} m^2, for which alpha is {alpha:.4g} F m?")
         else:
-            _look(name, value, unit, within)
+            _check(name, value, unit, within)
     for term in actuator.terms:
-        _look_at_term(term)
+        _check_term(term)
 
 
-def look_at_drive(actuator: Actuator, drive: Drive) -> None:
-    """Warn, once, of voltages and times that look like ones in other units."""
+def check_plausible_drive(actuator: Actuator, drive: Drive) -> None:
+    """Warn once of voltages and times that seem to be given in other units."""
     if actuator.units != "SI":
         return
     for name in drive.names:
         if drive.unit(name) == "V":
-            _look(name, drive.number(name), "V", VOLTAGE)
-    _look_at_times(actuator, drive, "")
+            _check(name, drive.number(name), "V", VOLTAGE)
+    _check_times(actuator, drive, "")
 
 
-def _look_at_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
-    """Warn of periods and frequencies, those of a drive within another among them."""
+def _check_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
+    """Warn of periods and frequencies, also those of nested drives."""
     from mems_impact.actuator.drives.base import Drive
 
     resonance = math.sqrt(actuator.k / actuator.m2) / (2.0 * math.pi)
-    _look(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
+    _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
     near = resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
     if (
         near
         and frequency * QUASI_STATIC_RATIO < resonance
-        and 0.0 < _peak(drive) < _striking(actuator)
+        and 0.0 < _peak(drive) < _contact_voltage(actuator)
     ):
-        _tell(f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
-              f"{resonance:.4g} Hz, where the block needs {_striking(actuator):.4g} V to strike; "
-              f"{frequency:.4g} kHz?")  # fmt: skip
+        _warn_once(
+            f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
+            f"{resonance:.4g} Hz, where the block needs {_contact_voltage(actuator):.4g} V to "
+            f"reach a stopper; {frequency:.4g} kHz?"
+        )
     for name in type(drive).model_fields:
         if isinstance(within := getattr(drive, name), Drive):
-            _look_at_times(actuator, within, f"{prefix}{name}.")
+            _check_times(actuator, within, f"{prefix}{name}.")
 
 
 def _peak(drive: Drive) -> float:
-    """Return the largest voltage, as far as samples tell."""
+    """Return the largest sampled voltage."""
     times = np.linspace(0.0, drive.period, VOLTAGE_SAMPLES, endpoint=False)
     return float(max(np.abs(drive.value(times, left=left)).max() for left in (False, True)))
 
 
-def _striking(actuator: Actuator) -> float:
-    """Return the voltage at which a block strikes however slowly it comes: pull-in, or before.
+def _contact_voltage(actuator: Actuator) -> float:
+    """Return the static voltage at which the block reaches a stopper, at or before pull-in.
 
-    By the paper's equations alone; terms change it little.
+    It is computed without terms, which change it little.
     """
     x2 = min(actuator.delta, actuator.d / 3.0)
     return math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
 
 
-def _look_at_term(term: Term) -> None:
-    """Warn of numbers of a term; those that stand at their default are none of the user's."""
+def _check_term(term: Term) -> None:
+    """Warn of implausible numbers of a term, except for defaults."""
     for field, given in type(term).model_fields.items():
         name, value = f"{term.name()}.{field}", getattr(term, field)
         if name not in TERM_RANGES or value is None or value == given.default:
@@ -183,57 +180,57 @@ def _look_at_term(term: Term) -> None:
         unit = "rad" if name == "tilt.angle" else term.units.get(field, "")
         size = max(value) if isinstance(value, tuple) else value
         if name == "squeeze_film.free_path_pressure" and 0.0 < size < within.low:
-            far = _far(name, size, unit, within)
-            _tell(f"{far}; {size:g} m, the path without the pressure?")
+            far = _range_message(name, size, unit, within)
+            _warn_once(f"{far}; {size:g} m, the mean free path alone?")
         else:
-            _look(name, size, unit, within)
+            _check(name, size, unit, within)
 
 
 def _is_stiffness(term: Any) -> bool:
-    """Return whether the stiffness of a stopper is one, and not the factor of a power."""
+    """Return whether the stiffness of a stopper is in N/m, not the factor of a power law."""
     return bool(term.exponent == 1.0 or term.depth != type(term).model_fields["depth"].default)
 
 
-def look_at_target(actuator: Actuator, quantity: str, value: float, unit: str) -> None:
-    """Warn, once, of a measured number that looks like one in another unit."""
+def check_plausible_target(actuator: Actuator, quantity: str, value: float, unit: str) -> None:
+    """Warn once of a measured number that seems to be given in another unit."""
     if actuator.units != "SI":
         return
     if unit in TARGETS:
-        _look(quantity, value, unit, TARGETS[unit])
+        _check(quantity, value, unit, TARGETS[unit])
     if quantity == "resonance" and value > 0.0:
         own = math.sqrt(actuator.k / actuator.m2)
         turned = 2.0 * math.pi * value
-        if 1.0 / HERTZ < turned / own < HERTZ:
-            _tell(f"resonance = {value:g} rad/s, where the device has {own:.4g}; "
+        if 1.0 / EQUAL_RESONANCE_RATIO < turned / own < EQUAL_RESONANCE_RATIO:
+            _warn_once(f"resonance = {value:g} rad/s, that of the device is {own:.4g}; "
                   f"{value:g} Hz, {turned:.6g} rad/s?")  # fmt: skip
 
 
-def _look(name: str, value: float, unit: str, within: Range) -> None:
+def _check(name: str, value: float, unit: str, within: Range) -> None:
     size = abs(value)
     if size == 0.0 or within.low <= size <= within.high:
         return
-    told = _far(name, value, unit, within)
-    meant = sorted(_meant(size, unit, within), key=lambda each: each[0])
-    _tell(f"{told}; {value:g} {meant[0][1]}?" if meant else told)
+    message = _range_message(name, value, unit, within)
+    units = sorted(_plausible_units(size, unit, within), key=lambda each: each[0])
+    _warn_once(f"{message}; {value:g} {units[0][1]}?" if units else message)
 
 
-def _far(name: str, value: float, unit: str, within: Range) -> str:
+def _range_message(name: str, value: float, unit: str, within: Range) -> str:
     amount = f"{value:g} {unit}".rstrip()
     limits = f"{within.low:g} to {within.high:g} {unit}".rstrip()
-    return f"{name} = {amount}, where such devices have {limits}"
+    return f"{name} = {amount}, outside the range of such devices, {limits}"
 
 
-def _meant(size: float, unit: str, within: Range) -> Iterator[tuple[float, str]]:
-    """Yield units in which a number would be a usual one, and how far from that it is."""
-    for other, factor in _others(unit).items():
+def _plausible_units(size: float, unit: str, within: Range) -> Iterator[tuple[float, str]]:
+    """Yield units in which a number would be plausible, with its log distance from the usual."""
+    for other, factor in _alternative_units(unit).items():
         if within.low <= size * factor <= within.high:
             yield abs(math.log(size * factor / within.usual)), other
 
 
-def _others(unit: str) -> Mapping[str, float]:
-    """Return units that may have been meant, and what they are in `unit`."""
-    if unit in OTHERS:
-        return OTHERS[unit]
+def _alternative_units(unit: str) -> Mapping[str, float]:
+    """Return likely other units, as multiples of `unit`."""
+    if unit in ALTERNATIVE_UNITS:
+        return ALTERNATIVE_UNITS[unit]
     others = {f"{prefix}{unit}": factor for prefix, factor in LIKELY_PREFIXES.items()}
     per_length = re.fullmatch(r"(.*/)m(\^(\d))?", unit)
     if per_length is not None:
@@ -244,6 +241,6 @@ def _others(unit: str) -> Mapping[str, float]:
 
 
 @cache
-def _tell(message: str) -> None:
-    """Warn of it the first time."""
+def _warn_once(message: str) -> None:
+    """Issue a warning once."""
     warnings.warn(message, UnitsWarning, stacklevel=5)

@@ -51,47 +51,54 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 
-__all__ = ["plot_chart", "plot_drive", "plot_energy", "plot_load", "plot_response", "seen"]
+__all__ = [
+    "forcing_period_of",
+    "plot_chart",
+    "plot_drive",
+    "plot_energy",
+    "plot_load",
+    "plot_response",
+]
 
-# --- The chart of Fig. 7: on- and off-boundaries over the frequency, and the three types.
+# --- Operating charts
 
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
-MIN_BOUNDARY_GAP = 0.03  # of the height of the axes: boundaries that the eye does not part
-INSET = (0.42, 0.28)  # width and height, of the axes
+MIN_BOUNDARY_GAP = 0.03  # visible distance of boundaries, relative to the height of the axes
+INSET = (0.42, 0.28)  # width and height, relative to the axes
 TITLE = 0.07  # height of its title
 
 
-class Charted(Protocol):
-    """What `plot_chart` needs of a `mems_impact.actuator.design.operating_chart.OperatingChart`."""
+class ChartData(Protocol):
+    """Interface of `plot_chart` to an `OperatingChart`."""
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row a point of a boundary."""
+        """One row per point of a boundary."""
 
     @property
     def types(self) -> pd.DataFrame:
-        """One row a type."""
+        """One row per type."""
 
     @property
     def special_table(self) -> pd.DataFrame:
-        """One row a point of codimension two."""
+        """One row per point of codimension two."""
 
 
 @styled
-def plot_chart(chart: Charted, ax: Any = None) -> Any:
-    """Draw the amplitudes of switching on (solid) and off (dotted) over the frequency.
+def plot_chart(chart: ChartData, ax: Any = None) -> Any:
+    """Draw the on (solid) and off (dotted) boundaries of an operating chart over the frequency.
 
-    Crosses are values that were simulated, not followed. The types of the paper are shaded, and
-    the points of codimension two between them marked; of a device whose frame slips before the
-    block strikes, a line shows where it begins to, and dashes between which voltages the block
-    strikes alike in every forcing period. Where the boundaries lie so near each other that they
-    are not told apart, an inset shows by how much they differ.
+    Crosses are simulated values, other points are continued. The types of the paper are shaded,
+    and the points of codimension two between them marked. For a device whose frame slips before
+    the block impacts, a solid line is the onset of slip, and dashed lines bound the voltages with
+    equal impacts in every forcing period. An inset shows the difference of boundaries that are too
+    close to be distinguished.
 
     Parameters
     ----------
     chart : OperatingChart
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -132,7 +139,7 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
     for name, rows in boundaries.items():
         ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
     simulated = table[table["kind"] == "crisis"]
-    # Where the boundaries meet is known from the curves.
+    # The curves already end at the special points.
     simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]
     if len(simulated):
         ax.plot(
@@ -169,7 +176,7 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
 
 
 def _line(boundary: str) -> dict[str, Any]:
-    """Return how a boundary is drawn."""
+    """Return the line style of a boundary."""
     if boundary == "on":
         return {"color": color("up"), "linewidth": thickness(1.2), "zorder": 3}
     return {
@@ -178,7 +185,7 @@ def _line(boundary: str) -> dict[str, Any]:
 
 
 def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
-    """Draw by how much the boundaries differ where the eye does not part them."""
+    """Draw the difference of the boundaries where they are visually indistinguishable."""
     on, off = (
         rows.drop_duplicates("omega")[["omega", "amplitude"]].to_numpy(dtype=float)
         for rows in boundaries.values()
@@ -200,39 +207,39 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     unit = label_of(boundaries["on"], "amplitude").unit
     label_axis(inset.yaxis, Label("", unit))
     label_axis(inset.xaxis, Label(""))
-    # Beside the inset the words might lie on an axis.
+    # An axis label beside the inset might overlap an axis.
     words = f"on \N{MINUS SIGN} off {inset.get_ylabel()}".strip()
     inset.set_title(words, fontsize="small", pad=2.0)
     inset.set_ylabel("")
 
 
-# --- The device itself, moving: frame, block, stoppers, electrodes, and the path of the frame.
+# --- Animation of the device
 
-# Sizes in gaps d: across, true to scale are delta, d and x2; the rest is as it looks well.
+# Sizes in gaps d. Horizontally delta, d and x2 are to scale; other sizes are arbitrary.
 BLOCK_HALF_WIDTH = 1.0  # half width of the block
 FRAME_THICKNESS = 0.3  # thickness of the frame
 TOP, FLOOR = 2.6, 0.35  # inner edges of the frame
 BODY = (0.6, 1.75)  # lower and upper edge of the block
 STOPPER = (0.72, 1.02)  # lower and upper edge of a stopper
-PLATE = (1.12, 1.68)  # and of an electrode
-PATH = 0.9  # how far the frame goes in the picture, at most
+PLATE = (1.12, 1.68)  # lower and upper edge of an electrode
+PATH = 0.9  # largest displacement of the frame in the picture
 
 
 class Shapes(NamedTuple):
-    """What moves."""
+    """Artists of the device."""
 
-    frame: list[tuple[Any, float]]  # patches with their place in the frame
+    frame: list[tuple[Any, float]]  # patches with their positions in the frame
     block: Any
     springs: list[tuple[Any, float]]
     plates: dict[str, Any]  # electrodes by side
-    flashes: dict[str, tuple[Any, float]]  # stars by side, with their places
+    flashes: dict[str, tuple[Any, float]]  # stars by side, with their positions
     ground: Any
 
 
 def device_scene(
     run: ActuatorRun, first: float | None, last: float | None, per_period: int
 ) -> Scene:
-    """Return the device of a run, which moves, over the path of its frame.
+    """Return an animation of the device of a run, above the displacement of its frame.
 
     Parameters
     ----------
@@ -243,7 +250,7 @@ def device_scene(
     frames = frames_of(run, first, last, per_period)
     shown, device = frames.shown, run.actuator
     path = frames.samples["x1"].to_numpy() - frames.samples["x1"].iloc[0]
-    scale = _magnified(float(np.abs(path).max()) / device.d)
+    scale = _magnification(float(np.abs(path).max()) / device.d)
     volts = _voltages(run, shown)
     most = max(float(np.abs(values).max()) for values in volts.values()) or 1.0
 
@@ -251,7 +258,7 @@ def device_scene(
     above, below = figure.subplots(2, height_ratios=(5, 2))
     shapes = _draw_shapes(above, device.delta / device.d, sorted(volts))
     reach = scale * np.array([path.min(), path.max()]) / device.d
-    _look(above, device.delta / device.d, reach)
+    _set_limits(above, device.delta / device.d, reach)
     line, head = _draw_path(below, run, frames, path)
     words = caption(above)
     seconds = frames.samples["t"].to_numpy()
@@ -259,7 +266,7 @@ def device_scene(
     slipping = shown["mode"].astype(str).map(slips).to_numpy()
     period = run.system.forcing_period
     sliding = color("frame")
-    told = f"steps × {scale:g}" if scale != 1.0 else ""
+    magnified = f"steps × {scale:g}" if scale != 1.0 else ""
 
     def draw(number: int) -> None:
         here, place = shown.iloc[number], path[number * frames.every]
@@ -275,7 +282,7 @@ def device_scene(
         line.set_data(seconds[:until] / period, path[:until])
         head.set_data([here["t"] / period], [place])
         voltage = ", ".join(_volts(run, values[number]) for values in volts.values())
-        words.set_text("     ".join(filter(None, (clock(run, here["t"]), voltage, told))))
+        words.set_text("     ".join(filter(None, (clock(run, here["t"]), voltage, magnified))))
 
     artists = [shapes.block, shapes.ground, line, head, words]
     for group in (shapes.frame, shapes.springs, shapes.flashes.values()):
@@ -283,8 +290,8 @@ def device_scene(
     return Scene(figure, draw, len(shown), artists)
 
 
-def _magnified(path: float) -> float:
-    """Return the factor, 1, 2 or 5 times a power of ten, by which a path is seen in the picture."""
+def _magnification(path: float) -> float:
+    """Return the magnification of a displacement, 1, 2 or 5 times a power of ten."""
     if not 0.0 < path < PATH:
         return 1.0
     power = 10.0 ** math.floor(math.log10(PATH / path))
@@ -292,7 +299,7 @@ def _magnified(path: float) -> float:
 
 
 def _voltages(run: ActuatorRun, shown: pd.DataFrame) -> dict[str, Any]:
-    """Return the voltage of each electrode at the frames."""
+    """Return the voltage of each electrode at the times of the frames."""
     # The period of the force may be half of that of the voltage.
     time = np.remainder(shown["t"].to_numpy(), 2.0 * run.system.forcing_period)
     volts = {"right": run.drive.value(time)}
@@ -307,7 +314,7 @@ def _volts(run: ActuatorRun, value: float) -> str:
 
 
 def _sides(run: ActuatorRun, frames: Frames) -> pd.DataFrame:
-    """Return when impacts are, and on which side."""
+    """Return times and sides of impacts."""
     hits = frames.corners[frames.corners["impact"].astype(bool)]
     side = np.where(hits["x2 after"] > 0.0, "right", "left")
     return hits[["t"]].assign(side=side)
@@ -320,9 +327,7 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
     def box(left: float, low: float, width: float, height: float, **look: Any) -> Any:
         return ax.add_patch(Rectangle((left, low), width, height, **look))
 
-    half = (
-        BLOCK_HALF_WIDTH + 1.0 + 0.12
-    )  # of the inside of the frame: gap, and thickness of an electrode
+    half = BLOCK_HALF_WIDTH + 1.0 + 0.12  # inner half width: gap, and thickness of an electrode
     grey: dict[str, Any] = {"facecolor": "0.8", "edgecolor": "black", "linewidth": 0.6}
     thick, bottom = FRAME_THICKNESS, FLOOR - FRAME_THICKNESS
     high = TOP - FLOOR + 2.0 * thick
@@ -357,8 +362,8 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
     return Shapes(frame, block, springs, plates, flashes, ground)
 
 
-def _look(ax: Any, delta: float, reach: Any) -> None:
-    """Set what is seen of the device: all places that it comes to, and marks on the ground."""
+def _set_limits(ax: Any, delta: float, reach: Any) -> None:
+    """Set the limits of the axes for all positions, and draw marks on the ground."""
     half = BLOCK_HALF_WIDTH + 1.12 + FRAME_THICKNESS
     low, high = -half + min(0.0, reach[0]) - 0.15, half + max(0.0, reach[1]) + 0.15
     ax.set(
@@ -377,7 +382,7 @@ def _look(ax: Any, delta: float, reach: Any) -> None:
 
 
 def _draw_path(ax: Any, run: ActuatorRun, frames: Frames, path: Any) -> tuple[Any, Any]:
-    """Draw the axes of the path of the frame; return its line and its end."""
+    """Set up the axes of the displacement of the frame; return its line and its marker."""
     motion = color("motion")
     (line,) = ax.plot([], [], color=motion)
     (head,) = ax.plot([], [], marker="o", markersize=4.5, color=motion, clip_on=False, zorder=4)
@@ -390,7 +395,7 @@ def _draw_path(ax: Any, run: ActuatorRun, frames: Frames, path: Any) -> tuple[An
 
 
 def _move(shapes: Shapes, frame: float, block: float) -> None:
-    """Put everything where it is at one instant, in gaps d."""
+    """Move the artists to the positions of frame and block, in gaps d."""
     for patch, place in shapes.frame:
         patch.set_x(place + frame)
     shapes.block.set_x(-BLOCK_HALF_WIDTH + frame + block)
@@ -402,10 +407,10 @@ def _move(shapes: Shapes, frame: float, block: float) -> None:
         star.set_xdata([place + frame])
 
 
-# --- What the device sees of a drive: voltage and force over one forcing period.
+# --- Voltage and force of a drive
 
-SAMPLES_PER_WAVEFORM = 2000  # over a period
-MIN_SAMPLES_BETWEEN_SWITCHES = 16  # between two switches
+SAMPLES_PER_WAVEFORM = 2000
+MIN_SAMPLES_BETWEEN_SWITCHES = 16
 
 
 class Excerpt(NamedTuple):
@@ -417,11 +422,11 @@ class Excerpt(NamedTuple):
     force: NDArray[np.float64]
 
 
-def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
-    """Return one forcing period of a drive, cut at its switches.
+def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
+    """Return one forcing period of a drive, divided at its switches.
 
-    The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2; without an actuator,
-    that divided by alpha/d^2.
+    The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2; without an actuator it
+    is in units of alpha/d^2.
     """
     scale = 1.0 if actuator is None else actuator.alpha / actuator.d**2
     borders = sorted({0.0, *drive.switches, drive.period})
@@ -438,15 +443,15 @@ def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
 
 @styled
 def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -> tuple[Any, Any]:
-    """Draw what the device sees: voltage and force at x2 = 0 over one forcing period.
+    """Draw voltage and force at x2 = 0 over one forcing period.
 
     Parameters
     ----------
     drive : Drive
     actuator : Actuator, optional
-        Whose force is drawn; by default the force is in units of alpha/d^2.
+        The actuator for the force; by default the force is in units of alpha/d^2.
     ax : two matplotlib Axes, optional
-        Where to draw voltage and force; a new figure by default.
+        Axes for voltage and force; a new figure by default.
 
     Returns
     -------
@@ -467,7 +472,7 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     """
     above, below = new_figure(1.2).subplots(2, sharex=True) if ax is None else ax
     si = actuator is not None and actuator.units == "SI"
-    stretches = seen(drive, actuator)
+    stretches = forcing_period_of(drive, actuator)
     time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
     two = drive.left_voltage is not None
     own = color("voltage")
@@ -492,12 +497,12 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
 
 
 def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Join stretches with a gap in the line between them, where the voltage may jump."""
+    """Join excerpts with a gap in the line between them, where the voltage may jump."""
     gap = np.array([np.nan])
     return np.concatenate([piece for part in parts for piece in (part, gap)])[:-1]
 
 
-# --- Where the energy goes, as bars.
+# --- Energy accounts
 
 ENERGY_COLORS = {"in": "voltage", "load": "frame"}
 ENERGY_HATCHES = {"lost": "////", "load": "....", "stored": ""}
@@ -511,13 +516,13 @@ ENERGY_WORDS = {
 
 @styled
 def plot_energy(energy: Energy, ax: Any = None) -> Any:
-    """Draw the energy per forcing period of every account as a bar, its share beside it.
+    """Draw the energy per forcing period of every account as a bar, labelled with its share.
 
     Parameters
     ----------
     energy : Energy
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -564,7 +569,7 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
     return ax
 
 
-# --- Mean speed over a load.
+# --- Mean speed over load
 
 LOAD_LINES = {
     "sliding_load": ("every slip ends", (0, (4, 3))),
@@ -575,13 +580,16 @@ LOAD_LINES = {
 
 @styled
 def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
-    """Draw the mean speed over the load: orbits filled, runs hollow, crosses where it runs away.
+    """Draw the mean speed over the load.
+
+    Filled markers are periodic orbits, hollow markers runs, and crosses loads at which the frame
+    runs away.
 
     Parameters
     ----------
     curve : LoadCurve
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -623,9 +631,9 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
         value = getattr(curve, name)
         if math.isfinite(value):
             power, unit = prefixed(label.unit, abs(value))
-            told = f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()
+            text = f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()
             ax.axvline(
-                value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1, label=told
+                value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1, label=text
             )
     ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
     label_axis(ax.xaxis, label)
@@ -634,7 +642,7 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     return ax
 
 
-# --- One periodic orbit in the phase plane of the block.
+# --- Periodic orbits
 
 
 @styled
@@ -645,7 +653,7 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
     ----------
     orbit : ActuatorOrbit
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -658,7 +666,7 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
     x, v = "x2", "v2"
     stuck = ~table["mode"].astype(str).map(slips)
     free, slipping = table[v].where(stuck), table[v].where(~stuck)
-    # At an impact the velocity jumps: the line is broken there.
+    # The line has a gap at impacts, where the velocity jumps.
     jumps = (table[x].diff().abs() < 1e-9) | (table[v].diff().abs() > 0.2 * table[v].abs().max())
     ax.plot(table[x], free.mask(jumps), color=color("motion"), label="frame stuck")
     if (~stuck).any():
@@ -679,23 +687,23 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
     return ax
 
 
-# --- Deflection of the block and mean speed over the frequency.
+# --- Frequency response
 
 FILLS = {"up": "full", "down": "none"}
 
 
 @styled
 def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
-    """Draw deflection and mean speed over the frequency, a colour and a marker an amplitude.
+    """Draw deflection and mean speed over the frequency.
 
-    Filled on the way up, hollow on the way down.
+    Each amplitude has a colour and a marker, filled in sweeps up and hollow in sweeps down.
 
     Parameters
     ----------
     table : DataFrame
-        From `mems_impact.frequency_response`.
+        Table of `mems_impact.frequency_response`.
     ax : two matplotlib Axes, optional
-        Where to draw deflection and speed; a new figure by default.
+        Axes for deflection and speed; a new figure by default.
 
     Returns
     -------
@@ -719,10 +727,10 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
     looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
     volts = label_of(table, "amplitude", "$f$")
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
-        told = f"{volts.words} = {amplitude:g} {volts.unit}".rstrip()
+        text = f"{volts.words} = {amplitude:g} {volts.unit}".rstrip()
         for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
             panel.plot(
-                group["omega"], group[name], linewidth=thickness(0.6), label=f"{told}, {direction}",
+                group["omega"], group[name], linewidth=thickness(0.6), label=f"{text}, {direction}",
                 fillstyle=FILLS[direction], **looks[amplitude],
             )  # fmt: skip
     for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
@@ -732,7 +740,7 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
     return axes[0], axes[1]
 
 
-# --- The motion over time: block between its stoppers, and frame on the ground.
+# --- Runs
 
 
 @styled
@@ -742,16 +750,16 @@ def plot_run(
     last: float | None = None,
     ax: Any = None,
 ) -> tuple[Any, Any]:
-    """Draw x2 and x1 over time, impacts marked and slips shaded.
+    """Draw x2 and x1 over time, with impacts marked and slips shaded.
 
     Parameters
     ----------
     run : ActuatorRun
-        With its events kept.
+        A run with recorded events.
     first, last : float, optional
-        Forcing periods between which to draw; the last 6 of the run by default.
+        Range in forcing periods; the last 6 of the run by default.
     ax : two matplotlib Axes, optional
-        Where to draw x2 and x1; a new figure by default.
+        Axes for x2 and x1; a new figure by default.
 
     Returns
     -------
@@ -761,7 +769,7 @@ def plot_run(
     Raises
     ------
     InvalidParameter
-        If the run kept no events, or does not cover those periods.
+        If the run has no recorded events, or does not cover these periods.
     """
     period, delta = run.system.forcing_period, run.actuator.delta
     if first is None:
@@ -777,7 +785,7 @@ def plot_run(
 
     for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
         for panel in (block, frame):
-            # The edge keeps a slip visible that is thinner than a dot.
+            # The edge keeps short slips visible.
             panel.axvspan(*slip, linewidth=0.8, zorder=0, **_slip())
     for stopper in (-delta, delta):
         block.axhline(stopper, color=color("guide"), zorder=1, **DASHES)
@@ -785,7 +793,7 @@ def plot_run(
     hits = run.impacts
     hits = hits.assign(t=hits["period"] + hits["phase"])
     hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
-    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+    if len(hits):  # an empty line would extend the bounding box of the figure
         sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
         block.plot(hits["t"], sides, color=color("impact"), clip_on=False, **IMPACT)
     frame.plot(time, samples["x1"], color=color("motion"))
@@ -808,11 +816,11 @@ def _key(ax: Any) -> None:
         Line2D([], [], label="stopper", color=color("guide"), **DASHES),
         Patch(label="frame slips", **_slip()),
     ]
-    legend_above(ax, entries)  # the block may be anywhere within the axes
+    legend_above(ax, entries)  # the motion may fill the axes
 
 
 def _slip() -> dict[str, Any]:
-    """Return how slips are shaded."""
+    """Return the shading of slips."""
     own = color("frame")
     return {"facecolor": (own, 0.3), "edgecolor": (own, 0.6)}
 
@@ -820,7 +828,7 @@ def _slip() -> dict[str, Any]:
 def _slips(
     events: pd.DataFrame, period: float, left: float, right: float, mode: str
 ) -> list[tuple[float, float]]:
-    """Return the intervals between `left` and `right`, in forcing periods, of a sliding frame."""
+    """Return the intervals of slip between `left` and `right`, in forcing periods."""
     times = events["period"] + events["time"] / period
     within = (times >= left) & (times <= right)
     found, begin = [], left if slips(mode) else None

@@ -49,7 +49,7 @@ __all__ = [
     "swings",
 ]
 
-# --- Tables specific to actuators (see `mems_impact.tables` for those of any system).
+# --- Tables of actuators
 
 ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
 COLUMN_UNITS = {
@@ -320,7 +320,7 @@ def _stopper(impacts: Events) -> Any:
     return words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
 
 
-# --- Runs and orbits of an actuator.
+# --- Runs and orbits of an actuator
 
 
 class _OfActuator:

@@ -1,4 +1,4 @@
-"""Objects of this room that result files may contain."""
+"""Serialization of actuators, drives and their results in result files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
 
 
 def table_of(drive: Drive) -> dict[str, Any]:
-    """Return a drive as the table ``[drive]`` of a file; functions by where they are defined."""
+    """Return a drive as the table ``[drive]`` of a file, with functions as references."""
     table: dict[str, Any] = {"kind": kind_of(drive)}
     for name in type(drive).model_fields:
         value = getattr(drive, name)
@@ -48,7 +48,7 @@ def table_of(drive: Drive) -> dict[str, Any]:
 
 
 def drive_of(table: Mapping[str, Any]) -> Drive:
-    """Return the drive of a table that names no functions."""
+    """Return the drive of a table without functions."""
     values = {name: value for name, value in table.items() if name != "kind"}
     for name, value in values.items():
         if isinstance(value, np.ndarray):
@@ -66,7 +66,7 @@ def actuator_parts(actuator: Actuator) -> dict[str, Any]:
 
 
 def actuator_of(parts: Mapping[str, Any]) -> Actuator:
-    """Return the device of such tables."""
+    """Return the device of the tables of a file."""
     terms = tuple(term_of(name, table) for name, table in parts.get("terms", {}).items())
     return Actuator(**{**parts, "terms": terms})
 
@@ -77,13 +77,13 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
         "scales": system.scales,
-        "told": describe(system, system.functions) if own else None,
+        "description": describe(system, system.functions) if own else None,
     }
 
 
 def _system(parts: dict[str, Any], reader: Reader) -> HybridSystem:
-    if parts["told"] is not None:
-        return restored(parts["told"], reader)
+    if parts["description"] is not None:
+        return restored(parts["description"], reader)
     system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
     system = system.restored({}, parts["scales"])
     if reader.system is not None:

@@ -1,8 +1,4 @@
-"""Statistics of runs and quantities of orbits of a device.
-
-One accumulator serves every run, kept or streamed, so that each number has one definition. Its
-memory and its cost per period do not grow with the length of the run.
-"""
+"""Statistics of runs and attractors, and quantities of orbits, of a device."""
 
 from __future__ import annotations
 
@@ -52,7 +48,7 @@ __all__ = [
     "standstill_period",
 ]
 
-# --- What studies tell of where the motion of an actuator has come to.
+# --- Statistics of attractors
 
 REDUCED: tuple[Literal["min", "mean", "max"], ...] = ("min", "mean", "max")
 _MEASURES = (
@@ -68,7 +64,7 @@ _MEASURES = (
     "share resting",
     "closest approach",
 )
-_ENERGY = ("energy in per period", "energy in per impact")  # where it is kept account of
+_ENERGY = ("energy in per period", "energy in per impact")  # with energy accounting
 _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 
 
@@ -78,10 +74,10 @@ def measure_names(system: ActuatorSystem) -> tuple[str, ...]:
 
 
 def measures(system: ActuatorSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
-    """Return what was gathered of a point by heading, as `Statistics` has it.
+    """Return the statistics of an attractor by heading, with the definitions of `Statistics`.
 
-    The deviation of the displacement is its standard deviation from forcing period to forcing
-    period; in contacts with stoppers that yield there are no impact speeds.
+    "displacement per period std" is the standard deviation over forcing periods. Compliant stoppers
+    have no impact speeds.
     """
     totals = MotionTotals.of(settled, settled.duration / period)
     hits = totals.impacts(GUARDS)
@@ -99,7 +95,7 @@ def measures(system: ActuatorSystem, settled: RecurrenceResult, period: float) -
 
 
 def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict[str, float]:
-    """Return the statistics that runs and studies have in common, by heading."""
+    """Return the common statistics of runs and studies, by heading."""
     displacement, lost = totals.gains["step"], totals.gains.get("energy lost")
     if lost is None:
         lost = totals.moments["energy lost"].total
@@ -116,63 +112,63 @@ def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict
 
 
 def approach(totals: MotionTotals, impacts: float, closest: float) -> float:
-    """Return the closest approach of a motion: NaN if it has impacts, 0 if the block rests."""
+    """Return the closest approach of a motion: NaN with impacts, 0 with rest contact."""
     if impacts > 0.0:
         return math.nan
     return 0.0 if totals.share(_RESTING) > 0.0 else closest
 
 
-# --- Statistics of a run, gathered from its events as they come.
+# --- Statistics of a run
 
 
 @dataclass(frozen=True, kw_only=True)
 class Statistics:
-    """What a run did over a window.
+    """Statistics of a run over a window.
 
-    NaN stands for what is not defined: speeds and displacements per impact and per blow without
-    one, the closest approach with one.
+    Undefined values are NaN: speeds and displacements per impact or blow without any, and the
+    closest approach with impacts.
 
     Attributes
     ----------
     window_first, window_last : float
-        The window, in forcing periods; half open: an event at its end is outside.
+        The window, in forcing periods; half-open: an event at its end is outside.
     periods : float
         Its length.
     impacts : int
-        Every bounce is one.
+        Number of impacts; each bounce is one.
     impacts_per_period : float
     blows : int
-        Blows that begin in the window: a sequence of ever weaker impacts on one stopper that ends
-        in rest is one blow, as an experiment sees it; every other impact is a blow of its own, as
-        are those of a sequence that the end of the run cuts short.
+        Number of blows that start in the window: a chatter sequence on one stopper that ends in
+        sticking contact is one blow; any other impact is a blow of its own, also in a sequence that
+        the end of the run truncates.
     blows_per_period : float
     displacement_per_period : float
-        Displacement of the frame over the window, by its length.
+        Displacement of the frame over the window, divided by its length.
     displacement_per_impact : float
-        The same, by the number of impacts.
+        The same divided by the number of impacts.
     displacement_per_impact_std : float
-        Standard deviation of the steps of the frame (see `frame_steps`) after the impacts of the
-        window, over their number. A step that no rest and no impact has ended is left out.
+        Population standard deviation of the steps of the frame (see `frame_steps`) after the
+        impacts of the window, without a step that has not ended.
     displacement_per_blow : float
-        Displacement of the frame over the window, by the number of blows.
+        Displacement of the frame over the window, divided by the number of blows.
     displacement_per_blow_std : float
-        Standard deviation of the displacements of the blows, each the sum of the steps after its
-        impacts, over their number. A blow whose last step has not ended is left out.
+        Population standard deviation of the displacements of the blows, each the sum of the steps
+        after its impacts, without a blow whose last step has not ended.
     mean_speed : float
-        Displacement of the frame over the window, by its duration.
+        Displacement of the frame over the window, divided by its duration.
     impact_speed_min, impact_speed_mean, impact_speed_max : float
-        Of abs(v2) before the impacts.
+        Statistics of abs(v2) before the impacts.
     share_slipping, share_resting : float
-        Shares of the time in which the frame slips, and in which the block rests on a stopper; on
-        one that yields, in which it is in contact.
+        Fractions of time in which the frame slips, and in which the block rests on a stopper, or is
+        in contact with a compliant one.
     closest_approach : float
-        Smallest distance from a stopper at which the block turned back in a window without
-        impacts; 0 if it rested on a stopper.
+        Smallest distance from a stopper at a turning point, in a window without impacts; 0 with
+        rest contact.
     chatter_sequences : int
-        Sequences of impacts that ended in rest on a stopper. Rest on one that yields is a contact
-        that lasts longer than bounces do (see `RestDetector`), and counts when it ends.
+        Number of chatter sequences that ended in sticking contact. On compliant stoppers, number of
+        contacts longer than a bounce (see `RestDetector`), counted at their ends.
     energy_lost_per_period : float
-        In impacts, chatter included, and in contacts with stoppers that yield.
+        Energy lost in impacts, including chatter, and in contacts with compliant stoppers.
     """
 
     window_first: float
@@ -199,28 +195,30 @@ class Statistics:
 
 
 class Accumulator(StatisticsAccumulator):
-    """Gathers the statistics of one run; called with every chunk of its events.
+    """Accumulator of the statistics of one run, called with every chunk of its events.
+
+    Its memory and cost per period are independent of the length of the run.
 
     Parameters
     ----------
     actuator : Actuator
-        In the units of the numerics.
+        The actuator in scaled units.
     start : HybridState
-        Where the run begins.
+        Initial state of the run.
     window : TimeWindow
     """
 
     def __init__(self, actuator: Actuator, start: HybridState, window: TimeWindow) -> None:
         super().__init__(window, start, len(MODES), len(GUARDS))
         self._actuator = actuator
-        self._waiting: Events | None = None  # from an impact on whose step has not ended
+        self._waiting: Events | None = None  # events since an impact whose step has not ended
         self._speeds, self._steps, self._energies = Moments(), Moments(), Moments()
         self._blows = BlowCounter()
         self._rests = RestDetector(actuator, window.period)
         self._closest = math.inf
 
     def __call__(self, events: Events) -> None:
-        """Take the next chunk of events."""
+        """Process the next chunk of events."""
         if len(events) == 0:
             return
         events = self._rests(events)
@@ -243,13 +241,13 @@ class Accumulator(StatisticsAccumulator):
         ----------
         final : HybridState
         borders : sequence of two float array
-            The state where the window begins and ends.
+            The states at the start and end of the window.
         """
         measured = asdict(self.measured(final, borders))
         return {name.replace("_", " "): value for name, value in measured.items()}
 
     def measured(self, final: HybridState, borders: Sequence[Floats]) -> Statistics:
-        """Return the same as an object."""
+        """Return the statistics of a run that ended at `final`."""
         if self._waiting is not None:
             self._take_steps(self._waiting[:0], last=True)
         change = borders[1] - borders[0]
@@ -283,34 +281,34 @@ class Accumulator(StatisticsAccumulator):
         inside = self._window.contains(log)
         open_ = np.isnan(steps)
         self._steps.add(steps[is_impact(log) & inside & ~open_])
-        # Only the last impact can wait for its end, and the end of chatter with it.
+        # Only the step after the last impact, with the end of its chatter, can be unfinished.
         held = int(np.argmax(open_)) if open_.any() and not last else len(log)
         self._waiting = log[held:]
         self._blows.add(log[:held], steps[:held], inside[:held], last=last)
 
 
-# --- When a device has come to stand still.
+# --- Standstill
 
-MAX_PERIODICITY = 12  # of which motions that repeat in 1, 2, 3, 4, 6 or 12 periods are told
+MAX_PERIODICITY = 12  # forcing periods; motions of period 1, 2, 3, 4, 6 and 12 are recognised
 NEAR = 1e-6
 
 
 def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | None:
-    """Return after how many periods of a run the frame stands still; None if it never does.
+    """Return the number of periods of a run until standstill; None without it.
 
-    That is when, for 12 periods running, frame and block are at the start of each where they were
-    12 periods before: to 1e-6 of delta, and of delta times the natural frequency. A block whose
-    swing still grows tells that the frame may move yet.
+    At standstill the states at the starts of 12 successive periods equal those 12 periods earlier,
+    within 1e-6 of delta, and of delta times the natural frequency. The block is included, since a
+    growing oscillation may still move the frame.
 
     Parameters
     ----------
     trajectory : Trajectory
     actuator : Actuator
-        In the units of the numerics.
+        The actuator in scaled units.
     """
     grid = trajectory.samples(per_period=1)
     near = np.array([1.0, (actuator.k / actuator.m2) ** 0.5] * 2) * NEAR * actuator.delta
-    own = NEAR * np.abs(grid.y[:, len(STATES) :]).max(axis=0, initial=0.0)  # of terms
+    own = NEAR * np.abs(grid.y[:, len(STATES) :]).max(axis=0, initial=0.0)  # states of terms
     apart = np.abs(grid.y[MAX_PERIODICITY:] - grid.y[:-MAX_PERIODICITY])
     same = (apart <= np.concatenate([near, own])).all(axis=1)
     running = (
@@ -326,7 +324,7 @@ def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | Non
     return cycle - start.cycle - start.time / trajectory.period
 
 
-# --- The numbers of an actuator's orbit that its designers want to move.
+# --- Quantities of orbits
 
 
 def _per_period(orbit: Any) -> float:
@@ -355,7 +353,7 @@ def _energy_lost(orbit: Any) -> float:
 
 
 def _energy_given(orbit: Any) -> float:
-    from mems_impact.actuator.design.energy import energy  # which needs the system itself
+    from mems_impact.actuator.design.energy import energy  # avoids a circular import
 
     return energy(orbit).given / orbit.periods
 
@@ -368,14 +366,14 @@ FUNCTIONS = {
     "closest approach": _closest_approach,
     "energy lost per period": _energy_lost,
 }
-"""By the names that tables and statistics have for them."""
+"""Functions of an orbit by the heading of the statistic."""
 
 
 def actuator_quantities(units: Mapping[str, str]) -> tuple[Quantity, ...]:
     """Return the quantities of an actuator's orbits.
 
-    Of the energy, what impacts lose; asked for, what the drive gives too, which takes an
-    integration of the orbit's arcs.
+    The energy input of the drive is computed on request only, since it requires an integration of
+    the orbit's arcs.
     """
     known = [Quantity(name, each, units.get(name, "")) for name, each in FUNCTIONS.items()]
     joule = units.get("energy lost per period", "")

@@ -69,7 +69,7 @@ from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWin
 
 __all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_state"]
 
-# --- Parameters of an actuator under a drive, with units and scales.
+# --- Parameters of an actuator under a drive
 
 Kind = TypeVar("Kind", bound="ActuatorNumerics")
 
@@ -179,7 +179,7 @@ class ActuatorNumerics(HybridSystem):
         return self._with(actuator, drive, self._scales)
 
     def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
-        """Return the system of another actuator and drive, which have been checked or need not."""
+        """Return the system of another actuator and drive, without validation."""
         other = object.__new__(type(self))
         other._put(actuator, drive, scales)
         return other
@@ -206,7 +206,7 @@ class ActuatorNumerics(HybridSystem):
         return of_drive, of_actuator, of_terms
 
     def _terms(self, values: Mapping[str, float], *, checked: bool = True) -> tuple[Term, ...]:
-        """Return the terms, some of their numbers changed."""
+        """Return the terms with some numbers changed."""
         found = []
         for term in self.actuator.terms:
             prefix = f"{term.name()}."
@@ -228,7 +228,7 @@ class ActuatorNumerics(HybridSystem):
         return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
 
     def problem(self, options: Options) -> Problem:
-        """Return what the event loop integrates, dimensionless.
+        """Return the problem for the event loop, dimensionless.
 
         Raises
         ------
@@ -266,7 +266,7 @@ class ActuatorNumerics(HybridSystem):
 
     @cached_property
     def _device(self) -> Floats:
-        """The numbers of actuator and terms, in the units of the numerics; room for scratch."""
+        """The numbers of actuator and terms in scaled units, with scratch space."""
         own = self.inner_actuator.to_array()
         if not self._composed:
             return own
@@ -276,17 +276,17 @@ class ActuatorNumerics(HybridSystem):
 
     @property
     def _composed(self) -> bool:
-        """Whether its equations are put together, and need scratch; the paper's alone do not."""
+        """Whether the equations are composed of terms, which require scratch space."""
         return bool(self._kinds)
 
     @property
     def _scratch(self) -> int:
-        """How many numbers of scratch there are."""
+        """Size of the scratch space."""
         return SCRATCH_ARRAYS * len(self.states)
 
     @cached_property
     def _term_places(self) -> dict[str, int]:
-        """Where the parameters of terms stand among the numbers."""
+        """Indices of the parameters of terms in the parameter array."""
         places: dict[str, int] = {}
         first = len(PARAMETER_NAMES)
         for kind in self._kinds:
@@ -300,7 +300,7 @@ class ActuatorNumerics(HybridSystem):
         return self.drive.names
 
 
-# --- The system of an actuator under a drive.
+# --- The system of an actuator under a drive
 
 CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
 IMPACT_GUARDS = tuple(guard.name for guard in GUARDS if guard.impact)
@@ -320,7 +320,7 @@ def _contact_loss(y: Any, p: Any) -> float:
 
 STEP_OBSERVABLE = Observable("step", _frame_position, unit="m")
 IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACT_GUARDS, reduce="sum", unit="J")
-CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # where stoppers yield
+CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # of compliant stoppers
 
 
 def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
@@ -408,7 +408,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @cached_property
     def _bounds(self) -> bool:
-        """Whether functions may read beyond arrays, and have to be kept from it: the user's."""
+        """Whether compiled functions check array bounds, as functions of users require."""
         return not self.is_data_only
 
     @property
@@ -423,7 +423,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def displayed_states(self) -> tuple[str, ...]:
-        """The states by which orbits are shown."""
+        """The states in displays of orbits."""
         return ("v2",)
 
     @property
@@ -499,7 +499,7 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:
-        """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
+        """Return the system with runs that end at a falling zero of ``until(mode, t, y, p)``."""
         return ended(self, until)
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
@@ -599,7 +599,7 @@ def kind_of(drive: Drive) -> str:
 
 
 def own_functions(drive: Drive) -> dict[str, str]:
-    """Return where the functions of a drive are defined that its numbers do not tell."""
+    """Return the places of definition of a drive's functions that its numbers do not determine."""
     if kind_of(drive) == "":
         return {type(drive).__name__: f"{type(drive).__module__}:{type(drive).__qualname__}"}
     found: dict[str, str] = {}
@@ -648,9 +648,9 @@ class NamedState:
         vars(self).update(zip(states, y.tolist(), strict=False))
 
 
-# --- Energy accounting in studies.
+# --- Energy accounting in studies
 
-NO_LEDGER = "energy accounting is for studies, whose runs have no until function"
+NO_UNTIL_REASON = "energy accounting is for studies, whose runs have no until function"
 
 
 class EnergyAccountingSystem(ActuatorSystem):
@@ -658,7 +658,7 @@ class EnergyAccountingSystem(ActuatorSystem):
 
     @property
     def automaton(self) -> Automaton:
-        """The actuator's, with works and losses summed up."""
+        """The automaton of the actuator, with integrals of works and losses."""
         drive = self.drive
         waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
         return summing_automaton(self._kinds, *waveform, self._bounds)
@@ -673,23 +673,23 @@ class EnergyAccountingSystem(ActuatorSystem):
 
     @cached_property
     def _plain(self) -> int:
-        """How many states are the actuator's own."""
+        """Number of states without these integrals."""
         names = (name.startswith(sum_of("")) for name in self.states)
         return len(self.states) - sum(names)
 
     @property
     def study_observables(self) -> tuple[Observable, ...]:
-        """What is told of every actuator, and the energy that the drive gives."""
+        """Those of every actuator, and the energy input of the drive."""
         electrodes = 1 if self.drive.left_voltage is None else 2
         given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
         return (*super().study_observables, given)
 
     def ending(self, until: Callable[..., float]) -> NoReturn:
-        """Refuse: runs of studies end by no function."""
-        raise InvalidParameter("until", until, "", problem=NO_LEDGER)
+        """Raise InvalidParameter, since runs of studies have no until function."""
+        raise InvalidParameter("until", until, "", problem=NO_UNTIL_REASON)
 
     def state_of(self, instant: HybridState) -> State:
-        """Return an instant as a state of the actuator: without the sums."""
+        """Return an instant as a state of the actuator, without the integrals."""
         state = super().state_of(instant)
         values = {name: state[name] for name in self.states[: self._plain]}
         return state_from(values, time=state.time)
@@ -699,7 +699,7 @@ class EnergyAccountingSystem(ActuatorSystem):
 def _given(
     kinds: tuple[TermKind, ...], electrodes: int, states: tuple[str, ...]
 ) -> Callable[[Any, Any], float]:
-    """Return what the drive has given: work of the electrodes, and what is lost at them."""
+    """Return the energy input of the drive: work of the electrodes, and losses at them."""
     lost = accounts(kinds, electrodes).at_electrodes
     places = tuple(states.index(sum_of(name)) for name in ("electrodes", *lost))
 
@@ -712,16 +712,16 @@ def _given(
     return energy_in
 
 
-# --- Runs that end where a function of the user falls through zero.
+# --- Runs that end at a zero of a function of the user
 
 Function = Callable[..., Any]
 
 
 class EndedSystem(ActuatorSystem):
-    """An actuator under a drive whose runs end where ``until(mode, t, y, p)`` falls through zero.
+    """An actuator under a drive with runs that end at a zero of ``until(mode, t, y, p)``.
 
     The function is called in the units of the device, with the states and the eleven parameters by
-    name. The position of the frame counts from the start, so that a run may end at a position.
+    name. The position of the frame is measured from the start of the run.
     """
 
     until: Function
@@ -736,30 +736,30 @@ class EndedSystem(ActuatorSystem):
 
     @property
     def without_until(self) -> ActuatorSystem:
-        """The actuator without what ends its runs."""
+        """The system without the until function."""
         return self._as(ActuatorSystem)
 
     @property
     def is_data_only(self) -> bool:
-        """Never: a file cannot hold the function."""
+        """False: files cannot contain the function."""
         return False
 
     @property
     def functions(self) -> dict[str, str]:
-        """Where the function is defined, and those of the drive that are not the package's own."""
+        """Places of definition of the function, and of the user's functions of the drive."""
         return {**super().functions, "until": reference(self.until)}
 
     def ending(self, until: Function) -> EndedSystem:
-        """Return the actuator whose runs end by another function."""
+        """Return the system with another until function."""
         return ended(self, until)
 
     def with_energy(self) -> NoReturn:
-        """Refuse: its studies run to no end of their own."""
-        raise InvalidParameter("until", self.until, "", problem=NO_LEDGER)
+        """Raise InvalidParameter, since runs of studies have no until function."""
+        raise InvalidParameter("until", self.until, "", problem=NO_UNTIL_REASON)
 
     @property
     def automaton(self) -> Automaton:
-        """The actuator's, with one guard more."""
+        """The automaton of the actuator with an additional guard."""
         base, numbers = super().automaton, super().numbers()
         units = [float(self.out(name, 1.0)) for name in base.states]
         scales = self.scales
@@ -775,14 +775,14 @@ class EndedSystem(ActuatorSystem):
         return super().automaton.states
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return the actuator's, with room for scratch behind them."""
+        """Return the numbers of the actuator, followed by scratch space."""
         found = super().numbers(changes)
         scratch = np.zeros(2 * len(self.states))
         return found._replace(parameters=np.concatenate([found.parameters, scratch]))
 
 
 def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
-    """Return the system whose runs end where `until` falls through zero.
+    """Return the system with runs that end at a falling zero of `until`.
 
     Raises
     ------
@@ -799,18 +799,18 @@ def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
 def _ended(
     base: Automaton, until: Function, units: tuple[float, ...], count: int, step: float
 ) -> Automaton:
-    """Return an automaton with one guard more, which ends the run.
+    """Return an automaton with an additional guard that ends the run.
 
     Parameters
     ----------
     base : Automaton
     until : callable
     units : tuple of float
-        Of the states, of time and of the parameters, in those of the numerics.
+        Units of the states, of time and of the parameters, in scaled units.
     count : int
-        Numbers of the system; twice as many as there are states stand behind them, as scratch.
+        Number of parameters of the system; scratch space for two states follows them.
     step : float
-        Of the differences that give the rate.
+        Difference step of the rate.
     """
     n, m = len(base.states), len(base.guards)
     margin = _in_units_of_the_user(until, base.states, units)
@@ -832,7 +832,7 @@ def _ended(
     def with_end(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         if code == m or code == 2 * m + 1:
             return ENDS
-        # Codes of resting, and of a switch of the drive, stand behind one guard more, or two.
+        # The codes of rest and of a switch are shifted by the additional guard.
         own = code - 2 if code == 2 * m + 2 else (code - 1 if code > m else code)
         return transition(mode, own, t, y, p)
 
@@ -842,7 +842,7 @@ def _ended(
         guards=(*base.guards, Guard("until", order=last + 1)),
         margins=more_margins,
         transition=with_end,
-        cyclic=(),  # a run may end where the frame has come to a place
+        cyclic=(),  # `until` may depend on the position of the frame
         bounds=True,
         recipe=(_ended, (base, until, units, count, step)),
     )
@@ -851,7 +851,7 @@ def _ended(
 def _in_units_of_the_user(
     until: Function, states: tuple[str, ...], units: tuple[float, ...]
 ) -> Function:
-    """Return `until` as a function of arrays of numbers as the numerics have them."""
+    """Return `until` as a function of arrays in scaled units."""
     n = len(states)
     y = ", ".join(f"y[{i}] * {units[i]!r}" for i in range(n))
     p = ", ".join(f"p[{i}] * {unit!r}" for i, unit in enumerate(units[n + 1 :]))

@@ -29,11 +29,11 @@ from mems_impact.systems.base import HybridSystem
 
 __all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
 
-# --- Systems in Python code: a file, a module, or a plugin.
+# --- Systems in Python code
 
 WHAT = (
-    'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that makes '
-    "one"
+    'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that '
+    "returns one"
 )
 SYSTEM_REQUEST = CodeRequest(field="system", what=WHAT, kind="command line", reader="load_system")
 
@@ -79,7 +79,7 @@ def load_system(name: str) -> HybridSystem:
     """
     place, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
     if isinstance(name, str) and not colon:
-        return _added(name)
+        return _plugin_system(name)
     if not place or not attribute.isidentifier():
         raise InvalidParameter("system", name, f"a {WHAT}")
     if place.endswith(".py"):
@@ -93,18 +93,18 @@ def load_system(name: str) -> HybridSystem:
 
 
 def is_system_name(name: str) -> bool:
-    """Return whether that may be the name of a system, rather than of a device."""
+    """Return whether a name may be that of a system, rather than of a device."""
     place, colon, attribute = name.rpartition(":")
     return name in system_names() or bool(colon and place and attribute.isidentifier())
 
 
 def system_names() -> tuple[str, ...]:
-    """Return the names of the systems that other packages add."""
+    """Return the names of the systems of plugins."""
     return plugins.names(plugins.SYSTEMS)
 
 
 def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSystem:
-    """Return the system that code holds, or that its function makes; InvalidFile if it is none."""
+    """Return a system, or that returned by a function; InvalidFile if it is not a system."""
     if callable(found) and not isinstance(found, HybridSystem):
         try:
             found = found()
@@ -116,20 +116,20 @@ def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSyst
     return found
 
 
-def _added(name: str) -> HybridSystem:
-    found = plugins.plugin(plugins.SYSTEMS, name, _may_be_system, "a System or a function")
+def _plugin_system(name: str) -> HybridSystem:
+    found = plugins.plugin(plugins.SYSTEMS, name, _is_system_or_function, "a System or a function")
     if found is None:
         known = ", ".join(system_names())
         raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {WHAT}")
     return made_system(found, name, name)
 
 
-def _may_be_system(found: Any) -> bool:
+def _is_system_or_function(found: Any) -> bool:
     return isinstance(found, HybridSystem) or callable(found)
 
 
 def _imported(name: str) -> Any:
-    """Return a module, looked for in the working directory too."""
+    """Import a module, also from the working directory."""
     here = str(Path.cwd())
     sys.path.insert(0, here)
     try:
@@ -141,14 +141,14 @@ def _imported(name: str) -> Any:
         sys.path.remove(here)
 
 
-# --- Study files: a TOML file that names a system, a study and its store.
+# --- Study files
 
-KICKED = "kicked"  # of `initial`: the state of that name
+KICKED = "kicked"  # value of `initial` for the kicked state
 FILE_TABLES = ("name", "description", "device", "system", "set", "drive", "study")
 STUDY_FILE_REMEDY = 'give a TOML file with a table [study] of lines like kind = "map"'
 STUDY_REQUEST = CodeRequest(
     field="system",
-    what='Python file and a name in it: "FILE.py:NAME", a System or a function that makes one',
+    what='Python file and a name in it: "FILE.py:NAME", a System or a function that returns one',
     kind="study file",
     reader="load_study",
 )
@@ -163,10 +163,10 @@ class StudyFile:
     ----------
     path : str
     kind : str
-        Of the study, such as ``"map"``.
+        Kind of the study, such as ``"map"``.
     system : System
     arguments : dict
-        Of the verb that runs it, by name.
+        Arguments of the verb that runs it, by name.
     """
 
     path: str
@@ -252,13 +252,13 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
 
 
 def holds_study(name_or_path: str) -> bool:
-    """Return whether that is the path of a study file, rather than a device."""
+    """Return whether a name is the path of a study file, rather than of a device."""
     if name_or_path in preset_names() or not Path(name_or_path).is_file():
         return False
     try:
         return "study" in _content(name_or_path)
     except InvalidFile:
-        return False  # let the device say what is wrong
+        return False  # loading the device reports the error
 
 
 def _content(source: str) -> dict[str, Any]:
@@ -267,7 +267,7 @@ def _content(source: str) -> dict[str, Any]:
 
 
 class _Reader:
-    """Makes a study of the content of a file."""
+    """Reader of the content of a study file."""
 
     def __init__(self, content: Mapping[str, Any], file: Path, allow_code: bool) -> None:
         self.content, self.file, self.allow_code = content, file, allow_code
@@ -297,7 +297,7 @@ class _Reader:
     def _own_system(self) -> HybridSystem:
         for name in ("device", "drive"):
             if name in self.content:
-                problem = f"not beside system = {self.content['system']!r}, which is all of it"
+                problem = f"not allowed together with system = {self.content['system']!r}"
                 raise InvalidParameter(name, None, "", problem=problem)
         value = self.content["system"]
         if value in system_names():
@@ -314,7 +314,7 @@ class _Reader:
         return found.changed(**changes) if changes else found
 
     def _actuator(self, varied: Mapping[str, float]) -> Actuator:
-        """Return the device; a term that is varied is added to it if need be."""
+        """Return the device, with the terms whose parameters are varied."""
         device = self.content.get("device")
         if not isinstance(device, str):
             allowed = "the name of a preset or the path of a TOML file"
@@ -327,7 +327,7 @@ class _Reader:
         return actuator.setting(changes) if changes else actuator
 
     def _drive(self, varied: Mapping[str, float]) -> Drive:
-        """Return the drive; what is varied need not be in its table."""
+        """Return the drive; varied parameters may be absent from its table."""
         given = self.content.get("drive")
         device = str(self.file.parent / self.content["device"])
         if given is None and holds_drive(device):
@@ -348,14 +348,14 @@ class _Reader:
 
 
 def _varied(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Give the axes of a study that are parameters: names and values."""
+    """Yield names and values of the axes of a study that are parameters."""
     for word in ("x", "y"):
         if word in given and len(given[word][1]):
             yield given[word]
 
 
 def _flat(table: Any, owner: str) -> Iterator[tuple[str, float]]:
-    """Give the numbers of a table by name, those of tables in it as ``tilt.angle``."""
+    """Yield the numbers of a table by name, those of nested tables as ``tilt.angle``."""
     if not isinstance(table, dict):
         raise InvalidParameter(owner, table, "a table of lines like e = 0.7")
     for name, value in table.items():

@@ -22,22 +22,22 @@ __all__ = [
     "resolve_code_path",
 ]
 
-# --- Python code that a file names: run on a word only, and never from elsewhere.
+# --- Python code named by a file
 
 
 class CodeRequest(NamedTuple):
-    """What a file says of code.
+    """Context of Python code that a file names.
 
     Attributes
     ----------
     field : str
-        Under which name.
+        Name of the entry.
     what : str
-        What the code is to be: "Python file with functions …".
+        Expected code: "Python file with functions …".
     kind : str
-        What kind of file it is: "drive file".
+        Kind of the file: "drive file".
     reader : str
-        The function that reads the file.
+        Function that reads the file.
     """
 
     field: str
@@ -47,28 +47,28 @@ class CodeRequest(NamedTuple):
 
 
 def resolve_code_path(source: Any, file: Path, allowed: bool, wanted: CodeRequest) -> Path:
-    """Return the Python file `source` that `file` names, if it may be run.
+    """Return the path of the Python file `source` that `file` names, if it may be executed.
 
     Raises
     ------
     InvalidParameter
-        If it is no Python file.
+        If it is not a Python file.
     InvalidFile
-        If code is not allowed, or it lies outside the folder of the file, links followed.
+        If code is not allowed, or the resolved path lies outside the folder of `file`.
     """
     field, what, kind, reader = wanted
     if not isinstance(source, str) or not source.endswith(".py"):
         raise InvalidParameter(field, source, f"a {what}")
     named = f"{field} = {shown(source)}"
     if not allowed:
-        reason = f"names Python code, {named}, which would be run"
+        reason = f"names Python code, {named}, which would be executed"
         remedy = f"read it, then allow it (--allow-code, or allow_code=True in {reader})"
         raise InvalidFile(file, reason, remedy)
     try:
         path = (file.parent / source).resolve()
         inside = path.is_relative_to(file.parent.resolve())
     except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a null character
-        raise InvalidFile(file, f"{named} is no path ({error})", f"give a {what}") from None
+        raise InvalidFile(file, f"{named} is not a path ({error})", f"give a {what}") from None
     if not inside:
         reason = f"{named} lies outside the folder of the {kind}"
         raise InvalidFile(file, reason, "read it, then copy it into that folder")
@@ -78,9 +78,8 @@ def resolve_code_path(source: Any, file: Path, allowed: bool, wanted: CodeReques
 
 
 def execute_code(path: Path, wanted: CodeRequest) -> ModuleType:
-    """Run a Python file and return what it defines; InvalidFile if it fails."""
-    # Not imported: two files may have the same name, and compiled code kept beside the file need
-    # not be that of the text that was read.
+    """Execute a Python file and return it as a module; InvalidFile if it fails."""
+    # Not imported: two files may have the same name, and cached bytecode may differ from the text.
     module = ModuleType(f"mems_impact_{wanted.field}_{path.stem}")
     module.__file__ = str(path)
     try:
@@ -91,12 +90,12 @@ def execute_code(path: Path, wanted: CodeRequest) -> ModuleType:
     return module
 
 
-# --- Reading of the files that users write: every failure is one `InvalidFile` with a remedy.
+# --- Files of users
 
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
-_COUNTED = {"start", "increment"}  # headings of a record whose samples are numbered
-_LARGEST_TABLE = 50_000_000  # bytes
-_DEEPEST = 20  # tables in each other; a burst within a burst takes one more
+_SAMPLE_NUMBER_HEADINGS = {"start", "increment"}  # headings of a record with sample numbers
+_MAX_TABLE_BYTES = 50_000_000  # bytes
+_MAX_NESTING = 20  # levels of nested tables; a burst within a burst takes one more
 
 
 def read_bytes(
@@ -115,7 +114,7 @@ def read_bytes(
     except ValueError as error:
         if isinstance(error, InvalidFile):
             raise
-        # A null character in the path.
+        # The path contains a null character.
         raise InvalidFile(source, f"not a path ({error})", remedy) from None
     if len(raw) > largest:
         raise InvalidFile(source, f"too large for a {kind}", remedy)
@@ -125,7 +124,7 @@ def read_bytes(
 def read_text(raw: bytes, source: str) -> str:
     """Return `raw` as text."""
     try:
-        # Editors on Windows put a byte order mark first, which TOML does not know.
+        # Editors on Windows write a byte order mark, which is not allowed in TOML.
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         reason = f"not UTF-8 text (byte {error.start})"
@@ -138,19 +137,19 @@ def parse_toml(raw: bytes, source: str, remedy: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        # Not TOMLDecodeError alone: absurdly long integers and deep nesting raise the others.
+        # Very long integers and deep nesting raise errors other than TOMLDecodeError.
         reason = f"not valid TOML ({str(error).splitlines()[0]})"
-        raise InvalidFile(source, reason, f"mend it there: {remedy}") from None
-    if _deeper_than(_DEEPEST, content):
-        reason = f"holds tables within tables, more than {_DEEPEST} deep"
-        raise InvalidFile(source, reason, f"mend it there: {remedy}")
+        raise InvalidFile(source, reason, f"correct it: {remedy}") from None
+    if _deeper_than(_MAX_NESTING, content):
+        reason = f"nests tables more than {_MAX_NESTING} deep"
+        raise InvalidFile(source, reason, f"correct it: {remedy}")
     return content
 
 
 def _deeper_than(most: int, content: Any) -> bool:
-    """Return whether tables and lists stand in each other more than `most` deep.
+    """Return whether tables and lists are nested more than `most` deep.
 
-    A dotted name may hold thousands of tables, over which all that looks into them would fail.
+    A dotted name may hold thousands of tables, which recursive functions cannot process.
     """
     level = [content]
     for _ in range(most):
@@ -162,15 +161,15 @@ def _deeper_than(most: int, content: Any) -> bool:
 def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
     """Return the `count` columns of numbers in a text file.
 
-    Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are left out,
-    as are those above the numbers: headings, and what an oscilloscope tells of its settings. Some
-    write these before the numbers of the first lines, in three columns.
+    Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are skipped,
+    as are headings and settings of an oscilloscope above the numbers. Some oscilloscopes write
+    settings in three columns before the numbers of the first lines.
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a file of numbers")
     source = fspath(path)
     remedy = f"give a text file of {count} columns of numbers"
-    raw = read_bytes(source, remedy, largest=_LARGEST_TABLE, kind="table")
+    raw = read_bytes(source, remedy, largest=_MAX_TABLE_BYTES, kind="table")
     columns: list[list[float]] = [[] for _ in range(count)]
     above = True
     for number, line in enumerate(read_text(raw, source).splitlines(), start=1):
@@ -183,9 +182,9 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
         values = [_number(cell) for cell in cells]
         above = above and (not values or values[0] is None)
         if above:
-            if _COUNTED.issubset(cell.lower() for cell in cells):
-                reason = f"line {number} says that the first column counts samples"
-                raise InvalidFile(source, reason, "multiply it by the increment told there")
+            if _SAMPLE_NUMBER_HEADINGS.issubset(cell.lower() for cell in cells):
+                reason = f"by line {number} the first column counts samples"
+                raise InvalidFile(source, reason, "multiply it by the increment in that line")
             continue
         if len(cells) != count:
             reason = f"line {number} holds {len(cells)} columns, not {count}"
@@ -201,7 +200,7 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
 
 
 def _after_setting(line: str, count: int) -> str:
-    """Return what a line holds behind name, value and unit of a setting; else the line."""
+    """Return a line without name, value and unit of a setting before the numbers."""
     name, *others = [cell.strip() for cell in re.split("[,;\t]", line)]
     numbers = others[2 : 2 + count]
     is_setting = bool(name) and _number(name) is None and len(numbers) == count

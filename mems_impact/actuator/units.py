@@ -1,9 +1,8 @@
-"""Units: the one place where a device in SI becomes dimensionless, and its results SI again.
+"""Conversion between SI and the scaled units of a device.
 
-Inside, everything is integrated in the device's own units: mass m2, stiffness k, length d and
-alpha, from which time sqrt(m2/k) and voltage sqrt(k d^3/alpha) follow. In them m2 = k = d = alpha
-= 1, as in the paper. Every conversion is one multiplication or division, so that there and back is
-exact to one rounding.
+The numerics use the scales of the device: mass m2, stiffness k, length d and alpha, with the time
+sqrt(m2/k) and the voltage sqrt(k d^3/alpha). In these units m2 = k = d = alpha = 1, as in the
+paper. Every conversion is one multiplication or division, with one rounding error.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from mems_impact._util.units import Scales
 __all__ = ["KNOWN_UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 
 KNOWN_UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
-"""The SI units that fields and columns may declare, beside what is made of these and of `MADE`,
-such as "N/m^3"; whatever declares none is a pure number."""
+"""SI units of fields and columns, besides products of these and of `DERIVED_UNITS`, such as
+"N/m^3". A field without a unit is a pure number."""
 
-MADE = {
+DERIVED_UNITS = {
     "rad": "",
     "Pa": "N/m^2",
     "W": "J/s",
@@ -31,11 +30,11 @@ MADE = {
     "ohm": "V/A",
     "F": "C/V",
 }
-"""Units that are made of others."""
+"""Derived units."""
 
 
 class _Factors(dict[str, float]):
-    """The inner units of some SI units, and of all that is made of these."""
+    """Scales by SI unit, including products of units."""
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self.get(name) is not None
@@ -47,16 +46,16 @@ class _Factors(dict[str, float]):
         return found
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return the factor of a unit; `default` for what is no unit."""
+        """Return the scale of a unit; `default` if the name is not a unit."""
         if super().__contains__(name):
             return super().__getitem__(name)
         try:
-            return self._made(name) if name else default
+            return self._product(name) if name else default
         except (KeyError, ValueError):
             return default
 
-    def _made(self, name: str) -> float:
-        """Return the factor of a unit as "N s/m^2": factors, and divisors behind each stroke."""
+    def _product(self, name: str) -> float:
+        """Return the scale of a product like "N s/m^2"; factors after each slash are divisors."""
         factor, (over, *under) = 1.0, name.split("/")
         for sign, group in ((1.0, over), *((-1.0, each) for each in under)):
             for token in group.split():
@@ -64,13 +63,15 @@ class _Factors(dict[str, float]):
                 if base == "1":
                     continue
                 known = super().get(base)
-                factor *= (known or self._made(MADE[base])) ** (sign * float(power or 1))
+                factor *= (known or self._product(DERIVED_UNITS[base])) ** (
+                    sign * float(power or 1)
+                )
         return factor
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceScales(Scales):
-    """The inner units of a device, in SI.
+    """The scales of a device, in SI.
 
     Parameters
     ----------
@@ -115,14 +116,16 @@ class DeviceScales(Scales):
         object.__setattr__(self, "factors", MappingProxyType(_Factors(factors)))
 
     def __reduce__(self) -> Any:
-        """Pickle the numbers that the factors are made of."""
+        """Pickle the fields, which determine the factors."""
         names = ("mass", "stiffness", "length", "alpha", "time", "voltage")
         return _device_scales, tuple(getattr(self, name) for name in names)
 
     def unit(self, name: str) -> float:
-        """Return the inner unit of the SI unit `name`: one of `KNOWN_UNITS`, or made of them."""
+        """Return the scale of the SI unit `name`, one of `KNOWN_UNITS` or a product of them."""
         if name not in self.factors:
-            raise ValueError(f"{name!r} is not made of {', '.join((*KNOWN_UNITS, *MADE))}")
+            raise ValueError(
+                f"{name!r} is no product of {', '.join((*KNOWN_UNITS, *DERIVED_UNITS))}"
+            )
         return self.factors[name]
 
     @classmethod
@@ -146,22 +149,22 @@ def _device_scales(
 
 
 def scaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:
-    """Return the fields of `model` that have a unit, in inner units."""
-    return {name: _into(getattr(model, name), unit, scales) for name, unit in units.items()}
+    """Return the fields of `model` that have a unit, in scaled units."""
+    return {name: _to_scaled(getattr(model, name), unit, scales) for name, unit in units.items()}
 
 
 def unscaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:
-    """Return the fields of an inner `model` that have a unit, in the units of the device."""
-    return {name: _out(getattr(model, name), unit, scales) for name, unit in units.items()}
+    """Return the fields of a scaled `model` that have a unit, in the units of the device."""
+    return {name: _from_scaled(getattr(model, name), unit, scales) for name, unit in units.items()}
 
 
-def _into(value: Any, unit: str, scales: Scales) -> Any:
+def _to_scaled(value: Any, unit: str, scales: Scales) -> Any:
     if isinstance(value, tuple):
-        return tuple(_into(part, unit, scales) for part in value)
+        return tuple(_to_scaled(part, unit, scales) for part in value)
     return None if value is None else scales.into(value, unit)
 
 
-def _out(value: Any, unit: str, scales: Scales) -> Any:
+def _from_scaled(value: Any, unit: str, scales: Scales) -> Any:
     if isinstance(value, tuple):
-        return tuple(_out(part, unit, scales) for part in value)
+        return tuple(_from_scaled(part, unit, scales) for part in value)
     return None if value is None else scales.out(value, unit)

@@ -205,8 +205,8 @@ def map_attractors(
     def follow() -> None:
         if batch:
             first = len(found)
-            told = None if numbers is None else numbers[first : first + len(batch)]
-            found.extend(_followed(batch, recurrence, options, watch, first, told))
+            own = None if numbers is None else numbers[first : first + len(batch)]
+            found.extend(_followed(batch, recurrence, options, watch, first, own))
             batch.clear()
 
     for case in cases:
@@ -255,8 +255,8 @@ def _followed(
     points: list[tuple[ProblemParameters, HybridState]] = [
         (each.numbers, start) for _, each, start in batch
     ]
-    told = None if watch is None else (lambda done: watch(before + done))
-    on = None if told is None else (lambda _: told(float(len(batch))))
+    report = None if watch is None else (lambda done: watch(before + done))
+    on = None if report is None else (lambda _: report(float(len(batch))))
     found = []
 
     jumps = False
@@ -269,7 +269,7 @@ def _followed(
                 jumps = tells(at, length)
 
     try:
-        settled = mapper.follow(points, transient, length, told, falls)
+        settled = mapper.follow(points, transient, length, report, falls)
         for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
             if on is not None:
                 on(0.0)  # exponents take longer than everything before: the user may interrupt here
@@ -334,17 +334,17 @@ def _attractor(
     ):
         exponent, error, periods = _exponent(problem, settled.final, exponent_periods)
         if motion == UNSETTLED:
-            told = classify(exponent, error, returns=False)
+            kind = classify(exponent, error, returns=False)
             # The exponent along the flow is zero for any motion of an autonomous system.
             drifts = (
-                told == QUASI_PERIODIC
+                kind == QUASI_PERIODIC
                 and system.forced
                 and _is_neutral(exponent * periods, periods)
                 and not _is_near_return(system, settled)
             )
-            if told == CHAOTIC or drifts:
-                motion = told
-            elif told == PERIODIC and any(impacts) and hits == 0.0:
+            if kind == CHAOTIC or drifts:
+                motion = kind
+            elif kind == PERIODIC and any(impacts) and hits == 0.0:
                 motion = OFF  # on its way to the orbit without impacts
     units = [float(system.out(name, 1.0)) for name in system.states]
     period = float(system.out("time", problem.period))

@@ -42,7 +42,7 @@ __all__ = [
     "switch_branch",
 ]
 
-# --- Branches of periodic orbits.
+# --- Branches of periodic orbits
 
 BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
 
@@ -59,7 +59,7 @@ class ContinuationResult(Result):
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
     of: ClassVar[str] = "orbits"
-    """What the points along it are, in the plural."""
+    """Noun for its points, in the plural."""
 
     def __len__(self) -> int:
         return len(self.found.points)
@@ -71,7 +71,7 @@ class ContinuationResult(Result):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what is continued in which parameter, the special points and why it ends."""
+        """Return the parameter and its range, the special points and the reason for the end."""
         return {
             "system": repr(self.system),
             **self._subject_rows,
@@ -82,7 +82,7 @@ class ContinuationResult(Result):
 
     @property
     def _subject(self) -> str:
-        """What is continued in which parameter, for the repr."""
+        """Parameter and range, for the repr."""
         return f"{self.parameter} {self._range}"
 
     @property
@@ -446,7 +446,7 @@ def check_value(system: HybridSystem, parameter: str, field: str, value: Any) ->
     system.changed(**{parameter: value})
 
 
-# --- Curves of special points.
+# --- Curves of special points
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -642,7 +642,7 @@ def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
     )
 
 
-# --- Branches of equilibria.
+# --- Branches of equilibria
 
 EQUILIBRIUM_STEPS = StepControl(largest=0.2)
 

@@ -132,17 +132,17 @@ class LyapunovSpectrum(Result):
     returns: bool | None = None
 
     def __repr__(self) -> str:
-        told = ", ".join(self._told())
+        exponents = ", ".join(self._exponent_texts())
         lasted = f"{self.periods:g} {self._counted}"
         rest = "" if self.converged else ", not converged"
-        return f"{type(self).__name__}({told}; {self.kind}, {lasted}{rest})"
+        return f"{type(self).__name__}({exponents}; {self.kind}, {lasted}{rest})"
 
     def summary(self) -> dict[str, Any]:
         """Return the exponents, the kind of motion, and which zero exponents are not listed."""
         unit = self.system.unit("time")
         return {
             "system": repr(self.system),
-            f"exponents [1/{unit}]" if unit else "exponents": ", ".join(self._told()),
+            f"exponents [1/{unit}]" if unit else "exponents": ", ".join(self._exponent_texts()),
             "kind": self.kind,
             "zero for every motion": "; ".join(self.trivial),
             self._counted: self.periods,
@@ -179,21 +179,21 @@ class LyapunovSpectrum(Result):
     @property
     def trivial(self) -> tuple[str, ...]:
         """The exponents that are zero for every motion, and whether they are listed."""
-        automaton, told = self.system.automaton, []
+        automaton, rows = self.system.automaton, []
         if self.system.forced:
-            told.append("the phase of the forcing: not listed")
+            rows.append("the phase of the forcing: not listed")
         elif self.moving:
             here = "".join(f"exponent {i + 1}" for i in self.along_flow)
-            told.append(f"along the flow: {here or 'not listed'}")
-        told += [f"{automaton.states[i]}, on which nothing depends: not listed"
+            rows.append(f"along the flow: {here or 'not listed'}")
+        rows += [f"{automaton.states[i]}, on which nothing depends: not listed"
                  for i in automaton.cyclic]  # fmt: skip
-        return tuple(told)
+        return tuple(rows)
 
     @property
     def _counted(self) -> str:
         return "periods" if self.system.forced else "time scales"
 
-    def _told(self) -> list[str]:
+    def _exponent_texts(self) -> list[str]:
         pairs = zip(self.exponents.tolist(), self.errors.tolist(), strict=True)
         return [
             f"{value:.6g}" + (f" ± {error:.1g}" if math.isfinite(value) else "")
@@ -342,7 +342,7 @@ def _run_to_tolerance(
         if report is not None:
             report(done + here)
 
-    def told(converged: bool) -> LyapunovSpectrum:
+    def spectrum(converged: bool) -> LyapunovSpectrum:
         return _spectrum(system, problem, stretching, converged)
 
     try:
@@ -355,12 +355,12 @@ def _run_to_tolerance(
             allowed = tolerance * np.maximum(np.abs(found.per_period[alive]), SMALL_EXPONENT_RATIO)
             converged = bool((found.errors[alive] <= allowed).all())
             if converged or done + 2 * chunk > most:
-                return told(converged)
+                return spectrum(converged)
     except RunError as error:
-        error.trajectory = told(False)
+        error.trajectory = spectrum(False)
         raise
     except KeyboardInterrupt:
-        kept = told(False)
+        kept = spectrum(False)
         raise RunInterrupted(kept, kept.periods) from None
 
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit", "orbit_of"]
 
-# --- Descriptions of defects.
+# --- Descriptions of defects
 
 
 def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
@@ -70,7 +70,7 @@ def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityVi
     return f"{where}: {defect.guard}, {defect.kind}, {value}"
 
 
-# --- Periodic orbits.
+# --- Periodic orbits
 
 PERIOD_ENDS = "period ends"
 
@@ -440,7 +440,7 @@ def orbit_of(system: HybridSystem, found: PeriodicOrbit) -> Orbit:
     return orbit
 
 
-# --- Search for a periodic orbit.
+# --- Search for a periodic orbit
 
 ORBIT_OPTIONS = Options(method="auto", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits."""
@@ -553,11 +553,11 @@ def find_orbit(
                 transient=float(system.into("time", transient)),
             )
     except (OrbitError, RunError) as error:
-        told = _diverged(error, system, problem)
-        if told is None and isinstance(error, OrbitError):
-            told = _drifting(system, problem, start, float(transient))
-        if told is not None:
-            raise told from error
+        cause = _diverged(error, system, problem)
+        if cause is None and isinstance(error, OrbitError):
+            cause = _drifting(system, problem, start, float(transient))
+        if cause is not None:
+            raise cause from error
         if isinstance(error, RunError):
             raise
         if system.forced and not is_time_dependent(problem, start.y):

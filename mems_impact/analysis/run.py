@@ -83,10 +83,10 @@ class Run(Result):
     def __repr__(self) -> str:
         first, last = (border * self._unit for border in self.extent)
         unit = "periods" if self.system.forced else "time"
-        told = f", {self._told_arcs}" if self.options.method == "auto" else ""
+        arcs = f", {self._arcs_by_method}" if self.options.method == "auto" else ""
         return (
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
-            f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps{told}, "
+            f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps{arcs}, "
             f"{with_units(self.final, self.system.units)})"
         )
 
@@ -99,7 +99,7 @@ class Run(Result):
             "events": len(self.trajectory.events),
             "steps": self.trajectory.steps,
             "method": f"{self.options.method}, rtol {self.options.rtol:g}",
-            "arcs": self._told_arcs,
+            "arcs": self._arcs_by_method,
             "final": repr(self.final),
             "ended": self.ended,
         }
@@ -122,7 +122,7 @@ class Run(Result):
         return run_tables.handovers(log, self.trajectory.period, self.system)
 
     @property
-    def _told_arcs(self) -> str:
+    def _arcs_by_method(self) -> str:
         return ", ".join(f"{count} arcs by {method}" for method, count in self.arcs.items())
 
     @property

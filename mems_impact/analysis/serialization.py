@@ -44,13 +44,13 @@ __all__ = ["register_run", "restored"]
 TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_arcs")
 
 
-def restored(told: Mapping[str, Any], reader: Reader) -> HybridSystem:
+def restored(description: Mapping[str, Any], reader: Reader) -> HybridSystem:
     """Return the system of a description: the user's own at these parameters, if given."""
     if reader.system is None:
-        return DetachedSystem(told, reader.path)
-    check_same_system(reader.system, told, reader.path)
+        return DetachedSystem(description, reader.path)
+    check_same_system(reader.system, description, reader.path)
     system: HybridSystem = reader.system.restored(
-        told["parameters"], told["scales"], told.get("typical")
+        description["parameters"], description["scales"], description.get("typical")
     )
     return system
 

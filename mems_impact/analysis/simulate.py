@@ -23,7 +23,7 @@ from mems_impact.systems.window_statistics import TimeWindow
 
 __all__ = ["simulate"]
 
-# --- Runs until standstill.
+# --- Runs until standstill
 
 UNTIL_STILL = "still"
 FIRST, MORE = 64, 4  # periods of the first attempt, and how many times as long the next one is
@@ -59,7 +59,7 @@ def run_until_standstill(
         length = min(MORE * length, most)
 
 
-# --- One run from an initial state.
+# --- Simulation
 
 DEFAULT_PERIODS_FORCED = 300  # of a system with forcing, by default
 
@@ -187,7 +187,7 @@ def simulate(
             timed = system.forced or problem.time_scale is not None
             warn_if_badly_scaled_run(system.states, options, trajectory, largest, timed)
         if validity is not None:
-            validity.tell(trajectory.final)
+            validity.warn(trajectory.final)
         if kept:
             trajectory = trajectory.with_events(Events.joined(kept))
         lengths = [len(events) for events in kept]

@@ -175,7 +175,7 @@ class EventLog:
         """Return the instant of event i in forcing periods."""
         return float(self.cycle[i] + self.time[i] / self.period)
 
-    def said(self, i: int) -> str:
+    def describe(self, i: int) -> str:
         return f"'{self.words[self.what[i]]}' (period {self.at(i):.9g})"
 
 
@@ -230,7 +230,7 @@ class EventMatcher:
                 return True, run.at(run.end), self._to_the_end()
             if found is None:
                 return False, self.until, (
-                    f"do not agree: {run.said(i)} against {other.said(j)}, which the "
+                    f"do not agree: {run.describe(i)} against {other.describe(j)}, which the "
                     f"differences before, {self.apart:.0e} at most, do not explain"
                 )  # fmt: skip
             i, j = self._leave_out((i, j), found)

@@ -103,7 +103,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             )
             files.tables({"followed": followed.table, "branches": followed.branches})
             show_table("branches", followed.branches, 6)
-        files.tell()
+        files.show()
 
 
 def _starts(options: Mapping[str, Any]) -> dict[str, Any]:

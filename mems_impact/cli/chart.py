@@ -108,7 +108,7 @@ def command(
         show_table("voltages", _voltages(chart), 6)
         show_table("types", chart.types, 9)
         show_table("points", chart.special_table, 12)
-        files.tell()
+        files.show()
 
 
 def _tables(chart: mi.OperatingChart) -> dict[str, pd.DataFrame]:

@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     refuse_system,
     state_from,
 )
-from mems_impact.cli.output import show, tell_tables, unit_of
+from mems_impact.cli.output import add_json_tables, show, unit_of
 from mems_impact.cli.runtime import warn
 
 if TYPE_CHECKING:
@@ -119,10 +119,10 @@ def command(
                     files.tables(_tables(part, f"-{len(branches)}"))
                     branches.append(part)
         files.draw(lambda: mi.plot_branch(branches).figure)
-        tell_tables({"branches": _summary(branches)})
+        add_json_tables({"branches": _summary(branches)})
         for part in branches:
             _show(part)
-        files.tell()
+        files.show()
 
 
 def _tables(branch: mi.Branch, end: str = "") -> dict[str, pd.DataFrame]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.output import filled, show, tell_tables
+from mems_impact.cli.output import add_json_tables, filled, show
 
 
 @click.command(short_help="List the devices of the package.")
@@ -31,17 +31,19 @@ def command() -> None:
         actuator = load_actuator(name)
         named = actuator.scales.named
         units = PARAMETER_UNITS if named else {}
-        told = [(key, getattr(actuator, key), units.get(key, "")) for key in PARAMETER_NAMES]
+        quantities = [(key, getattr(actuator, key), units.get(key, "")) for key in PARAMETER_NAMES]
         for term in actuator.terms:
             of_term = term.units if named else {}
-            told += [
+            quantities += [
                 (f"{term.name()}.{key}", value, of_term.get(key, ""))
                 for key, value in dict(term).items()
             ]
-        values = [f"{key} = {_shown(value)} {unit}".rstrip() for key, value, unit in told]
+        values = [f"{key} = {_shown(value)} {unit}".rstrip() for key, value, unit in quantities]
         show(filled(f"{name}: {', '.join(values)}"))
-        rows += [(name, *each) for each in told]
-    tell_tables({"devices": pd.DataFrame(rows, columns=["device", "parameter", "value", "unit"])})
+        rows += [(name, *each) for each in quantities]
+    add_json_tables(
+        {"devices": pd.DataFrame(rows, columns=["device", "parameter", "value", "unit"])}
+    )
 
 
 def _shown(value: Any) -> str:

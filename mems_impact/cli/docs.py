@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import click
 
-from mems_impact.cli.output import OutputValue, show, show_text, tell_values
+from mems_impact.cli.output import OutputValue, add_json_values, show, show_text
 from mems_impact.cli.runtime import quiet, say
 
 BUILD = "python -m sphinx docs docs/_build/html"
@@ -58,7 +58,7 @@ def command(*, words: tuple[str, ...], text: bool) -> None:
     site = built_site()
     if not text and site is not None:
         address = page(site, word)
-        tell_values({"address": OutputValue(address)})
+        add_json_values({"address": OutputValue(address)})
         show(address)
         webbrowser.open(address)
         return

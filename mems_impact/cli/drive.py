@@ -37,12 +37,12 @@ def command(
 
     The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.actuator.plots import plot_drive, seen
+    from mems_impact.actuator.plots import forcing_period_of, plot_drive
     from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    forces = [force for stretch in seen(drive, actuator) for force in stretch.force]
+    forces = [force for stretch in forcing_period_of(drive, actuator) for force in stretch.force]
     shown = ", ".join(f"{time:.9g}" for time in drive.switches[:8])
     more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
     ends = min(forces), max(forces)
@@ -58,4 +58,4 @@ def command(
         show_values(lines, named=actuator.scales.named)
         show("")
         if files.written:
-            files.tell()
+            files.show()

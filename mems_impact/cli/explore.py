@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     drive_source,
     study_integrator_options,
 )
-from mems_impact.cli.output import OutputValue, show, tell_values
+from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import say
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def command(
     take_snapshot(subject, first_setting(subject))
 
     def ready(address: str) -> None:
-        tell_values({"address": OutputValue(address)})
+        add_json_values({"address": OutputValue(address)})
         show(f"{subject.title}: {address} (Ctrl-C ends the server)")
         if browser and not webbrowser.open(address):
             say(f"no browser was found; open {address}")
@@ -114,7 +114,7 @@ def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
 
     if drive_choice() != "sine":
         return {}
-    told = {*given, *(["omega"] if "frequency" in given else [])}
-    missing = {"amplitude", "omega"} - told
+    named = {*given, *(["omega"] if "frequency" in given else [])}
+    missing = {"amplitude", "omega"} - named
     usual = usual_sine(actuator) if missing else {}
     return {name: value for name, value in usual.items() if name in missing}

@@ -22,7 +22,7 @@ from mems_impact.cli.options import (
     state_from,
     transient_option,
 )
-from mems_impact.cli.output import OutputValue, show, tell_values
+from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import FAILED
 
 if TYPE_CHECKING:
@@ -110,14 +110,14 @@ def command(
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})
-        tell_values(
+        add_json_values(
             {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
         )
         show(f"{found}\n")
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {settings}\n")
-        files.tell()
+        files.show()
     if found.verdict != "good":
         ctx.exit(FAILED)
 

@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
 if TYPE_CHECKING:
     import mems_impact as mi
 
-# --- Options shared by the commands that run studies.
+# --- Study files and options of studies
 
 # Options allowed beside a study file; all others describe the study.
 EXCLUSIVE_OPTIONS = (
@@ -128,7 +128,7 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
         raise
 
 
-# --- The subject of a command: a device under a voltage, or a user's system.
+# --- Systems
 
 
 def load_subject(
@@ -168,7 +168,7 @@ def load_subject(
 
 
 def refuse_drive(name: str) -> None:
-    """Refuse options of a drive beside a system of that name."""
+    """Raise an error if options of a drive are given together with a system of this name."""
     for option, value in click.get_current_context().meta.get(KEY, {}).items():
         if value is not False:  # a flag that was not given
             raise click.UsageError(f"{option_of(option)}: for devices only; {name} has no voltage")

@@ -103,7 +103,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         boundaries = chart or ()
         files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure)
         _show(found.table)
-        files.tell()
+        files.show()
 
 
 def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.output import show, tell_files
+from mems_impact.cli.output import add_json_files, show
 from mems_impact.cli.runtime import PROGRAM
 
 TEMPLATES = {
@@ -46,5 +46,5 @@ def command(*, kind: str, file: str | None) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise click.ClickException(f"{path}: cannot be written ({reason})") from None
-    tell_files([path])
+    add_json_files([path])
     show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")

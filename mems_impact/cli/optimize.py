@@ -147,11 +147,11 @@ def command(
             show_table("front", found.table, 6)
         else:
             margins = found.margins
-            told = with_unit_column(margins, "parameter", _units(found))
-            files.tables({**_found(found), "margins": told})
+            rows = with_unit_column(margins, "parameter", _units(found))
+            files.tables({**_found(found), "margins": rows})
             files.draw(lambda: mi.plot_orbit(found.orbit).figure)
             _show(found, margins)
-        files.tell()
+        files.show()
     if isinstance(found, mi.Optimum):
         if not len(found.orbit.impacts):
             warn("the orbit has no impacts; to find one with impacts, start with --initial v2=…")

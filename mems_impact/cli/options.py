@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.systems.state import State
 
-# --- Shared options, and the objects made of them.
+# --- Shared options
 
 Decorator = Callable[[Any], Any]
 
@@ -383,7 +383,7 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
     return state_of(components, time=initial.get("time", 0.0))
 
 
-# --- The options that describe a voltage, and the drive made of them.
+# --- Options of the drive
 
 KEY = "mems_impact.drive"
 DRIVE_PREFIX = "drive_"  # keeps names apart from the command's own options
@@ -586,7 +586,7 @@ def _of_file(
     return drive.varied(values) if values else drive
 
 
-# --- Options that give bounds to parameters or quantities.
+# --- Bounds of parameters and quantities
 
 Pairs = dict[str, tuple[float | None, float | None]]
 

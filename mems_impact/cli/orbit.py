@@ -19,11 +19,11 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import (
     OutputValue,
+    add_json_tables,
+    add_json_values,
     show,
     show_table,
     show_values,
-    tell_tables,
-    tell_values,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def command(
         files.tables({"impacts": orbit.impacts, "segments": orbit.segments, "samples": samples})
         files.draw(lambda: mi.plot_orbit(orbit).figure)
         _show(orbit)
-        files.tell()
+        files.show()
 
 
 def _show(orbit: ActuatorOrbit) -> None:
@@ -100,9 +100,9 @@ def _show(orbit: ActuatorOrbit) -> None:
         "method": OutputValue(orbit.options.method),
     }
     show_values(lines, named=orbit.system.scales.named)
-    tell_values({"periods": OutputValue(orbit.periods)})
+    add_json_values({"periods": OutputValue(orbit.periods)})
     show("")
-    tell_tables({"segments": orbit.segments, "impacts": orbit.impacts})
+    add_json_tables({"segments": orbit.segments, "impacts": orbit.impacts})
     for name, table, digits in (
         ("segments", orbit.segments, 9),
         ("impacts", orbit.impacts.drop(columns=["phase"]), 6),

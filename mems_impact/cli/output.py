@@ -30,7 +30,7 @@ from mems_impact.cli.runtime import as_json, quiet
 if TYPE_CHECKING:
     import pandas as pd
 
-# --- What a command shows: text for people, or one JSON document for programs.
+# --- Text and JSON output
 
 _KEY = "mems_impact.document"
 
@@ -111,7 +111,7 @@ def filled(text: str) -> str:
 
 def show_text(text: str) -> None:
     """Show a long text, page by page on a terminal."""
-    tell_values({"text": OutputValue(text)})
+    add_json_values({"text": OutputValue(text)})
     if not as_json() and not quiet():
         click.echo_via_pager(text)
 
@@ -119,7 +119,7 @@ def show_text(text: str) -> None:
 def show_table(name: str, table: pd.DataFrame, digits: int, *, empty: str = "") -> None:
     """Show a table, units in its headings, as wide as the terminal; `empty` if it has no rows."""
     if as_json():
-        tell_tables({name: table})
+        add_json_tables({name: table})
         return
     from mems_impact.tables import with_units
 
@@ -167,32 +167,32 @@ def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> Non
     Units are left out where all values are pure numbers (`named` is False).
     """
     if not named:
-        values = {name: told._replace(unit="") for name, told in values.items()}
-    tell_values(values)
-    headings = [f"{name} [{told.unit}]" if told.unit else name for name, told in values.items()]
+        values = {name: value._replace(unit="") for name, value in values.items()}
+    add_json_values(values)
+    headings = [f"{name} [{value.unit}]" if value.unit else name for name, value in values.items()]
     width = max(map(len, headings))
-    for heading, told in zip(headings, values.values(), strict=True):
-        text = told.text
+    for heading, value in zip(headings, values.values(), strict=True):
+        text = value.text
         if text is None:
-            text = f"{told.value:.9g}" if isinstance(told.value, float) else str(told.value)
+            text = f"{value.value:.9g}" if isinstance(value.value, float) else str(value.value)
         show(f"  {heading:<{width}}  {text}")
 
 
-def tell_values(values: Mapping[str, OutputValue]) -> None:
+def add_json_values(values: Mapping[str, OutputValue]) -> None:
     """Add values to the JSON document."""
     if as_json():
-        _document().values |= {name: told.value for name, told in values.items()}
-        _document().units |= {name: told.unit for name, told in values.items() if told.unit}
+        _document().values |= {name: value.value for name, value in values.items()}
+        _document().units |= {name: value.unit for name, value in values.items() if value.unit}
 
 
-def tell_tables(tables: Mapping[str, pd.DataFrame]) -> None:
+def add_json_tables(tables: Mapping[str, pd.DataFrame]) -> None:
     """Add tables to the JSON document; a table already there stays."""
     if as_json():
         for name, table in tables.items():
             _document().tables.setdefault(name, table)
 
 
-def tell_files(files: Iterable[object]) -> None:
+def add_json_files(files: Iterable[object]) -> None:
     """Add the names of written files to the JSON document."""
     if as_json():
         _document().files += map(str, files)
@@ -205,8 +205,8 @@ def finish(ctx: click.Context) -> None:
     found: JsonDocument | None = ctx.meta.get(_KEY)
     if found is not None:
         tables = {name: _of_table(table) for name, table in found.tables.items()}
-        told = {"command": ctx.invoked_subcommand, **vars(found), "tables": tables}
-        click.echo(json.dumps(_plain(told), ensure_ascii=False, allow_nan=False))
+        document = {"command": ctx.invoked_subcommand, **vars(found), "tables": tables}
+        click.echo(json.dumps(_plain(document), ensure_ascii=False, allow_nan=False))
 
 
 def _of_table(table: pd.DataFrame) -> dict[str, Any]:
@@ -236,7 +236,7 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-# --- Where results go: a directory of tables and a figure, checked before the work begins.
+# --- Output files
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 OUTPUT_REMEDY = "choose another place with --output or --figure"
@@ -294,17 +294,17 @@ class Output:
         error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        tell_files(self.written)
+        add_json_files(self.written)
         if not self.written:
             self._remove_made()
         elif error is not None:
-            error.add_note(self.said())
+            error.add_note(self.description())
 
     def tables(self, tables: Mapping[str, Any]) -> None:
         """Write pandas tables as CSV, by the last part of their names: all of them, or none."""
         from mems_impact.tables import with_units  # pandas is slow to import
 
-        tell_tables(tables)
+        add_json_tables(tables)
         paths = [self.directory / f"{self.name}-{what}.csv" for what in tables]
         with ExitStack() as stack:
             for path, table in zip(paths, tables.values(), strict=True):
@@ -322,9 +322,9 @@ class Output:
             figure.savefig(temporary)
         self.written.append(self.figure)
 
-    def tell(self) -> None:
+    def show(self) -> None:
         """Show which files were written, in lines as wide as the terminal."""
-        show(filled(self.said()))
+        show(filled(self.description()))
 
     def moving(self, path: str | None) -> None:
         """Check, before the work, that an animation can be written to `path`, if one is wanted."""
@@ -340,7 +340,7 @@ class Output:
             make().save(path, progress=progress)
             self.written.append(Path(path))
 
-    def said(self) -> str:
+    def description(self) -> str:
         """Return what was written, as a sentence."""
         if not self.written:
             return "nothing was written"

@@ -27,7 +27,9 @@ def command(*, device: str, changes: dict[str, float]) -> None:
 
     actuator = actuator_from(device, changes)
     named = actuator.scales.named
-    told = {name: OutputValue(*quantity) for name, quantity in of_device(actuator).items()}
+    values = {name: OutputValue(*quantity) for name, quantity in of_device(actuator).items()}
     if named:
-        told["resonance frequency"] = OutputValue(told["resonance"].value / (2.0 * math.pi), "Hz")
-    show_values(told, named=named)
+        values["resonance frequency"] = OutputValue(
+            values["resonance"].value / (2.0 * math.pi), "Hz"
+        )
+    show_values(values, named=named)

@@ -21,7 +21,7 @@ from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsI
 
 __all__ = ["as_json", "quiet", "with_options"]
 
-# --- Options of every command: format and amount of output.
+# --- Options of every command
 
 _JSON, _QUIET = "mems_impact.json", "mems_impact.quiet"
 
@@ -82,7 +82,7 @@ def with_options(command: click.Command) -> click.Command:
     return command
 
 
-# --- Failures: one line on standard error and an exit status.
+# --- Failures
 
 PROGRAM = "mems-impact"
 
@@ -120,7 +120,7 @@ def interruptible() -> Iterator[list[signal.Signals]]:
     Yields the list of signals received. A signal that is ignored, or has another handler, is left
     alone.
     """
-    heard: list[signal.Signals] = []
+    received: list[signal.Signals] = []
     pending: list[threading.Timer] = []
     before = {
         number: signal.getsignal(number)
@@ -129,7 +129,7 @@ def interruptible() -> Iterator[list[signal.Signals]]:
     }
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        heard.append(signal.Signals(number))
+        received.append(signal.Signals(number))
         if _importing(frame):
             later()
         else:
@@ -142,24 +142,24 @@ def interruptible() -> Iterator[list[signal.Signals]]:
 
     def again() -> None:
         pending.clear()  # first, for this one may be dropped as well
-        _thread.interrupt_main(heard[0])
+        _thread.interrupt_main(received[0])
 
     def dropped(lost: sys.UnraisableHookArgs) -> None:
         # Python drops exceptions raised in a call from C, such as those by which numba loads
         # compiled code. This is such a call itself, so the signal is repeated later.
-        if heard and issubclass(lost.exc_type, KeyboardInterrupt):
+        if received and issubclass(lost.exc_type, KeyboardInterrupt):
             later()
         else:
             shown(lost)
 
     if threading.current_thread() is not threading.main_thread():
-        yield heard  # only the main thread receives signals
+        yield received  # only the main thread receives signals
         return
     shown, sys.unraisablehook = sys.unraisablehook, dropped
     for number in before:
         signal.signal(number, interrupt)
     try:
-        yield heard
+        yield received
     finally:
         for timer in list(pending):
             timer.cancel()

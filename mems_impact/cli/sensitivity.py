@@ -97,11 +97,11 @@ def command(
             "periods": periods,
             "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
         }
-    told = {each.name: each for each in chosen_quantities(system, named)}
-    told |= {each.name: each for each in chosen_quantities(system, [quantity])}
+    shown = {each.name: each for each in chosen_quantities(system, named)}
+    shown |= {each.name: each for each in chosen_quantities(system, [quantity])}
     deviations(tolerances, system)
     with Output(output, figure, no_figure, KIND) as files:
-        found = orbit_sensitivity_study(system, quantities=tuple(told.values()), **given)
+        found = orbit_sensitivity_study(system, quantities=tuple(shown.values()), **given)
         tables = {"table": found.table}
         if tolerances:
             tables["deviations"] = with_unit_column(
@@ -114,7 +114,7 @@ def command(
         if tolerances:
             deviations = tables["deviations"].iloc[:, :4]
             show_table("deviations", with_units_in(deviations, "quantity", _units(found)), 6)
-        files.tell()
+        files.show()
 
 
 def _show(found: mi.Sensitivity, quantity: str) -> None:

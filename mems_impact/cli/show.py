@@ -9,10 +9,10 @@ import click
 
 from mems_impact.cli.output import (
     OutputValue,
+    add_json_tables,
+    add_json_values,
     show,
     show_table,
-    tell_tables,
-    tell_values,
     with_unit_column,
     with_units_in,
 )
@@ -68,21 +68,21 @@ def command(*, store: str, output: str | None, figure: str | None, no_figure: bo
         if study.done > 0:
             files.draw(lambda: study.draw().figure)
         _show(study)
-        files.tell()
+        files.show()
 
 
 def _show(study: mi.StoredStudy) -> None:
     share = study.done / study.total if study.total else 1.0
     show(f"{study.kind}: {study.done} of {study.total} points ({share:.0%}), {study.failed} failed")
-    told = {name: getattr(study, name) for name in ("kind", "done", "total", "failed")}
-    tell_values({name: OutputValue(value) for name, value in told.items()})
+    values = {name: getattr(study, name) for name in ("kind", "done", "total", "failed")}
+    add_json_values({name: OutputValue(value) for name, value in values.items()})
     reasons = study.table["status"].value_counts()
     for reason, rows in reasons[reasons.index != "ok"].head(SHOWN_REASONS).items():
         show(f"  {rows} failed: {_cut(str(reason))}")
     if study.done > 0:
         show("")
         ranges, units = _ranges(study.table), study.table.attrs.get("units", {})
-        tell_tables({"ranges": with_unit_column(ranges, "column", units)})
+        add_json_tables({"ranges": with_unit_column(ranges, "column", units)})
         show_table("ranges", with_units_in(ranges, "column", units), 6)
 
 

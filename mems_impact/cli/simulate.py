@@ -17,7 +17,7 @@ from mems_impact.cli.options import (
     periods_option,
     progress_option,
 )
-from mems_impact.cli.output import OutputValue, show, show_table, show_values, tell_values
+from mems_impact.cli.output import OutputValue, add_json_values, show, show_table, show_values
 from mems_impact.cli.runtime import FAILED
 
 if TYPE_CHECKING:
@@ -125,9 +125,9 @@ def command(
         files.animate(animate, lambda: mi.animate(run), progress)
         _show(run)
         if verification is not None:
-            tell_values({"agrees": OutputValue(verification.agrees)})
+            add_json_values({"agrees": OutputValue(verification.agrees)})
             show(f"Comparison with an independent method:\n{verification}\n")
-        files.tell()
+        files.show()
     if verification is not None and not verification.agrees:
         ctx.exit(FAILED)
 
@@ -144,7 +144,7 @@ def _show(run: mi.Run) -> None:
     values = {
         str(name): OutputValue(value, units.get(name, "")) for name, value in run.statistics.items()
     }
-    tell_values(values)
+    add_json_values(values)
     # Without impacts there is no impact speed: undefined values are omitted.
     defined = run.statistics.drop(["window first", "window last"], errors="ignore").dropna()
     show_values({name: values[name] for name in defined.index})

@@ -22,7 +22,7 @@ from mems_impact.cli.options import (
     study_options,
     transient_option,
 )
-from mems_impact.cli.output import show, show_table, tell_tables, unit_of
+from mems_impact.cli.output import add_json_tables, show, show_table, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,7 +129,7 @@ def command(
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
         _show(table, files.directory / f"{files.name}-summary.csv")
-        files.tell()
+        files.show()
 
 
 def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -147,7 +147,7 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     parameter = summary.columns[0]
     unit = unit_of(summary, parameter)
     found = switches(table)
-    tell_tables(
+    add_json_tables(
         {
             "summary": summary,
             "switches": pd.DataFrame(found, columns=["direction", parameter, "impacts begin"]),

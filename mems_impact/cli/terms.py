@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.output import filled, show, tell_tables
+from mems_impact.cli.output import add_json_tables, filled, show
 
 
 @click.command(short_help="List the optional terms of the device model.")
@@ -31,12 +31,12 @@ def command() -> None:
             term = term_type(name)
         except InvalidParameter:  # a term of another package that fails
             continue
-        said = (term.__doc__ or "").partition("\n")[0].rstrip(".")
-        show(filled(f"{name}: {said}"))
+        description = (term.__doc__ or "").partition("\n")[0].rstrip(".")
+        show(filled(f"{name}: {description}"))
         for key, field in term.model_fields.items():
             notes = [unit] if (unit := term.units.get(key)) else []
             notes += [] if field.is_required() else [f"default {field.default!r}"]
             show(f"  {name}.{key}" + (f" [{', '.join(notes)}]" if notes else ""))
             default = None if field.is_required() else field.default
             rows.append((name, key, term.units.get(key, ""), default))
-    tell_tables({"terms": pd.DataFrame(rows, columns=["term", "parameter", "unit", "default"])})
+    add_json_tables({"terms": pd.DataFrame(rows, columns=["term", "parameter", "unit", "default"])})

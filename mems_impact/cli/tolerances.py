@@ -120,7 +120,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         show_table("yields", with_units_in(found.yields, "quantity", units), 5)
         if found.indices is not None:
             show_table("indices", with_units_in(found.indices, "quantity", units), 5)
-        files.tell()
+        files.show()
 
 
 def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:

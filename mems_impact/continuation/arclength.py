@@ -17,14 +17,17 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED, ZERO_COMPONENT, Shooting, ShootingEvaluation
 
-# --- Pseudo-arclength steps: tangent, prediction, correction.
+# --- Pseudo-arclength steps
 
 MAX_CORRECTOR_ITERATIONS = 8
-STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
-EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
-NODES = 3  # corrections from which another one is guessed
+MIN_TURN_COSINE = 0.9  # least cosine of the angle between the tangents at both ends of a step
+FAST_ITERATIONS, SLOW_ITERATIONS = (
+    2,
+    5,
+)  # Newton iterations up to which a step grows, from which it shrinks
+PREDICTOR_POINTS = 3  # points that the predictor interpolates
 TINY = np.finfo(float).tiny
-MIN_SEPARATION_RATIO = 0.01  # least distance between them, as a part of the longest
+MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the largest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +38,7 @@ class StepControl:
     ----------
     initial, smallest, largest : float
     most : int
-        Points that a branch may have.
+        Maximum number of points of a branch.
 
     See Also
     --------
@@ -60,7 +63,7 @@ class StepControl:
     def within(
         self, low: float, high: float, point: Linearised, along: Floats, length: float
     ) -> float:
-        """Return a length, shorter if it went far beyond a bound, where the model may end."""
+        """Limit a step length at a bound, beyond which the model may be undefined."""
         ahead = point.values[-1] + length * along[-1]
         bound = high if along[-1] > 0.0 else low
         if low <= ahead <= high:
@@ -76,9 +79,9 @@ def tangent(point: Linearised, along: Floats | None = None) -> Floats:
     point : ShootingEvaluation or EquilibriumEvaluation
         With one active parameter.
     along : float array, optional
-        The direction in which to look; without it, the parameter grows.
+        Orientation of the tangent; by default, the parameter increases.
     """
-    # The vector to which all rows are orthogonal: the last right singular vector.
+    # The null vector is the last right singular vector.
     direction = np.linalg.svd(np.hstack([point.jacobian, point.by_parameter]))[2][-1]
     forward = direction[-1] if along is None else direction @ along
     return np.asarray(direction if forward >= 0.0 else -direction)
@@ -87,7 +90,7 @@ def tangent(point: Linearised, along: Floats | None = None) -> Floats:
 def correct(
     equations: Solvable[P], plane: Floats, direction: Floats, guess: Floats | None = None
 ) -> Solution[P]:
-    """Return the solution in the plane through `plane` (unknowns and parameter) across `direction`.
+    """Solve in the plane through `plane` (unknowns and parameter) normal to `direction`.
 
     Parameters
     ----------
@@ -118,19 +121,19 @@ def correct(
 
 
 class PredictorStep(Generic[P]):
-    """The points of a branch or curve across one direction, each corrected once.
+    """Points of a branch or curve along one tangent, each corrected once.
 
     Parameters
     ----------
     correct : callable
-        ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` across
-        `along`.
+        ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` normal
+        to `along`.
     point : ShootingEvaluation or EquilibriumEvaluation
-        Where the step begins.
+        Start of the step.
     along : float array
         The unit tangent there.
     behind : sequence of float array, optional
-        Unknowns and parameters of the points before it.
+        Unknowns and parameters of earlier points.
     """
 
     def __init__(
@@ -143,12 +146,12 @@ class PredictorStep(Generic[P]):
         self.start, self.along = np.concatenate([point.unknowns, point.values]), along
         self._correct = correct
         self._found = {0.0: Solution(self.start, point, 0)}
-        # How far the branch lies from the tangent over s^2, by s.
-        self._bends: dict[float, Floats] = {}
+        # Offset of the branch from the tangent, divided by s^2, by s.
+        self._curvatures: dict[float, Floats] = {}
         for earlier in behind:
             s = float((earlier - self.start) @ along)
             if s < 0.0:
-                self._learn(s, earlier)
+                self._add_curvature(s, earlier)
 
     def at(self, s: float) -> Solution[P]:
         """Return the point at the distance `s` along the tangent.
@@ -156,24 +159,26 @@ class PredictorStep(Generic[P]):
         Raises
         ------
         OrbitError
-            If the correction does not converge, or leads to what lies farther away than the step
-            is long: another branch, or another part of this one.
+            If the correction does not converge, or converges to a point farther away than the
+            length of the step, such as a point of another branch.
         """
         if s not in self._found:
             plane = self.start + s * self.along
             found = self._correct(plane, self.along, self.expected(s))
             if np.linalg.norm(found.unknowns - plane) > abs(s) + ACCEPTED:
-                raise OrbitError("the correction of a step led elsewhere", "take a shorter step")
+                raise OrbitError(
+                    "the correction of a step converged to a distant point", "take a shorter step"
+                )
             self._found[s] = found
-            self._learn(s, found.unknowns)
+            self._add_curvature(s, found.unknowns)
         return self._found[s]
 
     def expected(self, s: float) -> Floats:
-        """Return where the point at the distance `s` lies, by what is known of others."""
-        return np.asarray(self.start + s * self.along + s * s * self._bend_at(s))
+        """Predict the point at the distance `s` from the known points."""
+        return np.asarray(self.start + s * self.along + s * s * self._curvature_at(s))
 
     def zero(self, test: Callable[[P], float], length: float, begin: float = 0.0) -> float:
-        """Return at which distance, from `begin` to `length`, a function of the points is zero.
+        """Return the distance between `begin` and `length` at which `test` is zero.
 
         Raises
         ------
@@ -188,42 +193,42 @@ class PredictorStep(Generic[P]):
 
         return float(brentq(value, begin, length, xtol=1e-14, rtol=1e-14))
 
-    def _learn(self, s: float, unknowns: Floats) -> None:
-        """Take over how far the branch lies from the tangent."""
+    def _add_curvature(self, s: float, unknowns: Floats) -> None:
+        """Store the curvature of the branch at a known point."""
         aside = unknowns - self.start - s * self.along
-        # Rounding is no curvature. In a component that the orbit can't determine, which no
-        # correction puts right, it would grow from step to step.
+        # Discard rounding errors: in a component that the orbit does not determine, and that no
+        # correction changes, they would grow from step to step.
         aside[np.abs(aside) < ZERO_COMPONENT] = 0.0
-        self._bends[s] = aside / (s * s)
+        self._curvatures[s] = aside / (s * s)
 
-    def _bend_at(self, s: float) -> Floats:
-        """Return the polynomial through what is known nearby."""
+    def _curvature_at(self, s: float) -> Floats:
+        """Interpolate the curvature by a polynomial through the nearest known points."""
         bend = np.zeros_like(self.along)
-        if not self._bends:
+        if not self._curvatures:
             return bend
-        least = MIN_SEPARATION_RATIO * max(map(abs, self._bends))
+        least = MIN_SEPARATION_RATIO * max(map(abs, self._curvatures))
         nodes: list[float] = []
-        for node in sorted(self._bends, key=lambda node: abs(node - s)):
-            if all(abs(node - other) >= least for other in nodes) and len(nodes) < NODES:
+        for node in sorted(self._curvatures, key=lambda node: abs(node - s)):
+            if all(abs(node - other) >= least for other in nodes) and len(nodes) < PREDICTOR_POINTS:
                 nodes.append(node)
         for node in nodes:
             weight = 1.0
             for other in nodes:
                 if other != node:
                     weight *= (s - other) / (node - other)
-            bend += weight * self._bends[node]
+            bend += weight * self._curvatures[node]
         return bend
 
 
-# --- Whether a branch, or a curve, has come back to the orbit where it began.
+# --- Closed branches and curves
 
-SAME_ORBIT_DISTANCE = 1e-5  # difference between the states of one orbit, met twice
-SAMPLES_PER_SEGMENT = 64  # into which a segment of a cycle is cut to find where a state is nearest
-REFINEMENTS = 6  # of that place, by Newton's method
+SAME_ORBIT_DISTANCE = 1e-5  # largest distance of the states of two orbits that count as one
+SAMPLES_PER_SEGMENT = 64  # points of a segment of a cycle among which the nearest is searched
+REFINEMENTS = 6  # Newton iterations for the nearest point
 
 
 class ClosureDetector:
-    """Where a branch or a curve begins, to be recognised when it comes back.
+    """Detector of the return of a branch or curve to its first orbit.
 
     Parameters
     ----------
@@ -231,7 +236,7 @@ class ClosureDetector:
     point : ShootingEvaluation
         The first orbit.
     along : float array
-        The direction in which the branch sets out.
+        Tangent at the first orbit.
     """
 
     def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
@@ -241,10 +246,10 @@ class ClosureDetector:
     def within(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
     ) -> float | None:
-        """Return where in a step the first orbit is met again in the same direction, or None.
+        """Return the position in a step of a return to the first orbit, in the same direction.
 
-        It may begin with another of its forcing periods there, a cycle anywhere, and its events may
-        be cut in another way: an orbit is the same if the first state lies on it.
+        None without a return. The orbit may start in another forcing period, a limit cycle at any
+        phase, and its segments may differ: orbits are equal if the first state lies on both.
 
         Raises
         ------
@@ -282,7 +287,7 @@ class ClosureDetector:
         return float(np.abs(y - self.state)[shooting.free].max(initial=0.0))
 
     def _nearest(self, shooting: Shooting, point: ShootingEvaluation, i: int, y: Floats) -> float:
-        """Return the least distance of a segment of a cycle from the first state."""
+        """Return the distance of the first state from a segment of a cycle."""
         mode, free = shooting.segments[i].mode, shooting.free
         variational = shooting.variational(point.setting)
         times = np.linspace(point.starts[i], point.ends[i], SAMPLES_PER_SEGMENT + 1)
@@ -292,7 +297,7 @@ class ClosureDetector:
         nearest = int(np.argmin([np.linalg.norm((each - self.state)[free]) for each in passed]))
         time, here = float(times[nearest]), passed[nearest]
         for _ in range(REFINEMENTS):
-            # The arc may go a little beyond its end, as trial steps do.
+            # The arc may extend slightly beyond its end.
             slope = variational.arc(mode, here, time, time).slope_end[free]
             ahead = float(slope @ (self.state - here)[free] / max(slope @ slope, 1e-300))
             limit = times[1] - times[0]
@@ -301,7 +306,7 @@ class ClosureDetector:
         return self._apart(shooting, here)
 
 
-# --- Why a branch or a curve ends, in words that a user can act on.
+# --- Reasons for the end of a branch or curve
 
 CONTINUATION_ERRORS = (
     FunctionError,
@@ -311,24 +316,22 @@ CONTINUATION_ERRORS = (
     ArithmeticError,
     ValueError,
 )
-"""What may keep a branch from going on: it ends there, and what there is of it is returned.
+"""Errors that end a branch; the points computed so far are returned.
 
-Beside the package's own errors those that a function of the system raises out of its range.
+They include errors that a function of the user's system raises outside its domain.
 """
 
-SHORT_STEP_RATIO = 0.1  # part of the largest step below which a branch says what holds it back
-NEUTRAL_DISTANCE = 1e-7  # distance from +1 of a multiplier that is there all along
-SIDE_BY_SIDE = (
-    "a multiplier is 1, as where something may be shifted, or is conserved: then orbits lie side "
-    "by side at one value, and none of them can be followed; a weak spring or damper holds it"
+SHORT_STEP_RATIO = 0.1  # part of the largest step below which a message names the limiting cause
+NEUTRAL_DISTANCE = 1e-7  # distance from +1 within which a multiplier counts as permanently neutral
+ORBIT_CONTINUUM = (
+    "a multiplier is 1, as with a translation symmetry or a conserved quantity: orbits at one "
+    "value form a continuum, and none of them can be continued; add a weak spring or damper"
 )
-SHORTER_STEP_REMEDY = (
-    "take a shorter step"  # what a corrector says to a branch; to its user it is no help
-)
+SHORTER_STEP_REMEDY = "take a shorter step"  # addressed to step control, not to the user
 
 
 def reason_of(error: Exception, family: Family) -> str:
-    """Return what an error says in the units of the user, without advice to a step."""
+    """Return the message of an error in the user's units, without advice to step control."""
     if isinstance(error, RunError):
         family.convert(error)
     if isinstance(error, OrbitError) and error.remedy == SHORTER_STEP_REMEDY:
@@ -337,34 +340,36 @@ def reason_of(error: Exception, family: Family) -> str:
 
 
 def no_orbit_message(error: Exception, family: Family) -> str:
-    """Return why the orbits of another signature cannot be found where two signatures meet."""
+    """Return the reason for which no orbit of the changed signature was found."""
     point = error.partial if isinstance(error, OrbitError) else None
     if isinstance(point, ShootingEvaluation):
         sizes = np.linalg.svd(point.jacobian, compute_uv=False)
         if not sizes[-1] > NEUTRAL_DISTANCE * sizes[0]:
-            return f"{reason_of(error, family)}; {SIDE_BY_SIDE}"
+            return f"{reason_of(error, family)}; {ORBIT_CONTINUUM}"
     return reason_of(error, family)
 
 
 def budget_message(
     steps: StepControl, length: float, held: str, parameter: str, part: float
 ) -> str:
-    """Return that the points are used up, and what has held the last steps back."""
-    told = f"the budget of {steps.most} points is used up"
+    """Return the message of an exhausted budget of points, with the limit of the last steps."""
+    message = f"the budget of {steps.most} points is used up"
     if held and length < SHORT_STEP_RATIO * steps.largest:
-        return f"{told}; steps are down to a length of {length:.2g}: {held}"
-    return f"{told}; a step of length {length:.2g} moves {parameter} by a part of {part:.1g}"
+        return f"{message}; steps are down to a length of {length:.2g}: {held}"
+    return (
+        f"{message}; a step of length {length:.2g} changes {parameter} by a fraction of {part:.1g}"
+    )
 
 
-# --- The predictor-corrector loop, of all that is continued.
+# --- The predictor-corrector loop
 
-R = TypeVar("R")  # what is recorded of a point
-E = TypeVar("E")  # what is recorded where something happens
+R = TypeVar("R")  # record of a point
+E = TypeVar("E")  # record of a special point
 Corrector = Callable[[Floats, Floats, Floats], Solution[P]]
 
 
-class Continued(Protocol[R, E]):
-    """What a continuation has found so far: `OrbitBranch`, `OrbitCurve`, `Equilibria`."""
+class ContinuationResult(Protocol[R, E]):
+    """Result of a continuation so far: `OrbitBranch`, `OrbitCurve`, `Equilibria`."""
 
     points: list[R]
     special_points: list[E]
@@ -373,20 +378,20 @@ class Continued(Protocol[R, E]):
 
 @dataclass(frozen=True)
 class LocatedEvents(Generic[P, E]):
-    """What happens within a step.
+    """Special points located within a step.
 
     Attributes
     ----------
     events : list
         In order.
     loss : object, optional
-        The last of them, if the equations do not go on beyond it.
+        The last of them, if the equations are invalid beyond it.
     reason : str
-        Why they do not.
+        Reason for the loss.
     before : ShootingEvaluation or EquilibriumEvaluation, optional
-        The last point before the loss, where the test functions are looked at.
+        The last point before the loss at which the test functions were evaluated.
     corner : bool
-        Whether the branch has a corner there: it may turn by any angle.
+        Whether the branch has a corner there, where its tangent may turn by any angle.
     """
 
     events: list[E]
@@ -396,8 +401,8 @@ class LocatedEvents(Generic[P, E]):
     corner: bool = False
 
 
-class Onward(NamedTuple, Generic[P]):
-    """Where a continuation goes on with other equations: point, tangent and length of a step."""
+class Restart(NamedTuple, Generic[P]):
+    """Start of a continuation with other equations: point, tangent and step length."""
 
     point: P
     along: Floats
@@ -405,20 +410,20 @@ class Onward(NamedTuple, Generic[P]):
 
 
 class ContinuationProblem(ABC, Generic[P, R, E]):
-    """What is continued: equations, test functions, and what to do where something happens.
+    """Problem of a continuation: equations, test functions, and the treatment of special points.
 
     Attributes
     ----------
-    branch : Continued
-        What is found.
+    branch : ContinuationResult
+        Result.
     family : Family
     parameters : tuple of str
-        The active ones; the last is the one with bounds.
+        The active parameters; the last one has bounds.
     noun : str
-        What it is called in messages.
+        Noun for the result in messages.
     """
 
-    branch: Continued[R, E]
+    branch: ContinuationResult[R, E]
     family: Family
     parameters: tuple[str, ...]
     noun = "branch"
@@ -433,7 +438,7 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
 
     @abstractmethod
     def tests(self, point: P, along: Floats) -> Mapping[Any, float]:
-        """Return the test functions at a point, seen in the direction `along`."""
+        """Return the test functions at a point of the branch with the tangent `along`."""
 
     @abstractmethod
     def locate(
@@ -443,53 +448,53 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         before: Mapping[Any, float],
         after: Mapping[Any, float],
     ) -> LocatedEvents[P, E]:
-        """Locate what happens within a step, from the test functions at both its ends."""
+        """Locate special points within a step, given the test functions at both ends."""
 
     @abstractmethod
     def closing(self, step: PredictorStep[P], length: float) -> float | None:
-        """Return where in a step the first point is met again, in the same direction."""
+        """Return the position in a step of a return to the first point, in the same direction."""
 
     @abstractmethod
     def record(self, point: P, along: Floats) -> None:
-        """Append a point to what is found."""
+        """Append a point to the result."""
 
     def tangent(self, point: P, along: Floats) -> Floats:
         """Return the unit tangent at a point, in the direction of `along`."""
         return tangent(point, along)
 
     def check(self, point: P, following: P) -> None:
-        """Raise an OrbitError if a step from one point to another is none."""
+        """Raise an OrbitError if a step is invalid."""
 
     def accept(self, located: LocatedEvents[P, E]) -> None:
-        """Append what happens within a step to what is found."""
+        """Append the special points of a step to the result."""
         self.branch.special_points += located.events
 
-    def pass_loss(self, located: LocatedEvents[P, E], length: float) -> Onward[P] | str:
-        """Return how it goes on beyond a loss, or why it ends there."""
+    def pass_loss(self, located: LocatedEvents[P, E], length: float) -> Restart[P] | str:
+        """Return the start beyond a loss, or the reason for the end there."""
         return located.reason
 
     def rebased(self, point: P, along: Floats) -> tuple[P, Floats] | None:
-        """Return the same point by other equations, where these would soon fail; else None."""
+        """Return the point for other equations, if the present ones become ill-posed; else None."""
         return None
 
     def end_at(self, point: P) -> str:
-        """Return why it ends at a point; empty if it goes on."""
+        """Return the reason for an end at a point; empty if the continuation proceeds."""
         return ""
 
     def stalled(self) -> None:
-        """Note why steps may have become short, where they or the points are used up."""
+        """Record the cause of short steps when the steps or the points are exhausted."""
 
     def no_step(self, point: P, error: Exception) -> str:
-        """Return why there is no step beyond a point, however short."""
+        """Return the message for a point beyond which no step of any length succeeds."""
         values = zip(self.parameters, point.values.tolist(), strict=True)
         where = " and ".join(f"{name} = {self.family.amount(name, v)}" for name, v in values)
         return f"no further step possible beyond {where}: {reason_of(error, self.family)}"
 
 
 class Continuation(Generic[P, R, E]):
-    """The pseudo-arclength continuation of a problem from a point; iterate over its points.
+    """Pseudo-arclength continuation of a problem from a point, an iterable of its points.
 
-    Who stops asking for points interrupts it, and what is found remains.
+    The caller may stop the iteration at any point; the result so far remains.
 
     Parameters
     ----------
@@ -497,7 +502,7 @@ class Continuation(Generic[P, R, E]):
     point : ShootingEvaluation or EquilibriumEvaluation
         A solution.
     along : float array
-        Its unit tangent, in the direction to follow.
+        Its unit tangent, in the direction of continuation.
     low, high : float
         Bounds of the last parameter.
     steps : StepControl
@@ -514,17 +519,17 @@ class Continuation(Generic[P, R, E]):
         steps: StepControl,
     ) -> None:
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
-        self._held = ""  # why the last step that was shortened was
-        self._set_out(Onward(point, along, steps.initial))
+        self._held = ""  # reason of the last step reduction
+        self._restart(Restart(point, along, steps.initial))
 
     def __iter__(self) -> Iterator[R]:
-        """Yield what is recorded of the points, until an end."""
-        problem, branch, told = self.problem, self.problem.branch, 0
+        """Yield the recorded points until the branch ends."""
+        problem, branch, yielded = self.problem, self.problem.branch, 0
         problem.record(self._point, self._along)
         while True:
-            while told < len(branch.points):
-                told += 1
-                yield branch.points[told - 1]
+            while yielded < len(branch.points):
+                yielded += 1
+                yield branch.points[yielded - 1]
             if branch.ended:
                 return
             if len(branch.points) < self.steps.most:
@@ -533,8 +538,8 @@ class Continuation(Generic[P, R, E]):
                 problem.stalled()
                 branch.ended = self._budget_used()
 
-    def _set_out(self, onward: Onward[P]) -> None:
-        """Go on from a point, of which no earlier one is known by the same equations."""
+    def _restart(self, onward: Restart[P]) -> None:
+        """Start at a point without earlier points of the same equations."""
         self._point, self._along, self._length = onward
         self._behind: list[Floats] = []
         self._before = self.problem.tests(self._point, self._along)
@@ -546,16 +551,16 @@ class Continuation(Generic[P, R, E]):
         try:
             self._length = self.steps.within(self.low, self.high, point, along, self._length)
             corrector = problem.corrector(point)
-            step = PredictorStep(corrector, point, along, self._behind[-NODES:])
+            step = PredictorStep(corrector, point, along, self._behind[-PREDICTOR_POINTS:])
             _, following, iterations = step.at(self._length)
             problem.check(point, following)
             closing = problem.closing(step, self._length)
-            if closing is not None:  # what lies beyond has been passed before
+            if closing is not None:
                 self._length, following = closing, step.at(closing).point
             after = problem.tests(following, along)
             located = problem.locate(step, self._length, self._before, after)
             ahead = problem.tangent(following, along)
-            if ahead @ along < STRAIGHT and not located.corner:
+            if ahead @ along < MIN_TURN_COSINE and not located.corner:
                 raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER_STEP_REMEDY)
             if located.loss is None and not self.low <= following.values[-1] <= self.high:
                 last = self._at_bound(step, following)
@@ -572,7 +577,7 @@ class Continuation(Generic[P, R, E]):
             if isinstance(onward, str):
                 problem.branch.ended = onward
             else:
-                self._set_out(onward)
+                self._restart(onward)
         elif last is not None:
             problem.record(*last)
             problem.branch.ended = f"{problem.parameters[-1]} reached its bound"
@@ -587,7 +592,7 @@ class Continuation(Generic[P, R, E]):
                 self._adapt(iterations)
 
     def _at_bound(self, step: PredictorStep[P], beyond: P) -> tuple[P, Floats]:
-        """Return the point at the bound that a step to `beyond` passes, with its tangent."""
+        """Return the point and its tangent at the bound that a step to `beyond` crosses."""
         start, end = step.start, np.concatenate([beyond.unknowns, beyond.values])
         bound = self.low if end[-1] < self.low else self.high
         guess = start + (bound - start[-1]) / (end[-1] - start[-1]) * (end - start)
@@ -596,24 +601,24 @@ class Continuation(Generic[P, R, E]):
         return last, self.problem.tangent(last, step.along)
 
     def _rebase(self) -> None:
-        """Go on by other equations where those at hand would soon fail."""
+        """Replace the equations if they become ill-posed."""
         try:
             rebased = self.problem.rebased(self._point, self._along)
             if rebased is not None:
-                self._set_out(Onward(*rebased, self._length))
+                self._restart(Restart(*rebased, self._length))
         except CONTINUATION_ERRORS as error:
             self.problem.branch.ended = self.problem.no_step(self._point, error)
 
     def _adapt(self, iterations: int) -> None:
-        """Choose the length of the next step by the Newton steps of the last."""
-        if iterations <= EASY:
+        """Adapt the step length to the Newton iterations of the last step."""
+        if iterations <= FAST_ITERATIONS:
             self._length = min(1.5 * self._length, self.steps.largest)
-        elif iterations >= HARD:
+        elif iterations >= SLOW_ITERATIONS:
             self._length /= 1.5
             self._held = f"a correction takes {iterations} Newton steps"
 
     def _budget_used(self) -> str:
-        """Return that the points are used up, and what has held the last steps back."""
+        """Return the message of an exhausted budget of points."""
         value = abs(float(self._point.values[-1]))
         moved = abs(float(self._along[-1])) * self._length
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]

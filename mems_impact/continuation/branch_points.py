@@ -14,17 +14,18 @@ from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.newton import Linearised, P, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED
 
-KERNEL_STEP = 1e-4  # step of the differences of the equations' derivatives along their null vectors
-AT_ONE = 1e-5  # least distance on a branch of a fold from a branch point
-TORN = 5.0  # distance by which an error of one tears two branches apart
+KERNEL_STEP = 1e-4  # difference step for second derivatives along the null vectors
+MIN_FOLD_DISTANCE = 1e-5  # least distance on a branch of a fold from a branch point
+UNFOLDING_RATIO = (
+    5.0  # distance by which a unit error of the equations separates two crossing branches
+)
 NOT_LOCATED = "a branch point could not be located"
 
 
 def regularity(point: Linearised, direction: Floats) -> float:
-    """Return how far the equations, with the tangent below them, are from a branch point.
+    """Return the signed smallest singular value of the equations bordered by the tangent.
 
-    The smallest singular value with the sign of the determinant: zero where another branch crosses,
-    and not where this one turns round.
+    Its sign is that of the determinant. It is zero at a branch point and nonzero at a fold.
     """
     matrix = np.vstack([_derivatives(point), direction])
     sizes = np.linalg.svd(matrix, compute_uv=False)
@@ -32,15 +33,16 @@ def regularity(point: Linearised, direction: Floats) -> float:
 
 
 class BranchPoints(Generic[P]):
-    """The branch points of a branch.
+    """Branch points of a branch.
 
-    Where branches cross, the derivatives F_x of the equations by unknowns and parameter have no
-    full rank. Bordered by vectors, ``w F_x + g V = 0`` and ``w b = 1``, that is where g, two
-    numbers, is zero. With ``F + beta b = 0`` these are regular equations of x and beta, which is
-    zero at a branch point (Govaerts 2000, Numerical Methods for Bifurcations, chapter 6).
+    At a branch point the derivatives F_x of the equations by unknowns and parameter are rank
+    deficient. With the bordered system ``w F_x + g V = 0`` and ``w b = 1``, the two numbers g are
+    zero there. Together with ``F + beta b = 0`` these are regular equations for x and beta, and
+    beta is zero at a branch point (Govaerts 2000, Numerical Methods for Bifurcations, chapter 6).
 
-    An error of the equations tears the branches apart, as wide as its cube root at a pitchfork. It
-    is beta, and the point that is found is the one without it.
+    An error of the equations unfolds the crossing and separates the branches, at a pitchfork by a
+    distance proportional to its cube root. The solution has this error as beta, and its point is
+    that of the equations without the error.
 
     Parameters
     ----------
@@ -50,12 +52,12 @@ class BranchPoints(Generic[P]):
 
     def __init__(self, equations: Solvable[P]) -> None:
         self._equations = equations
-        self._known: list[tuple[Floats, float]] = []  # with the radius of what an error tears apart
+        self._known: list[tuple[Floats, float]] = []  # points, each with its radius of unfolding
 
     def locate(
         self, step: PredictorStep[P], length: float, first: float, last: float
     ) -> tuple[float, P]:
-        """Return the place of one in a step, and the point.
+        """Return the position of a branch point in a step, and the point.
 
         Parameters
         ----------
@@ -67,7 +69,7 @@ class BranchPoints(Generic[P]):
         Raises
         ------
         OrbitError
-            If there is none.
+            If none is found.
         """
         guess = step.expected(length * first / (first - last))
         near = self._equations.evaluate(guess[:-1], guess[-1:])
@@ -81,27 +83,31 @@ class BranchPoints(Generic[P]):
         x, beta = found.unknowns[:-1], abs(float(found.unknowns[-1]))
         place = float((x - step.start) @ step.along)
         aside = float(np.linalg.norm(x - step.start - place * step.along))
-        torn = max(AT_ONE, TORN * beta ** (1.0 / 3.0))
-        if not -torn <= place <= length + torn or aside > abs(place) + torn or beta > ACCEPTED:
+        radius = max(MIN_FOLD_DISTANCE, UNFOLDING_RATIO * beta ** (1.0 / 3.0))
+        if (
+            not -radius <= place <= length + radius
+            or aside > abs(place) + radius
+            or beta > ACCEPTED
+        ):
             raise OrbitError(NOT_LOCATED, "take a shorter step", found.point)
-        self._known.append((x, torn))
+        self._known.append((x, radius))
         return min(max(place, 0.0), length), found.point
 
     def between(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
-        """Return the parts of a step that are clear of branch points."""
+        """Return the parts of a step outside the radii of branch points."""
         parts, begin = [], 0.0
-        around = [((x - step.start) @ step.along, torn) for x, torn in self._known]
-        for place, torn in sorted(around):
-            if -torn < place < length + torn:
-                parts.append((begin, place - torn))
-                begin = place + torn
+        around = [((x - step.start) @ step.along, radius) for x, radius in self._known]
+        for place, radius in sorted(around):
+            if -radius < place < length + radius:
+                parts.append((begin, place - radius))
+                begin = place + radius
         return [(a, b) for a, b in [*parts, (begin, length)] if a < b]
 
-    def beside(self, point: P) -> bool:
-        """Return whether a point is one of them."""
+    def is_known(self, point: P) -> bool:
+        """Return whether a point coincides with a known branch point."""
         here = np.concatenate([point.unknowns, point.values])
-        same = [(x, torn) for x, torn in self._known if x.size == here.size]
-        return any(float(np.linalg.norm(here - x)) < torn for x, torn in same)
+        same = [(x, radius) for x, radius in self._known if x.size == here.size]
+        return any(float(np.linalg.norm(here - x)) < radius for x, radius in same)
 
     def _defining(self, border: Floats, kernel: Floats, u: Floats) -> tuple[P, Floats, Floats]:
         x, beta, size = u[:-1], u[-1], border.size

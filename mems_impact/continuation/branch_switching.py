@@ -22,18 +22,16 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Phase, Shooting
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
-# --- Onto the branch of doubled period.
+# --- Period doublings
 
-SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
-MIN_PARAMETER_CHANGE = (
-    1e-7  # relative change of the parameter by which the side is no matter of rounding
-)
+SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the doubling orbit, in the space of unknowns
+MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter that determines the side
 
 
 def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
     """Return an orbit traversed twice.
 
-    A cycle begins once all the same: its second pass goes on in the segment that ended the first.
+    A limit cycle has one start: its second pass continues the last segment of the first.
     """
     segments, point = orbit.segments, orbit.point
     states, _ = orbit.shooting.unpack(point.unknowns)
@@ -45,7 +43,7 @@ def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
 
 
 def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
-    """Return an orbit of twice the period next to `orbit`, and on which side of it.
+    """Return an orbit of twice the period next to `orbit`, and its side of the parameter.
 
     Parameters
     ----------
@@ -56,14 +54,14 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
     Returns
     -------
     orbit : PeriodicOrbit
-        The first one of the branch that leaves `orbit`.
+        The first orbit of the bifurcating branch.
     side : float
-        1 where the parameter grows along that branch, else -1: the `direction` in which to follow.
+        1 if the parameter increases along that branch, else -1: the `direction` of continuation.
 
     Raises
     ------
     OrbitError
-        If the orbit does not double its period.
+        If the orbit has no multiplier -1.
     """
     guess = double_cover(orbit)
     shooting = orbit.equations((parameter,), guess.segments)
@@ -73,7 +71,7 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
     vectors = np.linalg.svd(point.jacobian)[2]
     if np.abs(orbit.multipliers + 1.0).min() > MULTIPLIER_TOLERANCE:
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
-    # The null vector of the doubled equations: one way in the first pass, the other in the second.
+    # The null vector of the doubled equations has opposite signs in the two passes.
     away = np.append(vectors[-1], 0.0)
     return first_orbit_on_branch(shooting, np.append(unknowns, value), away, SWITCH_DISTANCES)
 
@@ -81,21 +79,22 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
 def first_orbit_on_branch(
     shooting: Shooting, start: Floats, away: Floats, distances: Sequence[float]
 ) -> tuple[PeriodicOrbit, float]:
-    """Return an orbit of the branch that leaves a point, and the side to which its parameter goes.
+    """Return an orbit of the branch that leaves a point, and the sign of its parameter change.
 
     Parameters
     ----------
     shooting : Shooting
         The equations of that branch, with one active parameter.
     start, away : float array, shape (unknowns + 1,)
-        The point, and the direction in which the branch leaves it.
+        The point, and the direction of the bifurcating branch.
     distances : sequence of float
-        At which it is looked for: the first one where the side is no matter of rounding.
+        Distances at which the orbit is corrected, up to the first with a significant parameter
+        change.
 
     Raises
     ------
     OrbitError
-        If there is none at the first distance.
+        If the correction fails at the first distance.
     """
     value = float(start[-1])
     found, change = None, 0.0
@@ -116,13 +115,13 @@ def first_orbit_on_branch(
     return found, math.copysign(1.0, change)
 
 
-# --- Onto the branch of cycles that leaves a Hopf point.
+# --- Hopf points
 
-AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, in parts of the state or of one
+AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, relative to the state if above 1
 
 
 def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, float]:
-    """Return a small cycle next to a Hopf point, and on which side of it.
+    """Return a small limit cycle next to a Hopf point, and its side of the parameter.
 
     Parameters
     ----------
@@ -133,14 +132,14 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     Returns
     -------
     orbit : PeriodicOrbit
-        The first one of the branch that leaves the point.
+        The first limit cycle of the bifurcating branch.
     side : float
-        1 where the parameter grows along that branch, else -1: the `direction` in which to follow.
+        1 if the parameter increases along that branch, else -1: the `direction` of continuation.
 
     Raises
     ------
     OrbitError
-        If the point bears no cycle.
+        If no pair of eigenvalues lies on the imaginary axis.
     """
     rate = frequency(equilibrium)
     if rate is None:
@@ -153,10 +152,10 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     phase = Phase(tuple(across.tolist()), float(across @ center), period)
     segments = (Segment(equilibrium.mode, 0, BOUNDARY),)
     size = max(1.0, float(np.abs(center).max()))
-    family = _suited(equilibrium, center + size * AMPLITUDES[-1] * along, period)
+    family = _family_with_method(equilibrium, center + size * AMPLITUDES[-1] * along, period)
     shooting = Shooting(family, segments, (parameter,), phase=phase)
-    # Around the equilibrium, once in the period of its rotation, and at its parameter: what changes
-    # first with the amplitude is the state alone.
+    # To first order in the amplitude only the state changes; period and parameter are those of the
+    # linearisation.
     middle = np.array([*center, period / phase.unit, value])
     away = np.array([*along, 0.0, 0.0])
     return first_orbit_on_branch(
@@ -164,8 +163,8 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     )
 
 
-def _suited(equilibrium: EquilibriumState, beside: Floats, period: float) -> Family:
-    """Return the family, integrated by the method that suits one turn from beside the point."""
+def _family_with_method(equilibrium: EquilibriumState, beside: Floats, period: float) -> Family:
+    """Return the family with the method that suits a run of one period near the equilibrium."""
     family, y = equilibrium.family, np.array(equilibrium.state)
     problem = family.problem().with_time_unit(period)
     y[list(free_components(problem.automaton))] = beside
@@ -176,8 +175,8 @@ def _suited(equilibrium: EquilibriumState, beside: Floats, period: float) -> Fam
 
 
 def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two orthogonal unit vectors: where a rotation is at its widest, and where it goes."""
-    # The eigenvector turned so that its real and imaginary part are orthogonal, the longer first.
+    """Return orthogonal unit vectors along the major axis of a rotation and in its direction."""
+    # Rotate the eigenvector so that its real and imaginary parts are orthogonal.
     turn = 0.5 * np.angle(np.sum(vector * vector))
     vector = vector * np.exp(-1j * turn)
     wide, onward = vector.real, -vector.imag

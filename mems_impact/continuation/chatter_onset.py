@@ -1,8 +1,8 @@
-"""Onset of complete chatter on a branch: where a rest after accumulating impacts has no length.
+"""Onset of complete chatter on a branch, where the rest after a chatter sequence has length zero.
 
-Towards it, ever more impacts count, each nearer to the release. An orbit has as many as its
-signature says and takes the rest of the sequence for one impact without rebound. So the length of
-its rest becomes zero a little beside the onset, and the onset itself is found by runs.
+Near the onset the number of significant impacts grows without bound. The signature of an orbit
+has finitely many, and replaces the remainder of the sequence by one impact without rebound. So the
+length of the rest becomes zero at a small distance from the onset, and runs locate the onset.
 """
 
 from __future__ import annotations
@@ -25,20 +25,15 @@ from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 
 __all__ = ["ACROSS_START", "BEYOND_ONSET", "chatter_onset", "rests_after_chatter"]
 
-ONSET_DISTANCES = (
-    1e-7,
-    1e-6,
-    1e-5,
-    1e-4,
-    1e-3,
-)  # of the parameter, in which the onset is looked for
+# Distances in the parameter at which the onset is bracketed.
+ONSET_DISTANCES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 BEYOND_ONSET = (
-    "beyond it the impacts do not come to rest before the contact is released, and orbits of ever "
-    "more impacts accumulate here; find an orbit beyond and follow that"
+    "beyond it the contact releases before chatter is complete, and branches with increasing "
+    "numbers of impacts accumulate here; find an orbit beyond it and continue that orbit"
 )
 ACROSS_START = (
-    "a sequence of accumulating impacts comes to the start of a period, which infinitely many "
-    "impacts cannot pass one by one; begin the period elsewhere: give the forcing a phase"
+    "a chatter sequence reaches the start of a period, which its infinitely many impacts cannot "
+    "cross one by one; shift the start of the period: give the forcing a phase"
 )
 
 
@@ -47,26 +42,26 @@ def rests_after_chatter(segments: tuple[Segment, ...], i: int, m: int) -> bool:
     return m <= segments[i - 1].code < 2 * m
 
 
-def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
-    """Return the onset of complete chatter beside `met`, where a rest after chatter has no length.
+def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
+    """Return the onset of complete chatter near `event`, a rest of length zero after chatter.
 
-    Runs of the orbit's length, from where the branch says that it begins, come to rest on one side
-    of the onset and not on the other. The orbit is the last one that rests, with its own sequence
-    of impacts. None if runs rest on both sides.
+    Runs over the orbit's period, from initial states that are extrapolated along the branch, end
+    in sticking contact on one side of the onset only. The result has the last orbit with a rest,
+    with its own sequence of impacts. None if both sides have a rest.
     """
-    assert isinstance(met.monitor, SegmentLengthTest)
-    orbit, i = met.orbit, met.monitor.segment
-    m, onward = orbit.shooting.m, float(np.sign(met.direction[-1]))
+    assert isinstance(event.monitor, SegmentLengthTest)
+    orbit, i = event.orbit, event.monitor.segment
+    m, onward = orbit.shooting.m, float(np.sign(event.direction[-1]))
     if onward == 0.0 or orbit.segments[i].code == BOUNDARY:
         return None
     code = orbit.segments[i - 1].code
     sequences = sum(segment.code == code for segment in orbit.segments)
 
     def begin(distance: float) -> tuple[PeriodicOrbit, HybridState]:
-        """Return where the orbit begins at a distance in the parameter beyond `met`."""
-        moved = onward * distance * _state_rates(met)
+        """Return the orbit's initial state at a distance in the parameter beyond `event`."""
+        moved = onward * distance * _state_rates(event)
         start = replace(orbit.instant, y=orbit.instant.y + moved)
-        value = met.value + onward * distance
+        value = event.value + onward * distance
         return replace(orbit, family=orbit.family.at(**{parameter: value})), start
 
     def rests(distance: float) -> bool:
@@ -80,15 +75,15 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
         beyond = next((d for d in ONSET_DISTANCES if not rests(d)), None)
         if before is None or beyond is None:
             return None
-        before, _ = bisect(rests, before, beyond, abs(float(np.spacing(met.value))))
+        before, _ = bisect(rests, before, beyond, abs(float(np.spacing(event.value))))
         there, start = begin(before)
     except CONTINUATION_ERRORS:
         return None
     onset = replace(
-        met,
+        event,
         kind=CHATTER_ONSET,
         label=ORBIT_LABELS[CHATTER_ONSET],
-        value=met.value + onward * before,
+        value=event.value + onward * before,
     )
     try:
         return _with_orbit(onset, there, start, parameter)
@@ -96,22 +91,22 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
         return onset
 
 
-def _state_rates(met: BranchEvent) -> Floats:
-    """Return how the first state of the orbits changes with the parameter."""
-    shooting, rates = met.orbit.shooting, np.zeros(met.orbit.shooting.n)
-    rates[shooting.free] = met.direction[: len(shooting.free)] / met.direction[-1]
+def _state_rates(event: BranchEvent) -> Floats:
+    """Return the derivative of the first state along the branch by the parameter."""
+    shooting, rates = event.orbit.shooting, np.zeros(event.orbit.shooting.n)
+    rates[shooting.free] = event.direction[: len(shooting.free)] / event.direction[-1]
     return rates
 
 
 def _with_orbit(
     onset: BranchEvent, there: PeriodicOrbit, start: HybridState, parameter: str
 ) -> BranchEvent:
-    """Return the onset with the orbit whose sequence of impacts a run has there.
+    """Return the onset with an orbit whose sequence of impacts is that of a run.
 
     Raises
     ------
     OrbitError
-        If it cannot be corrected.
+        If the orbit cannot be corrected.
     """
     guess = read_guess(there.family.problem(), start, there.periods)
     shooting = there.equations((parameter,), guess.segments, pinned={})

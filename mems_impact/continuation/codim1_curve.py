@@ -48,10 +48,10 @@ from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 __all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
 
 MAX_CURVE_ITERATIONS = 10
-COINCIDENT = 1e-7  # distance on the curve below which two losses are one
+COINCIDENT = 1e-7  # distance on the curve below which two losses count as one
 Tests = dict[TestFunction, float]
 MARGIN_TESTS = (ClosestApproachTest, ContactSpeedTest)
-CONTINUOUS = 1e-3  # part of its values beside it of a test function at a zero that is no jump
+MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class CurveEvent:
-    """A point of a curve at which a second thing happens.
+    """A codimension-two point of a curve.
 
     Attributes
     ----------
@@ -93,12 +93,12 @@ class OrbitCurve:
     Attributes
     ----------
     kind : str
-        Of the special points.
+        Kind of the special points.
     parameters : tuple of str
     points : list of CurvePoint
     special_points : list of CurveEvent
     ended : str
-        Why the curve ends.
+        Reason for the end of the curve.
     """
 
     kind: str
@@ -119,16 +119,16 @@ def follow_curve(
     steps: StepControl | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> OrbitCurve:
-    """Follow a special point of a branch in a second parameter.
+    """Continue a special point of a branch in a second parameter.
 
     Parameters
     ----------
     special : BranchEvent
-        A grazing, fold, period doubling or Neimark-Sacker point (or the touching of another guard).
+        A grazing, fold, period-doubling or Neimark-Sacker point, or the contact of another guard.
     parameter : str
         The parameter of the branch.
     second : str
-        The other one.
+        The second parameter.
     low, high : float
         Bounds of the second parameter.
     direction : float
@@ -142,7 +142,7 @@ def follow_curve(
     OrbitCurve
     """
     if parameter == second:
-        raise InvalidParameter(field="second", value=second, allowed=f"another than {parameter}")
+        raise InvalidParameter(field="second", value=second, allowed=f"other than {parameter}")
     curve = OrbitCurve(special.kind, (parameter, second))
     orbit, steps = special.orbit, steps or StepControl()
     try:
@@ -186,10 +186,10 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self.branch, self.monitor, self.bounds = curve, special.monitor, bounds
         self.condition = condition
         self._linear: tuple[ShootingEvaluation, Floats] | None = None  # the condition's gradient
-        # What a touched guard takes with it is zero all along, and no point of codimension two.
+        # Test functions that are zero along the whole curve mark no point of codimension two.
         touched = orbit_tests(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
-        # The guard of the impacts that the orbit has, or of the one that it comes closest to.
+        # The guard of the orbit's impacts, or else the one that it approaches most closely.
         self.guard = self._main_guard(special.orbit)
 
     def _main_guard(self, orbit: PeriodicOrbit) -> int:
@@ -203,7 +203,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return the same point of the curve for a cycle with another start, and its direction."""
+        """Return the point for a cycle with another start, and the tangent."""
         shooting, unknowns, first = rebase_phase(self.shooting, point)
         count = len(self.shooting.segments)
         monitor = self.monitor.rebased(count, first)
@@ -223,7 +223,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self.branch.points.append(CurvePoint(self._orbit(point), values))
 
     def _orbit(self, point: ShootingEvaluation) -> PeriodicOrbit:
-        """Return the orbit of a point. Where two modes may follow, either is the automaton's."""
+        """Return the orbit of a point. On a mode choice, either of the two modes is admissible."""
         orbit = make_orbit(self.shooting, point)
         if not isinstance(self.monitor, ModeChoiceTest):
             return orbit
@@ -237,7 +237,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return direction if direction @ along >= 0.0 else -direction
 
     def _gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return the condition's; a condition stays scaled as it was where this was taken."""
+        """Return the gradient of the condition, whose scaling is fixed at this point."""
         if self._linear is None or self._linear[0] is not point:
             self._linear = point, self.condition.gradient(point)
         return self._linear[1]
@@ -245,8 +245,8 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
         """Return the corrector of a step.
 
-        A gradient that costs too much to be taken anew is the one from where the step began,
-        brought up to date by what the condition turns out to be (Broyden 1965).
+        An expensive gradient is evaluated at the start of the step only, and then updated by the
+        values of the condition (Broyden 1965).
         """
         return partial(correct_condition, self.shooting, self.condition, self._gradient(point))
 
@@ -275,14 +275,14 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return tests
 
     def _kind(self, test: TestFunction) -> str:
-        """Return what it is called where `test` is zero on this curve."""
+        """Return the name of a zero of `test` on this curve."""
         if not isinstance(test, MARGIN_TESTS):
             assert isinstance(test, MultiplierTest | CuspTest | DegenerateGrazingTest)
             return test.name
         name = self.shooting.automaton.guards[test.guard].name
         if test.kind == GRAZING and self.monitor.kind == FOLD:
-            # Folds of orbits with an impact set in where its speed is zero; those without, where
-            # the grazing orbit has a multiplier +1.
+            # Folds of orbits with an impact start at zero impact speed, folds without an impact
+            # where the grazing orbit has a multiplier +1.
             what = "degenerate grazing" if isinstance(test, ContactSpeedTest) else "grazing-fold"
             return what if test.guard == self.guard else f"{what} ({name})"
         what, own = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
@@ -311,7 +311,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         lost = [item for item in found if self._beyond(item[1], after)]
         if not lost:
             return LocatedEvents([special for _, _, special in found])
-        # An impact at zero speed takes with it what follows on it; it is the one to name.
+        # An impact at zero speed makes later margins zero as well; it gives the name.
         first = min(
             (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
             key=lambda item: (
@@ -320,7 +320,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
             ),
         )
         kept = [special for position, _, special in found if position < first[0] - COINCIDENT]
-        reason = f"{first[2].kind}: beyond, {self._beyond(first[1], after)}"
+        reason = f"{first[2].kind}: beyond it, {self._beyond(first[1], after)}"
         return LocatedEvents([*kept, first[2]], first[2], reason)
 
     def pass_loss(
@@ -332,11 +332,11 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return located.reason
 
     def _beyond(self, test: TestFunction, after: Mapping[TestFunction, float]) -> str:
-        """Return why the curve ends where `test` is zero; empty if it goes on."""
+        """Return the reason for an end at a zero of `test`; empty if the curve continues."""
         if test.ends_orbits:
-            return "the automaton has no such orbit" if after[test] < 0.0 else ""
+            return "the orbit is inadmissible" if after[test] < 0.0 else ""
         if isinstance(test, MultiplierTest) and test.test in NEUTRAL_RESONANCES:
-            return "the two multipliers of product 1 are real, those of neutral saddles"
+            return "the pair of multipliers is real, that of a neutral saddle"
         return ""
 
     def _inside(self, value: float) -> bool:
@@ -349,10 +349,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         length: float,
         ends: tuple[float, float],
     ) -> tuple[float, CurveEvent] | None:
-        """Locate a zero of `test` within a step: where in it, and the point.
-
-        `ends`: its values at both ends.
-        """
+        """Return the position in a step and the point of a zero of `test`, with values `ends`."""
 
         def value(point: ShootingEvaluation) -> float:
             found = test.on_curve(self.condition, point)
@@ -369,14 +366,14 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         orbit = self._orbit(point)
         if isinstance(test, MultiplierTest) and not test.is_zero(orbit.multipliers):
             return None
-        if isinstance(test, CuspTest) and abs(value(point)) > CONTINUOUS * min(map(abs, ends)):
-            return None  # the derivative by the first parameter has changed its sign
+        if isinstance(test, CuspTest) and abs(value(point)) > MAX_ZERO_RATIO * min(map(abs, ends)):
+            return None  # only the derivative by the first parameter has changed its sign
         values = (float(point.values[0]), float(point.values[1]))
         return position, CurveEvent(kind, values, orbit)
 
 
 def _null_vector(point: ShootingEvaluation, gradient: Floats) -> Floats:
-    """Return the unit tangent of the curve at a point, in either direction."""
+    """Return a unit tangent of the curve at a point, of arbitrary sign."""
     rows = np.hstack([point.jacobian, point.by_parameter]), gradient
     return np.asarray(np.linalg.svd(np.vstack(rows))[2][-1])
 
@@ -389,9 +386,9 @@ def correct_condition(
     along: Floats,
     guess: Floats,
 ) -> Solution[ShootingEvaluation]:
-    """Correct `guess` onto the zeros of a condition, in the plane through `plane` across `along`.
+    """Correct `guess` to a zero of a condition, in the plane through `plane` normal to `along`.
 
-    `gradient`: of the condition near by.
+    `gradient` is that of the condition at a nearby point.
     """
     last: tuple[Floats, float] | None = None
 

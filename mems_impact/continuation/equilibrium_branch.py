@@ -11,7 +11,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
-    NODES,
+    PREDICTOR_POINTS,
     SHORTER_STEP_REMEDY,
     Continuation,
     ContinuationProblem,
@@ -50,22 +50,22 @@ from mems_impact.orbits.newton import solve_at
 
 HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
 EQUILIBRIUM_LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE", UNEXPLAINED: "?"}
-ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
-SAME_EQUILIBRIUM_DISTANCE = 1e-5  # difference between the unknowns of one equilibrium, met twice
+MIN_IMAGINARY_RATIO = 1e-6  # least ratio of imaginary part to size of an eigenvalue at a Hopf point
+SAME_EQUILIBRIUM_DISTANCE = 1e-5  # largest distance of two equilibria that count as one
 
 
 @dataclass(frozen=True)
 class EquilibriumEvent:
-    """A point of a branch of equilibria at which something happens.
+    """A special point of a branch of equilibria.
 
     Attributes
     ----------
     kind : str
-        "fold", "Hopf", "branch point" (another branch crosses), or "boundary equilibrium" (it meets
-        a guard, beyond which it is a virtual one). "unexplained" is a change of the number of
-        unstable eigenvalues for which no such point is found.
+        "fold", "Hopf", "branch point" (another branch crosses), or "boundary equilibrium" (a
+        margin is zero, and the equilibrium is virtual beyond). "unexplained" is a change of the
+        number of unstable eigenvalues for which no such point is found.
     guard : str
-        The guard that it meets, if it meets one.
+        The guard of a boundary equilibrium, else empty.
     value : float
         Of the parameter.
     equilibrium : EquilibriumState
@@ -84,7 +84,7 @@ class EquilibriumEvent:
 
 @dataclass
 class Equilibria:
-    """A branch and what was found on it.
+    """A branch of equilibria with its special points.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Equilibria:
     points : list of EquilibriumState
     special_points : list of EquilibriumEvent
     ended : str
-        Why the branch ends.
+        Reason for the end of the branch.
     """
 
     parameter: str
@@ -111,12 +111,12 @@ def follow_equilibrium(
     steps: StepControl,
     progress: Callable[[float], None] | None = None,
 ) -> Equilibria:
-    """Follow an equilibrium in one parameter until a bound, an end or the budget of points.
+    """Continue an equilibrium in one parameter up to a bound, an end or the budget of points.
 
     Parameters
     ----------
     equilibrium : EquilibriumState
-        An isolated one.
+        An isolated equilibrium.
     parameter : str
         A parameter of its family.
     low, high : float
@@ -130,7 +130,7 @@ def follow_equilibrium(
     Returns
     -------
     Equilibria
-        Whatever ends it, what was found is in it, and `ended` says why it ends.
+        The points up to its end; `ended` is the reason.
     """
     branch = Equilibria(parameter)
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
@@ -179,7 +179,7 @@ class _EquilibriumProblem(
 
     def solve(self, guess: Floats) -> EquilibriumEvaluation:
         """Correct a guess at its value of the parameter."""
-        reason, remedy = "the bound is missed", "take shorter steps"
+        reason, remedy = "the correction at the bound did not converge", "take shorter steps"
         return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
 
     def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
@@ -187,24 +187,24 @@ class _EquilibriumProblem(
         self.branch.points.append(make_equilibrium(self.equations, point))
 
     def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
-        """Return where in a step the branch meets its first point and its tangent; else None."""
+        """Return the position in a step of a return to the first point and tangent, or None."""
         place = float((self.first - step.start) @ step.along)
-        if len(self.branch.points) <= NODES or not 0.0 < place <= length:
+        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
             return None
         near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
         return place if near and step.along @ self.at_first > 0.5 else None
 
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
-        """Note what happens within a step, and that the branch passes there."""
+        """Append the special points of a step, also to the points of the branch."""
         branch = self.branch
-        branch.special_points[:] = self.bifurcations.without_torn_folds(
+        branch.special_points[:] = self.bifurcations.without_spurious_folds(
             branch.special_points, lambda each: each.equilibrium.balance
         )
         branch.special_points += located.events
         branch.points += [each.equilibrium for each in located.events]
 
     def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[TestFunction, float]:
-        """Return the test functions, zero where something happens."""
+        """Return the test functions of an equilibrium."""
         tests: dict[TestFunction, float] = {
             BranchPointTest(): regularity(point, tangent(point, along))
         }
@@ -221,7 +221,7 @@ class _EquilibriumProblem(
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]:
-        """Locate what happens within a step, in order."""
+        """Locate the special points of a step, in order."""
         found = []
         ends = before[BranchPointTest()], after[BranchPointTest()]
         for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
@@ -255,9 +255,9 @@ class _EquilibriumProblem(
 
 
 def frequency(equilibrium: EquilibriumState) -> float | None:
-    """Return the frequency of the cycle that is born at a Hopf point, None at another one."""
+    """Return the frequency of the limit cycle at a Hopf point, None at any other point."""
     values = equilibrium.eigenvalues
-    rotating = values[np.abs(values.imag) > ROTATING * np.abs(values)]
+    rotating = values[np.abs(values.imag) > MIN_IMAGINARY_RATIO * np.abs(values)]
     beside = np.abs(rotating.real) / np.abs(rotating)
     if not beside.min(initial=1.0) < MULTIPLIER_TOLERANCE:
         return None

@@ -1,13 +1,13 @@
 """Grazing on a branch: change of the event sequence, and the normal form of the first impact.
 
-An impact at a small speed changes the state, once what follows on it has died out, by a kick that
-goes with the square root of the penetration that the orbit without impact would have. Whether the
-orbit comes back to the stopper after k periods is decided by the sign of the kick's image in the
-margin, xi_k = grad h . M^k kick, M being the monodromy matrix of the orbit without impact, based at
-the grazing (Nordmark 1991).
+An impact at low speed, with the events that it causes, changes the state by a kick proportional to
+the square root of the penetration of the orbit without impact. The sign of the kick's image in the
+margin, xi_k = grad h . M^k kick, determines whether the orbit reaches the stopper again after k
+periods; M is the monodromy matrix of the orbit without impact, based at the grazing point
+(Nordmark 1991).
 
-At a grazing, and where an event moves past another one, the other signature follows from the orbit
-(`change_signature`). Elsewhere a run from a little beyond shows it (`neighbour`).
+At a grazing, and where two events exchange their order, the other signature follows from the orbit
+(`change_signature`). Elsewhere a run from a point slightly beyond determines it (`neighbour`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
-from mems_impact.continuation.special_points import IN_NO_TIME, BranchEvent
+from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH, BranchEvent
 from mems_impact.continuation.test_functions import (
     ClosestApproach,
     ClosestApproachTest,
@@ -45,26 +45,26 @@ from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_sig
 
 __all__ = ["CONTINUOUS", "DEAD", "JUMP", "contact_coefficients", "grazing_type"]
 
-# --- What a grazing does to the attractor: the normal form of the first impact.
+# --- Normal form of the first impact
 
-TRIAL_SPEED = 1e-3  # of the trial impacts that show the kick
-NULL_KICK_RATIO = 1e-6  # part of a kick that is none across the flow
-SIGN_PERIODS = 200  # periods over which the signs are looked at
+TRIAL_SPEED = 1e-3  # of the trial impacts that determine the kick
+NULL_KICK_RATIO = 1e-6  # relative size below which a kick has no component transverse to the flow
+SIGN_PERIODS = 200  # number of coefficients xi_k whose signs are evaluated
 
 CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
 
 
 @dataclass(frozen=True)
 class DegenerateGrazingTest(TestFunction):
-    """The first coefficient of the impacts that follow a grazing, on a curve of grazings."""
+    """The coefficient xi_1 on a curve of grazings."""
 
     @property
     def name(self) -> str:
-        """What a zero is called."""
+        """Name of a zero."""
         return f"degenerate {self.kind}"
 
     def value(self, equations: Any, point: Any, along: Floats) -> None:
-        """Return None: it is defined on a curve of grazings."""
+        """Return None: it is defined on curves of grazings only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
         """Return that coefficient."""
@@ -77,8 +77,8 @@ def contact_coefficient(
 ) -> float | None:
     """Return xi_k = grad h . M^k kick: positive if the kick leads away from the stopper.
 
-    None if the orbit has other events, for which the formula does not hold, or a mode to which a
-    weak contact does not lead back.
+    None if the orbit has events, for which the formula does not hold, or if a weak contact does not
+    return to the mode of the orbit.
     """
     try:
         sequence = contact_coefficients(shooting, point, monitor, k)
@@ -90,9 +90,9 @@ def contact_coefficient(
 def contact_coefficients(
     shooting: Shooting, point: ShootingEvaluation, monitor: ClosestApproachTest, count: int
 ) -> Floats | None:
-    """Return xi_1 .. xi_count, or None if the orbit has events, or the kick goes along it.
+    """Return xi_1 .. xi_count, or None if the orbit has events or the kick is along the flow.
 
-    The kick of a cycle in a plane does: it comes to the stopper a little later or sooner, no more.
+    The kick of a planar limit cycle is along the flow, and only shifts the time of contact.
     """
     if any(event is not None for event in point.events):
         return None
@@ -112,7 +112,7 @@ def contact_coefficients(
         total = point.arcs[(i + j) % others].by_state[free] @ total
     total = to_touch.by_state[free] @ total
     event = variational.event(segment.mode, monitor.guard, time, to_touch.end)
-    # A component that the mode holds fixed has no part in it, but for rounding, which would grow.
+    # Components that the mode holds fixed contribute rounding errors only, which would grow.
     keep = reduced_components(shooting, point)
     total = total[np.ix_(keep, keep)]
     gradient = event.margin_by_state[monitor.guard][free][keep]
@@ -130,22 +130,23 @@ def contact_coefficients(
 
 
 def stays_positive(sequence: Floats) -> bool:
-    """Return whether all xi_k that are more than rounding of the first ones are positive."""
+    """Return whether all xi_k above the rounding error of the largest are positive."""
     return bool(np.all(sequence > -1e-10 * np.abs(sequence).max()))
 
 
 def impact_direction(
     shooting: Shooting, point: ShootingEvaluation, mode: int, guard: int, time: float, y: Floats
 ) -> Floats:
-    """Return the change of the state per speed that a weak impact at (time, y) leaves behind.
+    """Return the change of the state per impact speed caused by a weak impact at (time, y).
 
-    Learnt from trials: the impact and what follows on it (a slip, say) until the mode is the old
-    one, compared with the flow of the old mode over the same time, pulled back to the impact.
+    A trial run covers the impact and the events that it causes (such as a slip) until the mode is
+    the initial one. Its end is compared with the undisturbed flow over the same time, and the
+    difference is pulled back to the impact.
 
     Raises
     ------
     OrbitError
-        If the mode does not come back.
+        If the run does not return to the mode.
     """
     problem = shooting.problem(point)
     free, variational = shooting.free, shooting.variational(point.setting)
@@ -156,8 +157,8 @@ def impact_direction(
         back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
         if not back.size:
             raise OrbitError(
-                "a weak contact does not lead back to the mode it came from",
-                "take a range in which the stopper is touched while the frame is at rest",
+                "a weak contact does not return to the mode before it",
+                "choose a range in which the frame sticks at the contact",
             )
         last = back[0]
         elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
@@ -165,14 +166,14 @@ def impact_direction(
         difference = events.after[last][free] - undisturbed.end[free]
         return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / speed
 
-    # The limit of vanishing speed, from which a finite one differs in proportion to it.
+    # Richardson extrapolation to zero speed; the error is proportional to the speed.
     return 2.0 * left_behind(0.5 * TRIAL_SPEED) - left_behind(TRIAL_SPEED)
 
 
 def low_velocity_contact(
     variational: Variational, mode: int, guard: int, time: float, y: Floats, speed: float
 ) -> Floats:
-    """Return the state nearest to `y` on the guard, with its margin falling at `speed`."""
+    """Return the state nearest to `y` on the guard, with its margin decreasing at `speed`."""
     h, free = 1e-5, list(variational.free)
     margin, rate = variational.margins(mode, time, y)
 
@@ -188,7 +189,7 @@ def low_velocity_contact(
 
 
 def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
-    """Return how the attractor leaves a grazing orbit without impacts.
+    """Classify the transition of the attractor at a grazing orbit without impacts.
 
     Returns
     -------
@@ -204,47 +205,46 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
         return DEAD
     sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
     if sequence is None:
-        problem = "the type is that of an orbit without events, and of a cycle only outside a plane"
+        problem = "has no type: it has events, or is a limit cycle in a plane"
         raise InvalidParameter(field="orbit", value=None, allowed="", problem=problem)
     return CONTINUOUS if stays_positive(sequence) else JUMP
 
 
-# --- Where the sequence of events changes, branches of two signatures meet: from one to the
-# other.
+# --- Change of the signature
 
-ENTRY_RATE = 1e-4  # rate at the guard with which the other signature is entered
-PASSING = 1e-6  # time before two events meet at which the modes between them are looked up
-DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
-# Time after two events have met at which the other order is entered. The branch has a corner where
-# they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
-MIN_GRAZING_SEPARATION = 1e-5
-RESTART_DISTANCES = (1e-4, 1e-5, 1e-3, 1e-6)  # on the branch beyond a loss, from where a run starts
-MIN_PARAMETER_SHARE = (
-    0.01  # part of that distance by which the parameter moves at least, as in a fold
+ENTRY_RATE = 1e-4  # contact speed of the first orbit with an inserted event
+ORDER_TIME_OFFSET = (
+    1e-6  # time before two simultaneous events at which the mode between them is evaluated
 )
-SEQUENCES = 4  # that are tried at each distance, each read off a run along the one before
-CONVERGENCE_RATIO = 0.1  # part of the distance at which the other branch must have come closer ...
-CLOSER = 0.5  # ... to the orbit where the two meet, by this factor
+REMOVED_EVENT_MARGIN = 1e-6  # margin of the first orbit with a removed event
+# Time between two events of the first orbit in their new order. The branch has a corner where they
+# coincide: tangents and differences (with steps of 1e-6) must be one-sided.
+MIN_GRAZING_SEPARATION = 1e-5
+RESTART_DISTANCES = (1e-4, 1e-5, 1e-3, 1e-6)  # of initial states from a loss, along the branch
+MIN_PARAMETER_SHARE = 0.01  # least ratio of the parameter change to that distance, as near a fold
+MAX_SIGNATURES = 4  # maximum number of signatures per distance, each from a run on the last orbit
+CONVERGENCE_RATIO = 0.1  # ratio of two distances between which a joining branch approaches ...
+APPROACH_RATIO = 0.5  # ... the common orbit by this factor
 NO_ORBIT_BEYOND = (
-    "no orbit was found near this one beyond: there the motion jumps, or impacts accumulate"
+    "no orbit was found near this one beyond it: the motion jumps, or impacts accumulate"
 )
 
 
 def change_signature(
     orbit: PeriodicOrbit, monitor: TestFunction, parameter: str
 ) -> tuple[Shooting, ShootingEvaluation, Floats]:
-    """Return the branch of the other signature that meets `orbit`, and the direction away from it.
+    """Return the branch of the other signature that joins at `orbit`, and its direction there.
 
-    It may lie on either side of `orbit` in the parameter. It is entered a little away from where
-    the two meet, since the equations have a corner there if one of two events is a switch.
+    It may lie on either side of `orbit` in the parameter. Its first orbit lies at a small distance
+    from the common one, where the equations have a corner if one of two events is a switch.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
         Located at a zero of `monitor`.
     monitor : TestFunction
-        A closest approach (an event comes in), a contact speed (one drops out) or the length of a
-        segment (one moves into another period, or past another event).
+        A closest approach (an event is inserted), a contact speed (one is removed) or the length of
+        a segment (one moves into another period, or past another event).
 
     Returns
     -------
@@ -253,7 +253,7 @@ def change_signature(
     Raises
     ------
     OrbitError
-        If there is no such branch, or none that is found: says why.
+        If no such branch is found.
     """
     guess, wanted, level = guess_beyond(orbit, monitor)
     shooting = orbit.equations((parameter,), guess.segments, pinned={})
@@ -270,38 +270,37 @@ def change_signature(
 def guess_beyond(
     orbit: PeriodicOrbit, monitor: TestFunction
 ) -> tuple[OrbitGuess, TestFunction, float]:
-    """Return a guess of the other signature, the test function that grows from zero, a small value.
+    """Return a guess of the other signature, a test function that is zero here, and a value of it.
 
     Raises
     ------
     OrbitError
-        If no other signature is known to join.
+        If the other signature is unknown.
     """
     if isinstance(monitor, SegmentLengthTest):
-        # The orbit is only cut elsewhere.
         guess, grows = move_event_across_period(orbit, monitor.segment) or swap_adjacent_events(
             orbit, monitor.segment
         )
         return guess, replace(monitor, segment=grows), MIN_GRAZING_SEPARATION
     if isinstance(monitor, ContactSpeedTest):
-        # Where it happened: what is left may touch the guard elsewhere at the same value.
+        # In this segment only: the orbit may touch the guard elsewhere at the same value.
         there = ClosestApproachTest(monitor.kind, monitor.guard, monitor.segment)
-        return remove_event(orbit, monitor), there, DEPTH
+        return remove_event(orbit, monitor), there, REMOVED_EVENT_MARGIN
     assert isinstance(monitor, ClosestApproachTest)
     touch = closest_approach(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
         raise OrbitError(
-            "the margin is touched at another event or at a switch, not in between",
-            "find an orbit beyond and follow that",
+            "the margin is zero at another event or a switch, not between events",
+            "find an orbit beyond it and continue that orbit",
         )
     guess = insert_event(orbit, monitor.guard, touch)
     return guess, ContactSpeedTest(monitor.kind, monitor.guard, touch.segment), ENTRY_RATE
 
 
 def changed_guard(one: Shooting, other: Shooting) -> int:
-    """Return the guard that fires more often in one of two sequences; NONE if they differ in order.
+    """Return a guard whose number of events differs between two sequences, else NONE.
 
-    Of several the one with impacts, or the first.
+    Guards with impacts take precedence, then the first.
     """
     fired = [Counter(s.guard(one.m) for s in each.segments) for each in (one, other)]
     changed = {j for each in fired for j in each if fired[0][j] != fired[1][j]} - {NONE}
@@ -312,7 +311,7 @@ def changed_guard(one: Shooting, other: Shooting) -> int:
 def move_event_across_period(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int] | None:
     """Return the orbit with the event next to segment `i` on the other side of the boundary.
 
-    Also returned: which segment of the new signature grows from length zero.
+    The second result is the segment of the new signature that grows from length zero.
     """
     segments, point = list(orbit.segments), orbit.point
     all_states, _ = orbit.shooting.unpack(point.unknowns)
@@ -355,14 +354,16 @@ def move_event_across_period(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, 
 def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]:
     """Return the orbit with the two events around segment `i` in the other order.
 
-    Also returned: the segment that grows from length zero.
+    The second result is the segment that grows from length zero.
 
     Raises
     ------
     OrbitError
         Unless the state and the mode after both are the same in either order.
     """
-    matters = OrbitError("two events meet whose order matters", "find an orbit beyond")
+    matters = OrbitError(
+        "two events coincide, and the motion depends on their order", "find an orbit beyond it"
+    )
     shooting, point = orbit.shooting, orbit.point
     segments, count = list(orbit.segments), len(orbit.segments)
     switch = shooting.automaton.switch_code
@@ -370,19 +371,19 @@ def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]
     one, other = segments[first], segments[second]
     if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
         raise OrbitError(
-            "two events meet at the start of a period, which cannot pass each other there",
-            "begin the period elsewhere: give the forcing a phase",
+            "two events coincide at the start of a period, where their order cannot change",
+            "shift the start of the period: give the forcing a phase",
         )
     if one.code == other.code == switch:
         raise matters
     problem = orbit.problem
     p = np.asarray(problem.parameters, dtype=float)
     automaton, time = shooting.automaton, float(point.ends[first])
-    # A guard's event before the switch belongs to the voltage before it.
+    # An event just before a switch of the drive uses the voltage before the switch.
     earlier = time if other.code == switch else float(np.nextafter(time, 0.0))
     end = np.array(point.arcs[first].end)
-    # The event that comes later in the new order has not happened yet where the other one does.
-    before = end - PASSING * np.array(point.arcs[first].slope_end)
+    # In the new order the later event has not occurred at the time of the earlier one.
+    before = end - ORDER_TIME_OFFSET * np.array(point.arcs[first].slope_end)
     early = before if other.code == switch else end
     mode, _ = automaton.state_after(one.mode, other.code, earlier, early, p)
     _, after = automaton.state_after(one.mode, other.code, earlier, end, p)
@@ -406,15 +407,15 @@ def _rotated(items: list[Any], by: int) -> list[Any]:
 
 
 def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> OrbitGuess:
-    """Return a guess with the events that a weak contact at the closest approach brings.
+    """Return a guess with the events that a weak contact at the closest approach causes.
 
-    What follows on a contact at vanishing speed is learnt from a run that starts on the guard with
-    a small speed into it, until it is back in the mode that it came from.
+    A run from the guard, with a small speed into it, gives these events up to the return to the
+    initial mode.
 
     Raises
     ------
     OrbitError
-        If it does not come back before the period ends or the drive switches.
+        If the run does not return before the period ends or the drive switches.
     """
     shooting, point = orbit.shooting, orbit.point
     i, time = touch.segment, touch.time
@@ -434,9 +435,9 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     elsewhere = any(s.guard(shooting.m) == NONE for s in followed)
     if not followed or followed[0].code != guard or elsewhere:
         raise OrbitError(
-            f"after a weak contact the mode is not {shooting.automaton.modes[segment.mode]} again "
+            f"a weak contact does not return to the mode {shooting.automaton.modes[segment.mode]} "
             "before the period ends or the forcing switches",
-            "find an orbit beyond",
+            "find an orbit beyond it",
         )
     inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in followed)
     segments = orbit.segments[:i] + inserted + orbit.segments[i:]
@@ -446,12 +447,12 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
 
 
 def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
-    """Return a guess without the event, and without what followed on it in no time.
+    """Return a guess without the event and the segments of negligible length after it.
 
     Raises
     ------
     OrbitError
-        If what followed on it lasts.
+        If a segment after it in another mode has a finite length.
     """
     shooting, point = orbit.shooting, orbit.point
     segments, i = orbit.segments, monitor.segment
@@ -460,7 +461,7 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
     lengths = point.ends - point.starts
     following = i + 1
     while following < len(segments) and segments[following].mode != mode:
-        if lengths[following] > IN_NO_TIME:
+        if lengths[following] > MAX_VANISHING_LENGTH:
             break
         following += 1
     if (
@@ -469,8 +470,9 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
         or segments[following].cycle != cycle
     ):
         raise OrbitError(
-            f"what the event sets off does not return to {shooting.automaton.modes[mode]} at once",
-            "find an orbit beyond",
+            f"the motion after the event does not return at once to the mode "
+            f"{shooting.automaton.modes[mode]}",
+            "find an orbit beyond it",
         )
     keep = [*range(i + 1), *range(following + 1, len(segments))]
     times = np.concatenate([point.ends[:i], point.ends[following:]])
@@ -478,15 +480,15 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
 
 
 def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
-    """Return the branch that meets another one at `lost`, by a run from a little beyond.
+    """Return the branch that joins at `lost`, by a run from an initial state slightly beyond.
 
-    The run gives the sequence of events there. The orbit that has it lies on the same side, or, if
-    two branches end in `lost`, on the side from which this one came.
+    The run gives the sequence of events there. The orbit with this sequence lies beyond `lost`, or,
+    if both branches end there, on the side of the known branch.
 
     Parameters
     ----------
     lost : BranchEvent
-        Where the sequence of a branch is no longer the automaton's.
+        Point of a branch beyond which its sequence of events is inadmissible.
     parameter : str
 
     Returns
@@ -499,8 +501,8 @@ def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
     OrbitError
         If no such branch is found.
     """
-    # Where a segment vanishes, a branch of segments without length crosses, and its tangent is as
-    # good as its opposite.
+    # Where a segment vanishes, orbits with a segment of zero length form another branch, whose
+    # tangent has no preferred sign.
     for distance in (side * each for side in (1.0, -1.0) for each in RESTART_DISTANCES):
         for shooting, point in _admissible_near(lost, parameter, distance):
             if not _joins(lost, shooting, point):
@@ -510,19 +512,19 @@ def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
             moved = _first_state(shooting, point)[free] - lost.orbit.state[free]
             onward = moved @ direction[: len(free)] + _gain(lost, point) * direction[-1]
             return shooting, point, direction if onward >= 0.0 else -direction
-    raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond")
+    raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
 
 
 def _admissible_near(
     lost: BranchEvent, parameter: str, distance: float
 ) -> Iterator[tuple[Shooting, ShootingEvaluation]]:
-    """Yield orbits of the automaton whose sequences runs from the virtual orbit beyond have."""
+    """Yield admissible orbits with the sequences of runs from the virtual orbit beyond a loss."""
     orbit, along = lost.orbit, lost.direction
     moved = distance * along[-1]
     step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
     unknowns = orbit.point.unknowns + distance * along[:-1]
     start, known = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
-    for _ in range(SEQUENCES):
+    for _ in range(MAX_SIGNATURES):
         try:
             guess = _sequence(orbit, parameter, lost.value + step, start, unknowns)
             if guess.segments in known:
@@ -547,7 +549,7 @@ def _admissible_near(
 def _sequence(
     orbit: PeriodicOrbit, parameter: str, value: float, start: Floats, unknowns: Floats
 ) -> OrbitGuess:
-    """Return what a run from `start` goes through, as long as the orbit is."""
+    """Return the signature of a run from `start` over the period of the orbit."""
     problem = orbit.family.at(**{parameter: value}).problem()
     if orbit.shooting.phase is not None:
         problem = problem.with_time_unit(orbit.shooting.unit * float(unknowns[-1]))
@@ -564,14 +566,14 @@ def _gain(lost: BranchEvent, point: ShootingEvaluation) -> float:
 
 
 def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
-    """Return whether orbits of this sequence come closer to `lost` as the parameter does."""
+    """Return whether orbits of this sequence approach `lost` as the parameter does."""
     free = shooting.free
 
     def apart(there: ShootingEvaluation) -> float:
         gap = _first_state(shooting, there)[free] - lost.orbit.state[free]
         return float(np.abs(gap).max(initial=0.0))
 
-    # Along the tangent, lest a short segment vanish on the way.
+    # Along the tangent, so that a short segment does not vanish.
     along, back = tangent(point), (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
     if along[-1] == 0.0:
         return False
@@ -582,14 +584,14 @@ def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
         return False
     return (
         not defects(shooting, near)
-        and apart(near) <= CLOSER * apart(point) + DEPTH * CONVERGENCE_RATIO
+        and apart(near) <= APPROACH_RATIO * apart(point) + REMOVED_EVENT_MARGIN * CONVERGENCE_RATIO
     )
 
 
 def _at_level(
     shooting: Shooting, unknowns: Floats, value: float, condition: DefiningSystem, level: float
 ) -> ShootingEvaluation:
-    """Solve for the orbit on which `condition` has the value `level`, the parameter being free.
+    """Solve for the orbit and the parameter at which `condition` has the value `level`.
 
     Raises
     ------
@@ -597,7 +599,7 @@ def _at_level(
         If the iteration does not converge.
     """
     start = np.append(unknowns, value)
-    # The way is short, so that the gradient at its start will do.
+    # The distance is short, so the gradient at its start suffices.
     gradient = condition.gradient(shooting.evaluate(unknowns, start[-1:]))
 
     def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
@@ -607,5 +609,5 @@ def _at_level(
 
     reason = "the orbits of the other signature could not be corrected"
     return newton(
-        equations, start, reason=reason, remedy="find an orbit beyond and follow that"
+        equations, start, reason=reason, remedy="find an orbit beyond it and continue that orbit"
     ).point

@@ -14,28 +14,29 @@ from mems_impact.orbits.equilibrium import find_equilibrium
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 
-GROWN = 2.0  # factor from the shortest period of a branch
-SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle a period; its mean is above one
-SLOWING_RATIO = (
-    0.7  # factor between the slowest speeds of two cycles of which one takes half as long
-)
+MIN_PERIOD_GROWTH = 2.0  # least ratio of the last period to the shortest one of a branch
+SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle per period; the mean is above one
+SLOWING_RATIO = 0.7  # largest ratio of the least speeds of a cycle and one of half its period
 EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
-SEGMENT_SAMPLES = 64  # into which a segment is cut
-AMPLIFIED = 1e6  # factor of an error within a segment: its square times rounding is in multipliers
+SEGMENT_SAMPLES = 64  # intervals per segment
+MAX_ERROR_GROWTH = (
+    1e6  # error growth in a segment; multipliers have the error growth^2 times rounding
+)
 
 
 @dataclass(frozen=True)
 class SlowPassage:
-    """Where the last cycle of a branch is slowest.
+    """Slowest point of the last limit cycle of a branch.
 
     Attributes
     ----------
     mode : int
     state : float array, shape (n,)
-        Of an equilibrium if there is one, else the slowest one of the cycle.
+        The state of an equilibrium nearby if there is one, else that of slowest motion.
     equilibrium : bool
+        Whether it is an equilibrium.
     periods : tuple of float
-        The shortest of the branch, and the last.
+        The shortest and the last period of the branch.
     """
 
     mode: int
@@ -45,18 +46,18 @@ class SlowPassage:
 
 
 def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
-    """Return what the last cycle of a branch passes more slowly than those before; None if nothing.
+    """Return the slow passage of a branch whose period grows beyond bounds, else None.
 
     Parameters
     ----------
     orbits : sequence of PeriodicOrbit
-        Those of a branch, in order.
+        Orbits of the branch, in order.
     """
     last = orbits[-1]
     if last.shooting.phase is None:
         return None
     periods = np.array([orbit.point.period for orbit in orbits])
-    if not periods[-1] > max(GROWN * periods.min(), 0.9 * periods.max()):
+    if not periods[-1] > max(MIN_PERIOD_GROWTH * periods.min(), 0.9 * periods.max()):
         return None
     shorter = orbits[int(np.argmin(np.abs(periods - 0.5 * periods[-1])))]
     try:
@@ -76,13 +77,13 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     return SlowPassage(mode, found, True, both)
 
 
-def amplified(point: ShootingEvaluation) -> bool:
-    """Return whether errors grow within a segment until multipliers are uncertain to 1e-3."""
-    return any(np.abs(arc.by_state).max(initial=0.0) > AMPLIFIED for arc in point.arcs)
+def has_large_error_growth(point: ShootingEvaluation) -> bool:
+    """Return whether error growth within a segment makes multipliers uncertain by 1e-3."""
+    return any(np.abs(arc.by_state).max(initial=0.0) > MAX_ERROR_GROWTH for arc in point.arcs)
 
 
 def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats]:
-    """Return the least speed of a cycle, with mode, state, and the sizes by which it counts."""
+    """Return the least speed of a cycle, its mode and state, and the scales of the components."""
     shooting, point = orbit.shooting, orbit.point
     variational, free = shooting.variational(point.setting), shooting.free
     modes, states, slopes = [], [], []

@@ -13,16 +13,16 @@ from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
     NEUTRAL_DISTANCE,
-    SIDE_BY_SIDE,
+    ORBIT_CONTINUUM,
     ClosureDetector,
     Continuation,
     ContinuationProblem,
     Corrector,
     E,
     LocatedEvents,
-    Onward,
     PredictorStep,
     R,
+    Restart,
     StepControl,
     correct,
     no_orbit_message,
@@ -41,7 +41,7 @@ from mems_impact.continuation.grazing import (
     changed_guard,
     neighbour,
 )
-from mems_impact.continuation.homoclinic import SlowPassage, amplified, slow_passage
+from mems_impact.continuation.homoclinic import SlowPassage, has_large_error_growth, slow_passage
 from mems_impact.continuation.special_points import (
     BranchEvent,
     classify,
@@ -81,13 +81,13 @@ from mems_impact.orbits.signature import BOUNDARY
 
 __all__ = ["BranchPoint", "OrbitBranch", "follow"]
 
-# --- Beginning a cycle elsewhere on the way along a branch or a curve.
+# --- Another start of a limit cycle
 
 
-def anew(
+def restart_cycle(
     shooting: Shooting, point: ShootingEvaluation, along: Floats
 ) -> tuple[Shooting, ShootingEvaluation, Floats]:
-    """Return a cycle of a branch, begun clear of its events, with the direction of the branch.
+    """Return a limit cycle with a start far from its events, and the tangent of the branch.
 
     Raises
     ------
@@ -95,26 +95,26 @@ def anew(
         If it cannot be corrected there.
     """
     other, unknowns, _ = rebase_phase(shooting, point)
-    # Across the branch: in a fold the equations are singular at a fixed value of the parameter.
+    # Normal to the branch: at a fold the equations for a fixed parameter are singular.
     across = tangent(other.evaluate(unknowns, point.values))
     there = correct(other, np.concatenate([unknowns, point.values]), across).point
     return other, there, oriented(tangent(there), along)
 
 
 def oriented(onward: Floats, along: Floats, parameters: int = 1) -> Floats:
-    """Return a tangent in the direction of the one before the cycle was begun anew.
+    """Orient a tangent along the one for the previous start of the limit cycle.
 
-    How period and parameters change does not depend on where it begins.
+    The changes of period and parameters are independent of the start.
     """
     same = float(onward[-1 - parameters :] @ along[-1 - parameters :]) >= 0.0
     return onward if same else -onward
 
 
-# --- Periodic orbits as a problem of continuation: what branches and curves have in common.
+# --- Continuation problem of periodic orbits
 
 
 class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
-    """Orbits of one signature at a time.
+    """Continuation problem of periodic orbits, of one signature at a time.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     point : ShootingEvaluation
         The first orbit.
     along : float array
-        The direction in which it is left.
+        The tangent there.
     """
 
     def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
@@ -134,7 +134,7 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
         check_not_degenerate(self.shooting, point, following)
 
     def closing(self, step: PredictorStep[ShootingEvaluation], length: float) -> float | None:
-        """Return where in a step the first orbit is met again, in the same direction."""
+        """Return the position in a step of a return to the first orbit, in the same direction."""
         return self._beginning.within(self.shooting, step, length)
 
     def rebased(
@@ -147,25 +147,23 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return a cycle with another start, and the direction of the branch or curve."""
+        """Return a limit cycle with another start, and the tangent of the branch or curve."""
 
     def no_step(self, point: ShootingEvaluation, error: Exception) -> str:
-        """Return why there is no step beyond an orbit, however short."""
-        told = super().no_step(point, error)
+        """Return the message for an orbit beyond which no step of any length succeeds."""
+        message = super().no_step(point, error)
         multipliers = make_orbit(self.shooting, point).multipliers
-        return (
-            f"{told}; {SIDE_BY_SIDE}"
-            if np.abs(multipliers - 1.0).min() < NEUTRAL_DISTANCE
-            else told
-        )
+        if np.abs(multipliers - 1.0).min() < NEUTRAL_DISTANCE:
+            return f"{message}; {ORBIT_CONTINUUM}"
+        return message
 
 
-# --- A branch of periodic orbits in one parameter, by pseudo-arclength continuation.
+# --- Branches of periodic orbits in one parameter
 
-NOISE = 1e-6  # of the regularity of orbits that lie side by side
-COINCIDENT = 1e-7  # distance on the branch below which two losses are one
-ASIDE = 1e-5  # distance from a loss below which another one comes with it
-HALF_PERIOD = "the orbit of half the period, from which this one comes"
+REGULARITY_NOISE = 1e-6  # error of the regularity within a continuum of orbits
+COINCIDENT = 1e-7  # distance on the branch below which two losses count as one
+COMMON_CAUSE_DISTANCE = 1e-5  # distance on the branch below which losses share one cause
+HALF_PERIOD = "the orbit of half the period, from which this branch bifurcates"
 
 
 @dataclass(frozen=True)
@@ -191,7 +189,7 @@ class BranchPoint:
 
 @dataclass
 class OrbitBranch:
-    """A branch and what was found on it.
+    """A branch of periodic orbits with its special points.
 
     Attributes
     ----------
@@ -199,9 +197,9 @@ class OrbitBranch:
     points : list of BranchPoint
     special_points : list of BranchEvent
     ended : str
-        Why the branch ends.
+        Reason for the end of the branch.
     passage : SlowPassage, optional
-        What its last cycle passes, if it ends since periods grow beyond bounds.
+        Slow passage of the last limit cycle, if the period grows beyond bounds.
     """
 
     parameter: str
@@ -222,7 +220,7 @@ def follow(
     reconnecting: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> OrbitBranch:
-    """Follow `orbit` in `parameter` until a bound, an end or the budget of points.
+    """Continue `orbit` in `parameter` up to a bound, an end or the budget of points.
 
     Parameters
     ----------
@@ -232,18 +230,18 @@ def follow(
     low, high : float
         Bounds of the parameter.
     direction : float
-        Sign of the first step in the parameter; the branch is followed this way only.
+        Sign of the first step in the parameter; the branch is continued in this direction only.
     steps : StepControl, optional
     reconnecting : bool
-        Whether to go on with the changed signature where a guard is touched at zero speed. If
-        not, the branch goes on with the old one onto orbits that the automaton does not have.
+        Whether to continue with the changed signature where a margin is touched. Otherwise the
+        branch keeps its signature, and its orbits become inadmissible.
     progress : callable, optional
         Called with every value of the parameter.
 
     Returns
     -------
     OrbitBranch
-        Whatever ends it, what was found is in it, and `ended` says why it ends.
+        The points up to its end; `ended` is the reason.
     """
     branch = OrbitBranch(parameter)
     points = points_of(
@@ -266,14 +264,14 @@ def points_of(
     steps: StepControl | None = None,
     reconnecting: bool = True,
 ) -> Iterator[BranchPoint]:
-    """Follow `orbit` as `follow` does, as far as the caller asks for points.
+    """Continue `orbit` as `follow` does, one point per iteration of the caller.
 
-    `branch`, an empty one in the parameter that is varied, gets all that is found.
+    `branch` is empty, in the parameter to vary; points and special points are appended to it.
     """
     parameter, value = branch.parameter, orbit.family.value(branch.parameter)
     if not low <= value <= high:
-        least, value_told, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
-        reason = f"is {value_told}, must be between the bounds {least} and {most}"
+        least, here, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
+        reason = f"is {here}, must be between the bounds {least} and {most}"
         raise InvalidParameter(parameter, None, "", problem=reason)
     shooting = orbit.equations((parameter,))
     try:
@@ -293,7 +291,7 @@ def points_of(
 
 
 class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
-    """Orbits in one parameter, from one signature to the next."""
+    """Orbits in one parameter, with changes of the signature."""
 
     branch: OrbitBranch
 
@@ -312,7 +310,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting
         self.piece = 0
-        self.budget = steps.most  # of events that move into another period, or past another one
+        self.budget = steps.most  # of changes of the order of events
         self.bifurcations: Bifurcations[ShootingEvaluation] | None = None  # of the last signature
 
     def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
@@ -333,17 +331,17 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self.branch.points.append(BranchPoint(orbit, float(point.values[0]), along, self.piece))
 
     def accept(self, located: LocatedEvents[ShootingEvaluation, BranchEvent]) -> None:
-        """Append what happens within a step to the branch."""
+        """Append the special points of a step to the branch."""
         assert self.bifurcations is not None
-        self.branch.special_points[:] = self.bifurcations.without_torn_folds(
+        self.branch.special_points[:] = self.bifurcations.without_spurious_folds(
             self.branch.special_points, lambda each: each.orbit.point
         )
         self.branch.special_points += located.events
 
     def pass_loss(
         self, located: LocatedEvents[ShootingEvaluation, BranchEvent], length: float
-    ) -> Onward[ShootingEvaluation] | str:
-        """Go on with the signature that orbits have beyond a loss, or end there."""
+    ) -> Restart[ShootingEvaluation] | str:
+        """Continue with the signature of orbits beyond a loss, or end there."""
         lost, before = located.loss, located.before
         assert lost is not None
         assert before is not None
@@ -354,7 +352,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if ended:
             return ended
         joined, reason = self._change_signature(lost)
-        # An event that moves into the next period, or past another one, changes nothing.
+        # If only the order of events changes, the motion is the same.
         passing = False
         if joined is not None and isinstance(lost.monitor, SegmentLengthTest):
             guard = changed_guard(lost.orbit.shooting, joined[0])
@@ -370,35 +368,36 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if not passing:
             self.piece += 1
             self.record(point, along)
-            return Onward(point, along, self.steps.initial)
+            return Restart(point, along, self.steps.initial)
         self._reclassify_coincident(lost, before, self.shooting, point, along)
         self.budget -= 1
         if self.budget == 0:
             self.stalled()
-            return self.no_step(point, OrbitError("events go to and fro", "take shorter steps"))
-        return Onward(point, along, max(length / 2.0, self.steps.initial))
+            swapped = OrbitError("events exchange their order repeatedly", "take shorter steps")
+            return self.no_step(point, swapped)
+        return Restart(point, along, max(length / 2.0, self.steps.initial))
 
     def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return a cycle with another start, and the direction of the branch."""
-        self.shooting, point, along = anew(self.shooting, point, along)
+        """Return a limit cycle with another start, and the tangent of the branch."""
+        self.shooting, point, along = restart_cycle(self.shooting, point, along)
         return point, along
 
     def end_at(self, point: ShootingEvaluation) -> str:
-        """Return that periods grow beyond bounds, where they do."""
-        if amplified(point):
+        """Return the reason for an end at an orbit; empty if the branch continues."""
+        if has_large_error_growth(point):
             self.stalled()
         return "the period grows beyond bounds" if self.branch.passage is not None else ""
 
     def stalled(self) -> None:
-        """Note what the last cycle passes slowly, if periods grow beyond bounds."""
+        """Record the slow passage of the last limit cycle, if its period grows beyond bounds."""
         self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
 
     def _end_of_rest(self, lost: BranchEvent) -> str:
-        """Return why the branch ends if a rest after chatter has no length there; else nothing.
+        """Return the reason for an end where a rest after chatter has length zero; else empty.
 
-        The point is called what it is, and where it is; orbits beyond it are taken back.
+        The special point is reclassified and relocated, and orbits beyond it are removed.
         """
         segments, m = lost.orbit.segments, lost.orbit.shooting.m
         if not isinstance(lost.monitor, SegmentLengthTest):
@@ -407,7 +406,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if not rests_after_chatter(segments, i, m):
             return ""
         if segments[i].code == BOUNDARY:
-            # Nothing happens there: the orbit is only cut.
+            # The start of the period is no event of the motion.
             self.branch.special_points[:] = [s for s in self.branch.special_points if s is not lost]
             return ACROSS_START
         onset = chatter_onset(lost, self.branch.parameter)
@@ -425,7 +424,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     def _change_signature(
         self, lost: BranchEvent
     ) -> tuple[tuple[Shooting, ShootingEvaluation, Floats] | None, str]:
-        """Return the branch that continues at `lost`, or None and why none is found."""
+        """Return the branch that joins at `lost`, or None with the reason."""
         parameter = self.branch.parameter
         try:
             if not isinstance(lost.monitor, ModeChoiceTest):
@@ -439,11 +438,11 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         try:
             return neighbour(lost, parameter), ""
         except CONTINUATION_ERRORS:
-            by_impact = lost.kind == GRAZING or SIDE_BY_SIDE in reason
+            by_impact = lost.kind == GRAZING or ORBIT_CONTINUUM in reason
             return None, reason if by_impact else NO_ORBIT_BEYOND
 
     def _named(self, met: BranchEvent, guard: int) -> BranchEvent:
-        """Call a point at which events meet after the guard that comes in or drops out there."""
+        """Name a point of simultaneous events after the guard that gains or loses an event."""
         if guard == NONE:
             return met
         kind = kind_of(met.orbit.shooting.automaton.guards[guard])
@@ -459,10 +458,10 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         point: ShootingEvaluation,
         along: Floats,
     ) -> None:
-        """Call a point at which two events met what happens there, or drop it if nothing does.
+        """Reclassify a point of simultaneous events, or remove it if the motion is unchanged.
 
-        At a switch of the drive the branch has a corner, and may turn or lose its stability.
-        Elsewhere the orbit is only cut in another way, and its test functions go on.
+        At a switch of the drive the branch has a corner, and may fold or change its stability
+        there. Elsewhere the test functions continue across the change of order.
         """
         before = CIRCLE.spectrum(reduced_monodromy(met.orbit.shooting, earlier))
         passing = CIRCLE.crossed(before, CIRCLE.spectrum(reduced_monodromy(shooting, point)))
@@ -472,7 +471,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         assert isinstance(met.monitor, SegmentLengthTest)
         i, segments = met.monitor.segment, met.orbit.segments
         at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
-        # By what it is: points are compared by their arrays, which have no one truth.
+        # By identity, since comparing events compares arrays.
         self.branch.special_points[:] = [s for s in self.branch.special_points if s is not met]
         if at_switch and changed:
             self.branch.special_points.append(met)
@@ -488,7 +487,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[ShootingEvaluation, BranchEvent]:
-        """Locate all sign changes of a step, up to where the orbit is lost."""
+        """Locate all special points of a step, up to a loss."""
         shooting = self.shooting
 
         def crossed(
@@ -502,7 +501,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             inside = [item for item in found if item and self.low <= item[1].value <= self.high]
             return sorted(inside, key=lambda item: item[0])
 
-        # Back to what the automaton has, nothing is lost.
+        # A crossing from inadmissible to admissible orbits is no loss.
         lost = crossed(
             {m: v for m, v in after.items() if m.ends_orbits and before.get(m, 0.0) > 0.0}, length
         )
@@ -514,9 +513,11 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             )
             if isinstance(first[1].monitor, ClosestApproachTest) and first[1].kind != GRAZING:
                 first = locate_choice(shooting, step, first[0]) or first
-            # Beyond, the test functions may jump, and what they say is of no interest.
+            # Beyond a loss the test functions may jump, and are not evaluated.
             reach = max(lost[0][0] - COINCIDENT, 0.0)
-        if self._ceases(shooting, step, max(reach - ASIDE, 0.0) if lost else reach):
+        if self._is_inadmissible(
+            shooting, step, max(reach - COMMON_CAUSE_DISTANCE, 0.0) if lost else reach
+        ):
             unseen = locate_defect(shooting, step, reach)
             if self.low <= unseen[1].value <= self.high:
                 first, reach = unseen, max(unseen[0] - COINCIDENT, 0.0)
@@ -530,7 +531,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
                 return LocatedEvents(special_points, halved[0], HALF_PERIOD, here)
             return LocatedEvents(special_points)
         lost_here = self._admissible(shooting, step, *first)
-        # Where an event meets a switch the branch has a corner, and derivatives are of either side.
+        # Where an event coincides with a switch the branch has a corner, and one-sided tangents.
         corner = isinstance(lost_here.monitor, SegmentLengthTest)
         if corner:
             lost_here = replace(lost_here, direction=tangent(here, step.along))
@@ -544,12 +545,16 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         position: float,
         special: BranchEvent,
     ) -> BranchEvent:
-        """Return a loss with the last orbit before it that is the automaton's.
+        """Return a loss with the last admissible orbit before it.
 
-        In the loss itself a margin is zero, and its sign one of rounding.
+        At the loss itself a margin is zero, and rounding determines its sign.
         """
         back = COINCIDENT * 1e-2
-        while special.orbit.defects and back < min(ASIDE, position) and self._watches:
+        while (
+            special.orbit.defects
+            and back < min(COMMON_CAUSE_DISTANCE, position)
+            and self._requires_admissibility
+        ):
             orbit = make_orbit(shooting, step.at(position - back).point)
             if orbit.admissible:
                 return replace(special, orbit=orbit)
@@ -557,15 +562,15 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         return special
 
     @property
-    def _watches(self) -> bool:
-        """Whether the branch keeps to orbits that the automaton has."""
+    def _requires_admissibility(self) -> bool:
+        """Whether the branch is restricted to admissible orbits."""
         return self.reconnecting and self.branch.points[-1].orbit.admissible
 
-    def _ceases(
+    def _is_inadmissible(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], reach: float
     ) -> bool:
-        """Return whether a step leads off the automaton's orbits at no zero of a test function."""
-        return self._watches and bool(defects(shooting, step.at(reach).point))
+        """Return whether the orbit at `reach` in a step is inadmissible."""
+        return self._requires_admissibility and bool(defects(shooting, step.at(reach).point))
 
     def _bifurcations(
         self,
@@ -575,14 +580,14 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
     ) -> list[BranchEvent]:
-        """Return where the branch turns, another crosses, or stability changes."""
+        """Return folds, branch points and changes of stability."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
             short = UNEXPLAINED_STEP_RATIO * self.steps.largest
             self.bifurcations = Bifurcations(
                 shooting, CIRCLE, partial(reduced_monodromy, shooting), short
             )
         first, last = (test[BranchPointTest()] for test in (before, after))
-        if max(abs(first), abs(last)) < NOISE:
+        if max(abs(first), abs(last)) < REGULARITY_NOISE:
             first = last = 0.0
         found = []
         for _, kind, here, value in self.bifurcations.within(step, length, first, last):
@@ -594,7 +599,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
 
 def _kind_of(multiplier: complex) -> str:
-    """Return what happens where one is on the unit circle."""
+    """Return the kind of bifurcation at a multiplier on the unit circle."""
     if multiplier.imag != 0.0:
         return NEIMARK_SACKER
     return FOLD if multiplier.real > 0.0 else PERIOD_DOUBLING

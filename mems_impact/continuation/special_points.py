@@ -10,9 +10,9 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.bisection import bisect
 from mems_impact.continuation.arclength import PredictorStep, tangent
 from mems_impact.continuation.test_functions import (
-    AT_ZERO,
     BRANCH_POINT,
     FOLD,
+    MARGIN_ROUNDING,
     MEETING,
     MULTIPLIER_TOLERANCE,
     NEIMARK_SACKER,
@@ -39,24 +39,26 @@ from mems_impact.orbits.periodic_orbit import (
 )
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
 
-MIN_BRACKET_RATIO = 1e-13  # part of a step within which an orbit ceases to be admissible
-ASTRIDE = 1e-6  # distance on the branch at which margins on both sides of a loss are compared
-IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
-SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
+MIN_BRACKET_RATIO = 1e-13  # bracket of the last admissible orbit, relative to the step
+COMPARISON_DISTANCE = (
+    1e-6  # distance on the branch at which margins on both sides of a loss are compared
+)
+MAX_VANISHING_LENGTH = 1e-3  # length below which a segment vanishes at a located grazing
+HALF_PERIOD_RTOL = 2e-3  # largest relative difference between the halves of a double cover
 
 
 @dataclass(frozen=True)
 class BranchEvent:
-    """A point of a branch at which something happens, located on it.
+    """A located special point of a branch.
 
     Attributes
     ----------
     kind : str
         "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "onset of complete
         chatter", "unexplained" (a change of stability), or the name of the guard whose margin is
-        touched.
+        zero.
     label : str
-        As in the paper: G, CF, PD; NS, BP, CC, ?; else the kind.
+        G, CF and PD as in the paper; NS, BP, CC, ?; else the kind.
     value : float
         Of the parameter.
     orbit : PeriodicOrbit
@@ -79,12 +81,12 @@ def locate_zero(
 ) -> tuple[float, BranchEvent] | None:
     """Locate the zero of `monitor` within the first `length` of a step.
 
-    Returns the position in the step with the point, or None if the sign change is no zero.
+    Return the position in the step with the point, or None if the sign change is no zero.
 
     Raises
     ------
     OrbitError
-        If the step is too long for the zero to be found within it.
+        If no zero is found within the step.
     """
 
     def test(here: ShootingEvaluation) -> float:
@@ -105,10 +107,10 @@ def locate_zero(
 def locate_defect(
     shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
 ) -> tuple[float, BranchEvent]:
-    """Locate where orbits cease to be admissible within the first `length` of a step.
+    """Locate the last admissible orbit within the first `length` of a step.
 
-    For what no test function tells: an event leads to another mode, or a closest approach comes
-    into being beyond the margin.
+    It detects losses without a zero of a test function: an event leads to another mode, or a new
+    closest approach appears with a negative margin.
 
     Raises
     ------
@@ -137,14 +139,14 @@ def locate_defect(
 def locate_choice(
     shooting: Shooting, step: PredictorStep[ShootingEvaluation], position: float
 ) -> tuple[float, BranchEvent] | None:
-    """Locate where an event of an orbit begins to lead to another mode, if it does so near by.
+    """Locate a change of the mode after an event of an orbit near `position`, if there is one.
 
     Raises
     ------
     OrbitError
-        If a point near by cannot be corrected.
+        If a point nearby cannot be corrected.
     """
-    sides = [step.at(position + s).point for s in (-ASTRIDE, ASTRIDE)]
+    sides = [step.at(position + s).point for s in (-COMPARISON_DISTANCE, COMPARISON_DISTANCE)]
     for i, segment in enumerate(shooting.segments):
         events = [side.events[i] for side in sides]
         led = {int(event.mode) for event in events if event is not None}
@@ -154,8 +156,8 @@ def locate_choice(
         kind = kind_of(shooting.automaton.guards[guard])
         for mode in sorted(led):
             before, after = (choice_margins(shooting, side, i, mode) for side in sides)
-            # The margin of the guard that has fired is zero on both sides, but for rounding.
-            sure = np.minimum(np.abs(before), np.abs(after)) > AT_ZERO
+            # The margin of the event's own guard is zero on both sides, up to rounding.
+            sure = np.minimum(np.abs(before), np.abs(after)) > MARGIN_ROUNDING
             turned = np.flatnonzero(sure & (before * after < 0.0))
             if turned.size:
                 monitor = ModeChoiceTest(kind, int(turned[0]), i, mode)
@@ -172,7 +174,7 @@ def _turn(
     def margin(point: ShootingEvaluation) -> float:
         return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
 
-    place = step.zero(margin, position + ASTRIDE, position - ASTRIDE)
+    place = step.zero(margin, position + COMPARISON_DISTANCE, position - COMPARISON_DISTANCE)
     return _event_at(shooting, step, place, monitor)
 
 
@@ -191,10 +193,10 @@ def _event_at(
 def classify(
     monitor: TestFunction, shooting: Shooting, here: ShootingEvaluation, direction: Floats
 ) -> BranchEvent | None:
-    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
+    """Return the special point at a sign change of `monitor`; None if it is not a zero.
 
-    A test function may change its sign through infinity (an impact at zero speed), and the product
-    of two real multipliers may pass one.
+    A test function may change its sign at infinity (an impact at zero speed), and the product of
+    two real multipliers may equal one.
     """
     orbit = make_orbit(shooting, here)
     if (
@@ -213,7 +215,7 @@ def classify(
     ):
         return None
     kind = monitor.kind
-    # The branch of a doubled orbit turns round where that of half the period crosses it.
+    # The branch of doubled period folds at its period doubling.
     if kind in (FOLD, BRANCH_POINT) and is_double_cover(orbit):
         kind, monitor = PERIOD_DOUBLING, FoldTest()
     label, value = ORBIT_LABELS.get(kind, kind), float(here.values[0])
@@ -221,16 +223,16 @@ def classify(
 
 
 def priority(special: BranchEvent) -> tuple[int, bool, int]:
-    """Return which of several losses in one point to name and to act upon, the lowest first.
+    """Return the rank of a loss among several at one point; the lowest one determines the change.
 
-    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
-    same point, and what undoes the event is reached at zero speed as well: it ends a segment that
-    vanishes there. Where an event meets another one, its margin is zero at an end of a segment.
+    At a contact at zero speed, margins of the events that it causes are zero as well, and the event
+    that reverses it has zero speed and ends a vanishing segment. Where two events coincide, a
+    margin is zero at an end of a segment.
     """
     monitor, point = special.monitor, special.orbit.point
     if isinstance(monitor, ContactSpeedTest):
         i = monitor.segment
-        return 0, bool(point.ends[i] - point.starts[i] < IN_NO_TIME), i
+        return 0, bool(point.ends[i] - point.starts[i] < MAX_VANISHING_LENGTH), i
     if isinstance(monitor, ClosestApproachTest):
         touch = closest_approach(special.orbit.shooting, point, monitor.guard)
         return 1 if touch is not None and touch.inside else 3, False, monitor.guard
@@ -239,26 +241,26 @@ def priority(special: BranchEvent) -> tuple[int, bool, int]:
 
 
 def is_double_cover(orbit: PeriodicOrbit) -> bool:
-    """Return whether an orbit is one of half the period, at its period doubling.
+    """Return whether an orbit is a double cover at its period doubling.
 
-    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
-    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
-    fold, of an orbit that is traversed twice.
+    Its second half repeats the first, and a multiplier over half the period is near -1: the branch
+    of doubled period folds back onto itself there. With a multiplier near +1 the point is a fold
+    of an orbit traversed twice.
     """
     split = _half_cycle(orbit) if orbit.shooting.phase is not None else _half(orbit)
     if split is None:
         return False
     apart, size, matrix = split
-    if apart >= SAME_HALVES * size:
+    if apart >= HALF_PERIOD_RTOL * size:
         return False
     multipliers = np.linalg.eigvals(matrix)
     return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
 
 
 def _half(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
-    """Return by how much its halves differ, their size, and the reduced matrix over the first.
+    """Return the difference of the halves, their size, and the reduced matrix over the first.
 
-    None if they do not even have the same events.
+    None if their events differ.
     """
     half, odd = divmod(len(orbit.segments), 2)
     codes = [segment.code for segment in orbit.segments]
@@ -270,7 +272,7 @@ def _half(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
 
 
 def _half_cycle(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
-    """Return the same of a cycle, whose second half begins within a segment."""
+    """Return the same for a limit cycle, whose second half starts within a segment."""
     shooting, point = orbit.shooting, orbit.point
     half, odd = divmod(len(orbit.segments) - 1, 2)
     codes = [segment.code for segment in orbit.segments[:-1]]

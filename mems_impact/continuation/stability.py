@@ -1,7 +1,7 @@
 """Changes of stability along a branch: eigenvalues or multipliers that cross the border.
 
-Those at the two ends of a step are paired, each with the one that it becomes. Nothing depends on
-how many there are, or on how large.
+Each eigenvalue at the start of a step is paired with its continuation at the end. The method is
+independent of their number and size.
 """
 
 from __future__ import annotations
@@ -22,15 +22,13 @@ from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAI
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.newton import P, Solvable
 
-# --- Where stability changes along a branch: eigenvalues, or multipliers, that cross its border.
+# --- Crossings of the border of stability
 
-MIN_CROSSING_SPACING = 1e-9  # part of a step within which crossings are one
-EXACT = 1e-14  # of the place of a crossing
-TANGENCY_STEP_RATIO = (
-    1e-2  # part of a step within which no value is looked for that crosses and comes back
-)
-SAFE = 2.0  # for how much a growth may bend beyond what parabolas say
-ON_BORDER = 1e-6  # of the growth of a value on the border, by its size
+MIN_CROSSING_SPACING = 1e-9  # distance, relative to the step, below which crossings count as one
+CROSSING_XTOL = 1e-14  # tolerance of the position of a crossing
+TANGENCY_STEP_RATIO = 1e-2  # shortest part of a step that is searched for pairs of crossings
+CURVATURE_SAFETY = 2.0  # safety factor of the curvature estimated by parabolas
+BORDER_RTOL = 1e-6  # largest relative growth of a value on the border
 
 
 @dataclass(frozen=True)
@@ -40,15 +38,15 @@ class Border:
     Attributes
     ----------
     growth : callable
-        Of each of an array of values: negative within the border, positive beyond.
+        Growth of each of an array of values: negative within the border, positive beyond.
     size : callable
-        What a growth is to be compared with.
+        Scale of the growth of each value.
     apart : callable
-        The distance between values, by which they are paired.
+        Distance between values, for their pairing.
     center : float
-        Where it crosses the real axis at a singular matrix of the equations.
+        Point of the border at which the equations are singular.
     accuracy : float
-        Relative one of the entries of a matrix.
+        Relative accuracy of the entries of a matrix.
     """
 
     growth: Callable[[Complexes], Floats]
@@ -62,26 +60,26 @@ class Border:
         if not matrix.size:
             return Spectrum(np.zeros(0, complex), np.zeros(0), np.zeros(0))
         values, left, right = eig(matrix, left=True, right=True)
-        # To first order, by errors of each entry relative to itself: so units do not matter.
+        # First-order sensitivity to relative errors of the entries, independent of units.
         moved = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(matrix), np.abs(right))
         aligned = np.abs(np.einsum("ik,ik->k", left.conj(), right))
         with np.errstate(divide="ignore", invalid="ignore"):
-            unsure = self.accuracy * moved / aligned * self.size(values) / np.abs(values)
-        return Spectrum(values, self.growth(values), np.nan_to_num(unsure, nan=np.inf))
+            uncertainty = self.accuracy * moved / aligned * self.size(values) / np.abs(values)
+        return Spectrum(values, self.growth(values), np.nan_to_num(uncertainty, nan=np.inf))
 
     def crossed(self, before: Spectrum, after: Spectrum) -> list[tuple[int, int]]:
-        """Return which values cross the border, as indices before and after."""
+        """Return the values that cross the border, as indices before and after."""
         rows, columns = self.paired(before, after)
         passing = (before.growth[rows] < 0.0) != (after.growth[columns] < 0.0)
-        sure = np.abs(before.growth[rows]) > before.unsure[rows]
-        sure |= np.abs(after.growth[columns]) > after.unsure[columns]
+        sure = np.abs(before.growth[rows]) > before.uncertainty[rows]
+        sure |= np.abs(after.growth[columns]) > after.uncertainty[columns]
         both = passing & sure
         return list(zip(rows[both].tolist(), columns[both].tolist(), strict=True))
 
     def paired(
         self, before: Spectrum, after: Spectrum
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return indices before and after of values that are the same."""
+        """Return the pairing of values, as indices before and after."""
         apart = self.apart(before.values[:, None], after.values)
         rows, columns = linear_sum_assignment(np.nan_to_num(apart))
         return rows, columns
@@ -96,26 +94,26 @@ class Spectrum:
     values : complex array, shape (n,)
     growth : float array, shape (n,)
         Positive for those that are unstable.
-    unsure : float array, shape (n,)
-        How much of it may be error.
+    uncertainty : float array, shape (n,)
+        Uncertainty of the growth.
     """
 
     values: Complexes
     growth: Floats
-    unsure: Floats
+    uncertainty: Floats
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where in a step an eigenvalue and its conjugate cross the border, or several in one place.
+    """Crossing of an eigenvalue with its conjugate, or of several at one position, in a step.
 
     Attributes
     ----------
     begin, end : float
-        Between which they do, without distance if they are located. Real positive ones are not:
-        there the equations may be singular.
+        Bracket, equal if the crossing is located. A crossing at `Border.center`, where the
+        equations may be singular, is only bracketed.
     value : complex
-        Of one of them.
+        One of the eigenvalues.
     """
 
     begin: float
@@ -124,7 +122,7 @@ class Crossing:
 
 
 def _chord(one: Complexes, other: Complexes) -> Floats:
-    """Return the distance on the sphere, on which infinity is a point like others."""
+    """Return the chordal distance on the Riemann sphere, which is finite at infinity."""
     return np.asarray(
         np.abs(one - other) / np.hypot(1.0, np.abs(one)) / np.hypot(1.0, np.abs(other))
     )
@@ -155,15 +153,15 @@ CIRCLE = Border(
 
 
 class Crossings:
-    """The search for crossings in a step.
+    """Search for crossings in a step.
 
     Parameters
     ----------
     border : Border
     matrix : callable
-        Whose eigenvalues they are, at a place in the step. It may raise an OrbitError.
+        Matrix of the eigenvalues at a position in the step. It may raise an OrbitError.
     behind : tuple, optional
-        A place before the step, negative, with the spectrum there.
+        A (negative) position before the step, with the spectrum there.
     """
 
     def __init__(
@@ -176,13 +174,13 @@ class Crossings:
         self._spectra: dict[float, Spectrum] = {}
 
     def spectrum(self, s: float) -> Spectrum:
-        """Return the eigenvalues at a place in the step."""
+        """Return the spectrum at a position in the step."""
         if s not in self._spectra:
             self._spectra[s] = self._border.spectrum(self._matrix(s))
         return self._spectra[s]
 
     def within(self, length: float) -> list[Crossing]:
-        """Return all in the first part of a step, in order."""
+        """Return all crossings in the first `length` of a step, in order."""
         if self._behind is None:
             half = 0.5 * length
             first, last = (0.0, self.spectrum(0.0)), (length, self.spectrum(length))
@@ -194,7 +192,7 @@ class Crossings:
     def _between(
         self, begin: float, end: float, length: float, third: tuple[float, Spectrum]
     ) -> list[Crossing]:
-        """Return those between two places, with the spectrum at a third one."""
+        """Return the crossings between two positions, given the spectrum at a third one."""
         before, after = self.spectrum(begin), self.spectrum(end)
         passing = self._border.crossed(before, after)
         ways = [(complex(before.values[i]), complex(after.values[j])) for i, j in passing]
@@ -212,7 +210,7 @@ class Crossings:
             found += self._between(middle, end, length, (begin, before))
             if found:
                 return found
-        # In one place, as those of equal parts side by side; unless they were paired wrongly.
+        # Several at one position, as in a system of equal parts, unless the pairing is wrong.
         if sum(np.sign(after.growth[j]) for _, j in passing) == 0:
             return []
         middle, center = 0.5 * (begin + end), self._border.center
@@ -225,7 +223,7 @@ class Crossings:
         ]
 
     def _bends(self, ends: tuple[float, float], third: tuple[float, Spectrum]) -> bool:
-        """Return whether one may cross the border and come back, by parabolas."""
+        """Estimate by parabolas whether a value may cross the border twice."""
         (a, b), (c, other) = ends, third
         first, last = self.spectrum(a), self.spectrum(b)
         rows, columns = self._border.paired(first, last)
@@ -236,14 +234,14 @@ class Crossings:
         three = np.array([other.growth[same[i]] if i in same else np.nan for i in rows.tolist()])
         with np.errstate(invalid="ignore"):
             curvature = ((three - one) / (c - a) - (two - one) / (b - a)) / (c - b)
-            bent = 0.25 * np.abs(curvature) * (b - a) ** 2  # at the most, of a parabola
-            near = np.minimum(np.abs(one), np.abs(two)) < SAFE * bent
+            bent = 0.25 * np.abs(curvature) * (b - a) ** 2  # largest deviation from the chord
+            near = np.minimum(np.abs(one), np.abs(two)) < CURVATURE_SAFETY * bent
         return bool(np.any(near & np.isfinite(bent)))
 
     def _only(
         self, begin: float, end: float, ways: Sequence[tuple[complex, ...]]
     ) -> Crossing | None:
-        """Return the crossing of one value with its conjugate; None if it is not the only one."""
+        """Return the only crossing, of one value with its conjugate; None if there are others."""
         if len(ways) == 2 and all(v.conjugate() == w for v, w in zip(*ways, strict=True)):
             ways = [tuple(complex(v.real, abs(v.imag)) for v in ways[0])]
         if len(ways) != 1:
@@ -263,21 +261,21 @@ class Crossings:
         def growth(s: float) -> float:
             return float(self._border.growth(np.array(value(s))))
 
-        place = float(brentq(growth, begin, end, xtol=EXACT, rtol=EXACT))
+        place = float(brentq(growth, begin, end, xtol=CROSSING_XTOL, rtol=CROSSING_XTOL))
         found = value(place)
-        if abs(growth(place)) > ON_BORDER * float(self._border.size(np.array(found))):
-            return None  # another one was taken for it on the way
+        if abs(growth(place)) > BORDER_RTOL * float(self._border.size(np.array(found))):
+            return None  # the value was confused with another one
         return Crossing(place, place, found)
 
 
 def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
-    """Return the crossings of real positive values that belong to no fold or branch point.
+    """Return the bracketed crossings without a fold or branch point inside.
 
     Parameters
     ----------
     found : list of Crossing
     places : list of float
-        Of the folds and branch points of the step.
+        Positions of the folds and branch points of the step.
     """
     return [
         each
@@ -286,29 +284,31 @@ def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
     ]
 
 
-# --- Folds, branch points and changes of stability along a branch, of orbits or of equilibria.
+# --- Folds, branch points and changes of stability
 
-CROSSING = "crossing"  # of an eigenvalue that rotates, or of a multiplier -1
-UNEXPLAINED_STEP_RATIO = 0.01  # part of the largest step, in which what is not found is told
+CROSSING = "crossing"  # of a complex pair, or of a multiplier -1
+# Part of the largest step below which an unlocated change of stability is reported.
+UNEXPLAINED_STEP_RATIO = 0.01
 
 
 class LocatedPoint(Protocol):
-    """A special point of a branch, as far as its kind is asked for."""
+    """A special point with a kind."""
 
     @property
     def kind(self) -> str:
-        """What happens there."""
+        """Kind of the special point."""
 
 
 X = TypeVar("X", bound=LocatedPoint)
 
 
 class Bifurcation(NamedTuple, Generic[P]):
-    """A point within a step.
+    """A bifurcation within a step.
 
     Attributes
     ----------
     place : float
+        Position in the step.
     kind : str
         "fold", "branch point", "crossing" or "unexplained".
     point : ShootingEvaluation or EquilibriumEvaluation
@@ -323,20 +323,20 @@ class Bifurcation(NamedTuple, Generic[P]):
 
 
 class Bifurcations(Generic[P]):
-    """The search for them along a branch.
+    """Search for bifurcations along a branch.
 
-    A change in the number of unstable eigenvalues is that of a pair or of a multiplier -1, or else
-    there is a fold or a branch point; a step in which none is found is to be shortened, and in a
-    short one it is "unexplained".
+    A change in the number of unstable eigenvalues is the crossing of a pair or of a multiplier -1,
+    or occurs at a fold or a branch point. A step with an unlocated change is repeated with a
+    shorter length; in a short step the change is "unexplained".
 
     Parameters
     ----------
     equations : Shooting or EquilibriumEquations
         With one active parameter.
     border : Border
-        Of stability.
+        Border of stability.
     matrix : callable
-        What has the eigenvalues, at a point.
+        Matrix of the eigenvalues at a point.
     short : float
         Length below which a step is short.
     """
@@ -351,13 +351,13 @@ class Bifurcations(Generic[P]):
         self.equations = equations
         self._border, self._matrix, self._short = border, matrix, short
         self._behind: tuple[float, Spectrum] | None = None
-        self._last: tuple[Floats, Spectrum] | None = None  # where the last step begins
+        self._last: tuple[Floats, Spectrum] | None = None  # start of the last step
         self.branch_points = BranchPoints(equations)
 
     def within(
         self, step: PredictorStep[P], length: float, first: float, last: float
     ) -> list[Bifurcation[P]]:
-        """Return all points in the first part of a step, in order.
+        """Return all bifurcations in the first `length` of a step, in order.
 
         Parameters
         ----------
@@ -369,7 +369,7 @@ class Bifurcations(Generic[P]):
         Raises
         ------
         OrbitError
-            If the step is too long to find them.
+            If a bifurcation cannot be located in this step.
         """
         center, short = complex(self._border.center), length < self._short
         found = []
@@ -389,7 +389,7 @@ class Bifurcations(Generic[P]):
         self._last = step.start, search.spectrum(0.0)
         for each in unexplained(crossings, [place for place, *_ in found]):
             if not short:
-                raise OrbitError("stability changes at no point that is found", SHORTER_STEP_REMEDY)
+                raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
             place = 0.5 * (each.begin + each.end)
             found.append(Bifurcation(place, UNEXPLAINED, step.at(place).point, each.value))
         found += [
@@ -399,23 +399,24 @@ class Bifurcations(Generic[P]):
         ]
         return sorted(found, key=lambda each: each.place)
 
-    def without_torn_folds(self, events: Sequence[X], point_of: Callable[[X], P]) -> list[X]:
+    def without_spurious_folds(self, events: Sequence[X], point_of: Callable[[X], P]) -> list[X]:
         """Return special points of the branch without folds that are branch points.
 
-        An error tears branches that cross apart, and makes a fold that an earlier step may meet.
+        An error of the equations separates crossing branches, with a spurious fold that an earlier
+        step may have located.
         """
-        beside = self.branch_points.beside
-        return [each for each in events if each.kind != FOLD or not beside(point_of(each))]
+        is_known = self.branch_points.is_known
+        return [each for each in events if each.kind != FOLD or not is_known(point_of(each))]
 
     def _behind_of(self, step: PredictorStep[P]) -> tuple[float, Spectrum] | None:
-        """Return how far back the last step began, and the spectrum there."""
+        """Return the (negative) position of the start of the last step, and its spectrum."""
         if self._last is not None and not np.array_equal(step.start, self._last[0]):
             start, spectrum = self._last
             self._behind = -float(np.linalg.norm(step.start - start)), spectrum
         return self._behind
 
     def _turns(self, step: PredictorStep[P], length: float) -> Iterator[float]:
-        """Yield where the branch turns round, but for branch points."""
+        """Yield the positions of folds outside branch points."""
 
         def onward(point: P) -> float:
             return float(tangent(point, step.along)[-1])

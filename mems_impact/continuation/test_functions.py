@@ -33,11 +33,9 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT, UNEXPLAINED = (
     "unexplained",
 )
 CHATTER_ONSET = "onset of complete chatter"
-MULTIPLIER_TOLERANCE = (
-    1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
-)
-AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
-VANISHING = 1e-6  # length of a segment below which its margins are those of its end
+MULTIPLIER_TOLERANCE = 1e-3  # distance from +1, -1 or the unit circle at a bifurcation
+MARGIN_ROUNDING = 1e-9  # largest rounding error of a margin, or of its rate
+VANISHING_LENGTH = 1e-6  # length of a segment below which its margins are those of its end
 ORBIT_LABELS = {
     GRAZING: "G",
     FOLD: "CF",
@@ -48,21 +46,21 @@ ORBIT_LABELS = {
     CHATTER_ONSET: "CC",
 }
 MEETING = "simultaneous events"
-FOLLOW_OTHER = "follow another point, or take shorter steps"
+OTHER_POINT_REMEDY = "continue another special point, or take shorter steps"
 
 
 @dataclass(frozen=True)
 class ClosestApproach:
-    """Where along an orbit a margin is smallest.
+    """Smallest value of a margin along an orbit.
 
     Attributes
     ----------
     value : float
     segment : int
     time : float
-        Since the start of the period of the segment.
+        Time since the start of the period of the segment.
     inside : bool
-        Whether it is a closest approach within the segment, not a value at one of its ends.
+        Whether it is a minimum within the segment, not a value at one of its ends.
     """
 
     value: float
@@ -74,15 +72,15 @@ class ClosestApproach:
 def closest_approach(
     shooting: Shooting, point: ShootingEvaluation, guard: int, within: int = -1
 ) -> ClosestApproach | None:
-    """Return the smallest value of a margin where it applies; None if it applies nowhere.
+    """Return the smallest value of a margin where it is defined; None if it is defined nowhere.
 
-    In the segment `within` alone, unless that is -1.
+    Only the segment `within` is searched, unless it is -1.
 
-    A gap does not jump, so that its closest approaches are those inside the segments, and where an
-    event turns its rate. Another margin may jump, and then its values at the ends of the segments
-    count too, but for the one that ends a segment and the one that starts at zero and does not
-    fall. Where static friction is no larger than dynamic, such a margin, the speed, starts with a
-    rate that is zero but for rounding.
+    A gap is continuous: its minima are those inside the segments, and events that reverse its rate.
+    Other margins may jump, so their values at the ends of segments count as well, except for that
+    of the guard that ends a segment, and for a margin that starts at zero and does not decrease.
+    Where static friction does not exceed dynamic friction, such a margin, the speed, starts with
+    a rate that is zero up to rounding.
     """
     m = shooting.m
     impact = shooting.automaton.guards[guard].impact
@@ -93,9 +91,9 @@ def closest_approach(
         arc = point.arcs[i]
         start, end = float(point.starts[i]), float(point.ends[i])
         margin, rate = float(arc.margins[0, guard]), float(arc.rates[0, guard])
-        own_start = not impact and abs(margin) < AT_ZERO and rate > -AT_ZERO
+        own_start = not impact and abs(margin) < MARGIN_ROUNDING and rate > -MARGIN_ROUNDING
         time = float(arc.minima_time[guard])
-        if np.isfinite(arc.minima[guard]) and not (own_start and time - start < VANISHING):
+        if np.isfinite(arc.minima[guard]) and not (own_start and time - start < VANISHING_LENGTH):
             found.append(ClosestApproach(float(arc.minima[guard]), i, time, True))
         own = segment.guard(m)
         if impact:
@@ -106,8 +104,8 @@ def closest_approach(
             continue
         if own != guard:
             found.append(ClosestApproach(float(arc.margins[1, guard]), i, end, False))
-        elif end - start < VANISHING:
-            continue  # the event meets another, or the start of a period: see "length"
+        elif end - start < VANISHING_LENGTH:
+            continue  # the test function of the segment's length covers this case
         if not own_start:
             found.append(ClosestApproach(margin, i, start, False))
     return min(found, key=lambda c: c.value, default=None)
@@ -122,23 +120,23 @@ def choice_margins(shooting: Shooting, point: ShootingEvaluation, i: int, mode: 
 
 
 def kind_of(guard: Guard) -> str:
-    """Return what it is called when the margin of `guard` is touched."""
+    """Return the kind of special point at which the margin of `guard` is zero."""
     return GRAZING if guard.impact else guard.name
 
 
-# --- Test functions as equations: what is zero along a curve, and its derivatives.
+# --- Defining systems of curves
 
-GRADIENT_STEP = 1e-6  # step of the differences that give the gradient of a test function
-NULL_VECTOR_STEP = 1e-4  # of those of the equations' derivatives along their null vector
+GRADIENT_STEP = 1e-6  # difference step of the gradient of a test function
+NULL_VECTOR_STEP = 1e-4  # difference step of second derivatives along the null vector
 
 
 class DefiningSystem:
-    """A test function as one more equation; its gradient is taken by differences.
+    """A test function as an additional equation, with its gradient by differences.
 
     Attributes
     ----------
     derived : bool
-        Whether the gradient costs no evaluation of the equations.
+        Whether the gradient follows from the derivatives of a point, without further evaluations.
     """
 
     derived = False
@@ -147,10 +145,12 @@ class DefiningSystem:
         self.shooting, self.monitor = shooting, monitor
 
     def value(self, point: ShootingEvaluation) -> float:
-        """Return what is zero on the curve."""
+        """Return the value of the additional equation, zero on the curve."""
         value = self.monitor.value(self.shooting, point, np.zeros(1))
         if value is None:
-            raise OrbitError(f"no {self.monitor.kind} is left to follow", FOLLOW_OTHER)
+            raise OrbitError(
+                f"the orbit has no {self.monitor.kind} to continue", OTHER_POINT_REMEDY
+            )
         return value
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
@@ -169,13 +169,13 @@ class DefiningSystem:
 
 
 class GrazingCondition(DefiningSystem):
-    """A guard's closest approach, whose derivatives the columns of the arc carry with them."""
+    """The closest approach of a guard; its derivatives follow from those of the arc."""
 
     derived = True
     monitor: ClosestApproachTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
+        """Return the derivatives by unknowns and parameters."""
         guard = self.monitor.guard
         touch = closest_approach(self.shooting, point, guard, self.monitor.segment)
         if touch is None or not touch.inside:
@@ -190,7 +190,7 @@ class ContactSpeedCondition(DefiningSystem):
     monitor: ContactSpeedTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
+        """Return the derivatives by unknowns and parameters."""
         return -rate_gradient(self.shooting, point, self.monitor.segment, self.monitor.guard)
 
 
@@ -201,17 +201,17 @@ class SegmentLengthCondition(DefiningSystem):
     monitor: SegmentLengthTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives."""
+        """Return the derivatives by unknowns and parameters."""
         return length_gradient(self.shooting, point, self.monitor.segment)
 
 
 class PeriodDoublingCondition(DefiningSystem):
-    """A period doubling: the determinant of the matrix that has the multipliers, plus one."""
+    """A period doubling: det(M + I) = 0, where M is the reduced monodromy matrix."""
 
     def value(self, point: ShootingEvaluation) -> float:
-        """Return it, over the size of that matrix."""
+        """Return the determinant, relative to the largest entry of M."""
         matrix = reduced_monodromy(self.shooting, point)
-        # Multipliers grow as one over an impact speed; their size is no matter here.
+        # Multipliers diverge as the inverse of an impact speed; the scaling removes this growth.
         return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
 
 
@@ -219,18 +219,18 @@ class NeimarkSackerCondition(DefiningSystem):
     """A Neimark-Sacker point: the product of a pair of multipliers is one."""
 
     def value(self, point: ShootingEvaluation) -> float:
-        """Return what the product of the pair that is closest to it has beyond one."""
+        """Return the product of the pair closest to a product of one, minus one."""
         return neutral_pair(multipliers_at(self.shooting, point))[2]
 
 
 class ModeChoiceCondition(DefiningSystem):
-    """The margin that decides to which of two modes an event leads."""
+    """The margin that determines to which of two modes an event leads."""
 
 
 class FoldCondition(DefiningSystem):
     """A fold: the last unknown of the equations bordered by their null vectors.
 
-    Zero where the equations are singular, and smooth where the multipliers are not.
+    It is zero where the equations are singular, and smooth even where the multipliers are not.
     """
 
     def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
@@ -243,10 +243,10 @@ class FoldCondition(DefiningSystem):
         return float(self._solve(point, transposed=False)[-1])
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return its derivatives, with the borders from here on those of `point`.
+        """Return the derivatives by unknowns and parameters; the borders become those of `point`.
 
-        With w and v the solutions of the bordered equations to the left and to the right they are
-        -w F_uu v and -w F_up v: differences of all derivatives of the equations, along v alone.
+        With the left and right solutions w and v of the bordered equations they are -w F_uu v and
+        -w F_up v, computed by differences of the first derivatives along v.
         """
         left, null, by_all = self._along_null(point)
         self._border = left, null
@@ -257,13 +257,12 @@ class FoldCondition(DefiningSystem):
     def curvature(self, point: ShootingEvaluation) -> float:
         """Return the quadratic coefficient of the fold, zero at a cusp."""
         left, null, by_all = self._along_null(point)
-        # The sign of the singular vectors is arbitrary; the one of their product with the
-        # parameter's derivative is not.
+        # Orient the left singular vector, whose sign is arbitrary, by the parameter derivative.
         sign = float(np.sign(left @ point.by_parameter[:, 0]))
         return float(left @ by_all[:, : null.size] @ null) * sign
 
     def _along_null(self, point: ShootingEvaluation) -> tuple[Floats, Floats, Floats]:
-        """Return the null vectors, left and right, and how all derivatives change along this."""
+        """Return the left and right null vectors, and the derivatives of F_u and F_p along v."""
         if self._second is None or self._second[0] is not point:
             vectors, _, rows = np.linalg.svd(point.jacobian)
             left, null = vectors[:, -1], rows[-1]
@@ -288,33 +287,35 @@ class FoldCondition(DefiningSystem):
         return np.asarray(np.linalg.solve(matrix.T if transposed else matrix, unit))
 
 
-# --- Test functions of orbits and equilibria. They are values, which can be compared, stored and
-# evaluated at any point of a branch. To add one, add a subclass and list it where it applies.
+# --- Test functions of orbits and equilibria
 
 
 @dataclass(frozen=True)
 class TestFunction(ABC):
     """A quantity that is zero at special points of one kind.
 
+    Test functions are values: comparable, storable, and applicable at any point of a branch. A new
+    one is a subclass, listed in `orbit_tests` or `curve_tests`.
+
     Attributes
     ----------
     kind : str
-        What a zero is called: "fold", "grazing" (a guard with impacts is touched), …, or the name
-        of another guard whose margin is touched.
+        Kind of a zero: "fold", "grazing" (contact of a guard with impacts), …, or the name of
+        another guard whose margin is zero.
     """
 
-    __test__ = False  # for pytest: this is no test
+    __test__ = False  # keeps pytest from collecting the class
 
     kind: str
 
     ends_orbits: ClassVar[bool] = False
-    """Whether the automaton has no such orbit where the value is negative."""
+    """Whether the orbit is inadmissible where the value is negative."""
     condition: ClassVar[type[DefiningSystem] | None] = None
-    """The test function as an equation; none if it has no curve."""
+    """Class of the defining system of its curves, if it has one."""
 
     @abstractmethod
     def value(self, equations: Any, point: Any, along: Floats) -> float | None:
-        """Return the value at a solution of the equations; None where it has no meaning.
+        """Return the value at a solution of the equations; None where it is undefined.
 
         Parameters
         ----------
@@ -325,25 +326,26 @@ class TestFunction(ABC):
         """
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
-        """Return the value at a point of the curve on which a condition holds."""
+        """Return the value at a point of the curve with this defining system."""
         return self.value(condition.shooting, point, np.zeros(1))
 
     def equation(self, shooting: Shooting) -> DefiningSystem:
-        """Return the test function as one more equation, for curves in two parameters."""
+        """Return the defining system of its curves in two parameters."""
         if self.condition is None:
             raise OrbitError(
-                f"a curve of points of kind {self.kind!r} has no equation", FOLLOW_OTHER
+                f"points of kind {self.kind!r} cannot be continued in two parameters",
+                OTHER_POINT_REMEDY,
             )
         return self.condition(shooting, self)
 
     def rebased(self, segments: int, first: int) -> Self:
-        """Return the test function of a cycle of so many segments, begun in its piece `first`."""
+        """Return the test function for a cycle restarted in segment `first` of `segments`."""
         return self
 
 
 @dataclass(frozen=True)
 class FoldTest(TestFunction):
-    """The parameter's component of the tangent, zero where the branch turns round."""
+    """The parameter component of the tangent, zero at a fold of the branch."""
 
     kind: str = FOLD
     condition: ClassVar[type[DefiningSystem]] = FoldCondition
@@ -361,25 +363,25 @@ class PeriodDoublingTest(TestFunction):
     condition: ClassVar[type[DefiningSystem]] = PeriodDoublingCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
-        """Return it, in parts of the matrix."""
+        """Return it, relative to the size of the matrix."""
         return self.equation(equations).value(point)
 
 
 @dataclass(frozen=True)
 class NeimarkSackerTest(TestFunction):
-    """The product of a pair of multipliers, less one."""
+    """The product of a pair of multipliers, minus one."""
 
     kind: str = NEIMARK_SACKER
     condition: ClassVar[type[DefiningSystem]] = NeimarkSackerCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
-        """Return it for the pair that is closest to a product of one."""
+        """Return it for the pair closest to a product of one."""
         return self.equation(equations).value(point)
 
 
 @dataclass(frozen=True)
 class BranchPointTest(TestFunction):
-    """The regularity of the equations with the tangent, zero where another branch crosses."""
+    """The `regularity` of the equations, zero where another branch crosses."""
 
     kind: str = BRANCH_POINT
 
@@ -390,7 +392,7 @@ class BranchPointTest(TestFunction):
 
 @dataclass(frozen=True)
 class UnexplainedTest(TestFunction):
-    """No quantity: a change of stability for which no other test function has a zero."""
+    """A change of stability without a zero of another test function; it has no value."""
 
     kind: str = UNEXPLAINED
 
@@ -405,7 +407,7 @@ class SegmentTest(TestFunction):
     ends_orbits: ClassVar[bool] = True
 
     def rebased(self, segments: int, first: int) -> Self:
-        """Return the test function of a cycle of so many segments, begun in its piece `first`."""
+        """Return the test function for a cycle restarted in segment `first` of `segments`."""
         if not 0 <= self.segment < segments - 1:
             return self
         return type(self)(**{**vars(self), "segment": (self.segment - first) % (segments - 1)})
@@ -441,7 +443,7 @@ class ContactSpeedTest(SegmentTest):
 
 @dataclass(frozen=True)
 class SegmentLengthTest(SegmentTest):
-    """The length of a segment, zero where two events meet."""
+    """The length of a segment, zero where two events coincide."""
 
     segment: int
     condition: ClassVar[type[DefiningSystem]] = SegmentLengthCondition
@@ -453,7 +455,7 @@ class SegmentLengthTest(SegmentTest):
 
 @dataclass(frozen=True)
 class ModeChoiceTest(SegmentTest):
-    """The margin after the event that ends a segment, in a mode to which that may lead."""
+    """A margin after the event that ends a segment, in a mode to which this event may lead."""
 
     guard: int
     segment: int
@@ -495,7 +497,7 @@ def orbit_tests(
 ) -> dict[TestFunction, float]:
     """Return the test functions of an orbit with their values there.
 
-    Closest approaches, contact speeds and lengths are positive where the automaton has the orbit.
+    Closest approaches, contact speeds and lengths are positive on admissible orbits.
     """
     tests: list[TestFunction] = [FoldTest()]
     if along.size == point.unknowns.size + 1:  # on a branch, not on a curve
@@ -511,14 +513,14 @@ def orbit_tests(
     return {test: value for test, value in values.items() if value is not None}
 
 
-# --- Points of codimension two: what else happens on a curve of special points, and its name.
+# --- Points of codimension two
 
 PLUS, MINUS, PAIR = "multiplier +1", "multiplier -1", "pair of multipliers on the circle"
 COSINES = {"1:1": 1.0, "1:2": -1.0, "1:3": -0.5, "1:4": 0.0}
-"""Of the angle of a pair on the unit circle, by its resonance."""
+"""Cosine of the angle of a pair on the unit circle, by its resonance."""
 
 NEUTRAL_RESONANCES = ("1:1", "1:2")
-"""Resonances beyond which a pair of product one is real."""
+"""Resonances beyond which a pair with product one is real."""
 
 FOLLOWED_NAMES = {FOLD: "fold", PERIOD_DOUBLING: "flip", NEIMARK_SACKER: "Neimark-Sacker"}
 MULTIPLIER_NAMES = {PLUS: "fold", MINUS: "flip", PAIR: "Neimark-Sacker"}
@@ -530,7 +532,7 @@ CODIMENSION_TWO_NAMES = {
     (NEIMARK_SACKER, MINUS): "flip-Neimark-Sacker",
     (NEIMARK_SACKER, PAIR): "double Neimark-Sacker",
 }
-"""Those that are not put together of what is followed and what is met."""
+"""Names that are not composed of those of the curve and of the test function."""
 
 
 @dataclass(frozen=True)
@@ -540,7 +542,7 @@ class MultiplierTest(TestFunction):
     Attributes
     ----------
     kind : str
-        Of the points that make up the curve.
+        Kind of the points of the curve.
     test : str
         `PLUS`, `MINUS`, `PAIR`, or a resonance.
     """
@@ -549,20 +551,20 @@ class MultiplierTest(TestFunction):
 
     @property
     def name(self) -> str:
-        """What a zero is called."""
+        """Name of a zero."""
         if self.test in COSINES:
             return f"{self.test} resonance"
-        followed, met = FOLLOWED_NAMES.get(self.kind, self.kind), MULTIPLIER_NAMES[self.test]
-        return CODIMENSION_TWO_NAMES.get((self.kind, self.test), f"{followed}-{met}")
+        curve, point = FOLLOWED_NAMES.get(self.kind, self.kind), MULTIPLIER_NAMES[self.test]
+        return CODIMENSION_TWO_NAMES.get((self.kind, self.test), f"{curve}-{point}")
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
         """Return the value at an orbit of the curve."""
         return self.of(multipliers_at(equations, point))
 
     def of(self, multipliers: Complexes) -> float:
-        """Return the value, without the multipliers that the curve has throughout.
+        """Return the value, excluding the critical multipliers of the curve.
 
-        Of order one however many multipliers there are, and however large.
+        It is of order one for any number and size of the multipliers.
         """
         if self.kind == NEIMARK_SACKER:
             i, j, _ = neutral_pair(multipliers)
@@ -580,14 +582,14 @@ class MultiplierTest(TestFunction):
         factors = (multipliers - target) / (1.0 + np.abs(multipliers))
         if self.kind != own:
             return float(np.prod(factors).real)
-        # The derivative of the characteristic polynomial, zero where the root is a double one.
+        # The derivative of the characteristic polynomial is zero at a double root.
         others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
         return float(np.sum(others).real)
 
     def is_zero(self, multipliers: Complexes) -> bool:
         """Return whether a change of sign is a zero.
 
-        The value may pass through infinity, or the product of two real multipliers through one.
+        The value may change its sign at infinity, or at two real multipliers with product one.
         """
         if self.test == PAIR:
             if self.kind == NEIMARK_SACKER:
@@ -608,7 +610,7 @@ class CuspTest(TestFunction):
     name: ClassVar[str] = "cusp"
 
     def value(self, equations: Any, point: Any, along: Floats) -> None:
-        """Return None: it is defined on a curve of folds."""
+        """Return None: it is defined on curves of folds only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float:
         """Return that coefficient."""
@@ -629,7 +631,7 @@ def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
 
 
 def neutral_pair(multipliers: Any) -> tuple[int, int, float]:
-    """Return which two have a real product closest to one, and how far it is from it."""
+    """Return the indices of the pair with the real product closest to one, and its difference."""
     values = np.asarray(multipliers, dtype=complex).tolist()
     products = [
         (i, j, (values[i] * values[j]).real - 1.0)

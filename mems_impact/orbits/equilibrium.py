@@ -20,8 +20,8 @@ from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
-DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
-CANCELLED = 1e-11  # relative to the largest entry of a row: smaller entries are rounding
+DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to a value, or to 1 if that is larger
+CANCELLATION_RTOL = 1e-11  # rounding error of an entry, relative to the largest of its row
 EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible equilibrium
 
 
@@ -36,8 +36,8 @@ class EquilibriumEvaluation:
     values : float array, shape (k,)
         Values of the active parameters.
     residual : float array, shape (f,)
-        Their time derivatives. In a mode whose states lie on a manifold: those where they are put
-        onto it, and what that changes; beside it everything decays at the rate one.
+        Their time derivatives. In a mode with a constraint manifold: those at the projected state,
+        plus the change by the projection, so that distances from the manifold decay at rate one.
     jacobian : float array, shape (f, f)
     by_parameter : float array, shape (f, k)
     """
@@ -97,16 +97,16 @@ class EquilibriumEquations:
             jacobian = differentiate(by_state, unknowns)
             by_parameter = differentiate(by_value, values)
         except (ArithmeticError, ValueError) as error:
-            names, tell = self.family.automaton.states, self.family.amount
-            told = zip(self.free, unknowns.tolist(), strict=True)
-            where = ", ".join(f"{names[i]} = {tell(names[i], value)}" for i, value in told)
+            names, amount = self.family.automaton.states, self.family.amount
+            components = zip(self.free, unknowns.tolist(), strict=True)
+            where = ", ".join(f"{names[i]} = {amount(names[i], value)}" for i, value in components)
             raise OrbitError(
-                f"the flow is not defined at {where}: {error}", "look elsewhere"
+                f"the flow is not defined at {where}: {error}", "take another guess"
             ) from error
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
     def margins(self, balance: EquilibriumEvaluation) -> Floats:
-        """Return the margins of all guards, shape (m,); positive where the mode may last."""
+        """Return the margins of all guards, shape (m,); positive where the mode is admissible."""
         y, p = self.state(balance.unknowns), self._parameters(balance.values)
         margins, _ = self.family.automaton.margins_at(self.mode, 0.0, y, p, np.inf)
         return margins
@@ -138,22 +138,21 @@ class EquilibriumEquations:
         return replace(balance, unknowns=unknowns)
 
     def linearised(self, balance: EquilibriumEvaluation) -> tuple[Floats, int]:
-        """Return the derivative of the flow, and the dimension of its kernel that is structural.
+        """Return the derivative of the flow and its structural nullity.
 
-        Where the mode's states lie on a manifold, in coordinates of its tangent space.
+        In a mode with a constraint manifold the derivative is that in its tangent space.
         """
-        # By where it is exactly zero, not by its size: at a fold an eigenvalue is small, not
-        # missing.
+        # Structural zeros determine the nullity, since at a fold an eigenvalue is small as well.
         matrix = balance.jacobian
         zero = matrix == 0.0
         if self.mode in self.family.automaton.constrained:
             parameters, u = self._parameters(balance.values), balance.unknowns
             vectors = self._tangent(u, parameters)
-            # As many of the components tell where on the manifold a state is.
+            # These components are coordinates of the manifold.
             places = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
             matrix, zero = self._along(u, parameters, vectors, places)
-            # What forces of contacts cancel is rounding. What is zero here by accident, as at a
-            # fold, is not so beside it.
+            # Entries that contact forces cancel are zero up to rounding. An entry that is zero by
+            # coincidence, as at a fold, is nonzero at a nearby state.
             away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
                 np.arange(u.size)
             )
@@ -176,7 +175,7 @@ class EquilibriumEquations:
         rows = differentiate(lambda u: self._flow(u, parameters), held)[places]
         matrix = rows @ basis
         sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
-        return matrix, np.abs(matrix) <= CANCELLED * sizes
+        return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ class EquilibriumState:
 
     @property
     def equations(self) -> EquilibriumEquations:
-        """What it solves."""
+        """The equations that it solves."""
         return EquilibriumEquations(self.family, self.mode)
 
     @property
@@ -284,8 +283,8 @@ def make_equilibrium(
 def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """Return the derivatives of `function` at `x`, shape (len(function(x)), len(x)).
 
-    Central differences of sixth order at several lengths. Truncation spoils the long ones, rounding
-    the short ones; of two that follow on each other, those count that differ least.
+    Central differences of sixth order with several step lengths: of consecutive estimates the pair
+    with the least difference is used, between the truncation and the rounding regime.
     """
     columns = []
     for j in range(x.size):

@@ -17,7 +17,7 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 
-RELATIVE_STEP = 3e-3  # of the differences that give dp/dvalue and dperiod/dvalue
+RELATIVE_STEP = 3e-3  # difference step of the derivatives by a value, relative to it
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ class Family(ABC):
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.
 
-        Central differences of sixth order, whose error is below 1e-13 for a period that goes with
-        the inverse of a frequency.
+        Central differences of sixth order, whose error is below 1e-13 for a period that is the
+        inverse of a frequency.
         """
         value = self.value(name)
         h = RELATIVE_STEP * (abs(value) if value != 0.0 else 1.0)
@@ -122,13 +122,13 @@ class Family(ABC):
         return rates[1:count], float(rates[0]), rates[count:]
 
 
-# --- Numbers of a problem at values of the active parameters.
+# --- Numbers of a problem at values of the active parameters
 
-NEAREST = 1e-9  # margin for differences in time next to a switch
-FACTOR = 4.0 / 3.0  # a period that jumps changes by more: a sine without bias has half the period
-PERIOD_BISECTIONS = (
-    40  # of the interval between two values: a period that differs within it has jumped
-)
+MIN_SWITCH_DISTANCE = 1e-9  # least distance from a switch for differences in time
+MAX_PERIOD_RATIO = (
+    4.0 / 3.0
+)  # largest ratio of continuous periods: a sine without bias has half the period
+PERIOD_BISECTIONS = 40  # of the interval between two values, to distinguish a jump of the period
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +140,8 @@ class ParameterPoint:
     values : float array, shape (k,)
     parameters : float array, shape (count,)
     directions : float array, shape (max(1, k), count)
-        Derivatives of the parameter array, each divided by its scale: differences want directions
-        of length one.
+        Derivatives of the parameter array, each divided by its scale, for differences along unit
+        directions.
     scales : float array, shape (k,)
     period : float
     period_rates : float array, shape (k,)
@@ -163,7 +163,7 @@ class ParameterPoint:
 
     @classmethod
     def of(cls, family: Family, active: tuple[str, ...], values: Floats) -> ParameterPoint:
-        """Return the setting at `values` of the parameters `active`."""
+        """Return the numbers at `values` of the parameters `active`."""
         there = family.at(**dict(zip(active, values.tolist(), strict=True)))
         numbers = there.numbers()
         p, switches = np.asarray(numbers.parameters, dtype=float), np.array(numbers.switches)
@@ -182,23 +182,23 @@ class ParameterPoint:
         )  # fmt: skip
 
     def check_period(self, family: Family, active: tuple[str, ...], near: ParameterPoint) -> None:
-        """Check that the forcing period changes continuously on the way from `near`.
+        """Check that the forcing period is continuous between `near` and here.
 
         Raises
         ------
         OrbitError
-            If it jumps in between.
+            If it jumps.
         """
-        if _alike(near.period, self.period):
+        if _similar(near.period, self.period):
             return
         (begin, first), (end, last) = (near.values, near.period), (self.values, self.period)
         for _ in range(PERIOD_BISECTIONS):
             middle = 0.5 * (begin + end)
             between = dict(zip(active, middle.tolist(), strict=True))
             period = family.numbers(**between).period
-            if not _alike(first, period):
+            if not _similar(first, period):
                 end, last = middle, period
-            elif not _alike(period, last):
+            elif not _similar(period, last):
                 begin, first = middle, period
             else:
                 return
@@ -209,7 +209,7 @@ class ParameterPoint:
         )
 
     def lasting(self, period: float) -> ParameterPoint:
-        """Return the setting of a limit cycle with a given period."""
+        """Return the numbers for a limit cycle with a given period."""
         return replace(self, period=period, period_rates=np.zeros_like(self.period_rates))
 
     def room(self, time: float) -> float:
@@ -217,12 +217,12 @@ class ParameterPoint:
         if not self.switches.size:
             return math.inf
         since = np.abs(time - self.switches) % self.period
-        return float(max(np.minimum(since, self.period - since).min(), NEAREST))
+        return float(max(np.minimum(since, self.period - since).min(), MIN_SWITCH_DISTANCE))
 
     def motion(self, start: float, end: float) -> Floats:
-        """Return the derivatives of instants between the switches around an arc by the parameters.
+        """Return the derivatives of instants of an arc by the parameters, shape (max(1, k), 2).
 
-        Linear in time from switch to switch (or the ends of the period); shape (max(1, k), 2).
+        They are linear in time between the switches around the arc (or the ends of the period).
         """
         still = np.zeros((len(self.directions), 2))
         if not (self.switches.size and self.values.size):
@@ -239,5 +239,5 @@ class ParameterPoint:
         return np.column_stack([offset, slope]) / self.scales[:, None]
 
 
-def _alike(one: float, other: float) -> bool:
-    return 1.0 / FACTOR < other / one < FACTOR
+def _similar(one: float, other: float) -> bool:
+    return 1.0 / MAX_PERIOD_RATIO < other / one < MAX_PERIOD_RATIO

@@ -18,18 +18,16 @@ from mems_impact.orbits.period_detection import check_bounded, detect_period, fl
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_guess
 
-EQUAL_STRETCH_RATIO = 0.99  # of the longest interval: longer ones are equally long
-SKEW = 0.5  # cosine between flow and phase condition below which a cycle is begun anew
-LONGER = 1.5  # ratio of the period and the unit of times that triggers rescaling
-SOME = 0.382  # of a period, at which a cycle without events starts
-STRETCH_MARGIN = (
-    0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
+EQUAL_STRETCH_RATIO = 0.99  # of the longest interval, above which intervals count as equally long
+MIN_PHASE_COSINE = (
+    0.5  # cosine between the flow and the phase normal below which a cycle is restarted
 )
-POINT = 1e-4  # length of a cycle, of states of order one, that has shrunk to a point
-MIN_START_SPEED_RATIO = (
-    0.1  # speed at the start of a cycle, relative to that of the previous one, that is zero
-)
-SHORT_STRETCH_RATIO = 0.5  # part of the longest stretch below which it begins in another one
+RESCALING_RATIO = 1.5  # ratio of the period and the unit of times that triggers rescaling
+DEFAULT_START = 0.382  # start of a cycle without events, in periods after the given state
+STRETCH_MARGIN = 0.25  # least distance of the start from its interval's ends, in interval lengths
+MIN_CYCLE_EXTENT = 1e-4  # extent of a cycle, with states of order one, that has shrunk to a point
+MIN_START_SPEED_RATIO = 0.1  # least ratio of the start's speed to that of the previous cycle
+SHORT_STRETCH_RATIO = 0.5  # of the longest interval, below which the start moves to another one
 
 
 def limit_cycle_guess(
@@ -76,12 +74,14 @@ def limit_cycle_guess(
 def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:
     """Return the middle of the longest interval without events in the period after `start`.
 
-    Without events it is an arbitrary instant, since `start` may be an extremum.
+    Without events it is an arbitrary instant other than `start`, which may be an extremum.
     """
     log = run(problem, start, 1).events
     log = log[np.isin(log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH))]
     marks = (log.cycle * problem.period + log.time) % problem.period
-    later = _middle(np.sort(marks), problem.period) / problem.period if marks.size else SOME
+    later = (
+        _middle(np.sort(marks), problem.period) / problem.period if marks.size else DEFAULT_START
+    )
     if later == 0.0:
         return start
     return replace(run(problem, start, later).final, cycle=0, time=0.0)
@@ -90,7 +90,7 @@ def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:
 def _middle(marks: Floats, period: float) -> float:
     """Return the middle of the first of the longest intervals between cyclic, ascending marks.
 
-    Rounding must not decide between two equally long ones.
+    The tolerance makes the choice between equally long intervals independent of rounding.
     """
     lengths = np.diff(np.append(marks, marks[0] + period))
     i = np.flatnonzero(lengths >= EQUAL_STRETCH_RATIO * lengths.max())[0]
@@ -98,7 +98,7 @@ def _middle(marks: Floats, period: float) -> float:
 
 
 def _event_times(point: ShootingEvaluation) -> Floats:
-    """Return the instants of events and closest approaches, ascending."""
+    """Return the times of events and closest approaches, ascending."""
     approaches = np.concatenate([arc.minima_time for arc in point.arcs])
     marks = np.append(point.ends[:-1], approaches[np.isfinite(approaches)])
     return np.asarray(np.sort(marks % point.period))
@@ -111,9 +111,9 @@ def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
     """
     if shooting.phase is None:
         return True
-    if not 1.0 / LONGER < point.period / shooting.unit < LONGER:
+    if not 1.0 / RESCALING_RATIO < point.period / shooting.unit < RESCALING_RATIO:
         return False
-    if shooting.phase.crossed(point.arcs[0].slope_start[shooting.free]) < SKEW:
+    if shooting.phase.crossed(point.arcs[0].slope_start[shooting.free]) < MIN_PHASE_COSINE:
         return False
     marks = _event_times(point)
     if not marks.size:
@@ -127,9 +127,9 @@ def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
 def check_not_degenerate(
     shooting: Shooting, before: ShootingEvaluation, after: ShootingEvaluation
 ) -> None:
-    """Raise OrbitError if a cycle almost shrinks to a point, or the flow vanishes at its start.
+    """Raise OrbitError if a cycle shrinks to a point, or the flow almost vanishes at its start.
 
-    Beyond the equilibrium to which cycles shrink they are there once more, half a period later.
+    The equations have the same cycles again beyond that equilibrium, shifted by half a period.
     """
     if shooting.phase is None:
         return
@@ -137,7 +137,7 @@ def check_not_degenerate(
     slow, fast = (float(normal @ point.arcs[0].slope_start[free]) for point in (after, before))
     states, _ = shooting.unpack(after.unknowns)
     reach = max(float(np.abs(arc.end[free] - states[0, free]).max()) for arc in after.arcs)
-    if max(slow * after.period, reach) < POINT:
+    if max(slow * after.period, reach) < MIN_CYCLE_EXTENT:
         raise OrbitError(
             reason="the cycle shrinks to an equilibrium: this is a Hopf point",
             remedy="continue the equilibrium",
@@ -165,7 +165,7 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
     arc = shooting.variational(point.setting).arc(mode, states[source], since, begin)
     first = np.array(arc.end)
     first[list(shooting.automaton.cyclic)] = 0.0
-    # The last segment and the first are one, cut where the cycle began.
+    # The last and the first segment are one, divided at the former start.
     states[0] = states[last]
     i = source % last if last else 0
     order = [*range(i, last), *range(i)]

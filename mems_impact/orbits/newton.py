@@ -12,15 +12,15 @@ from mems_impact.errors import OrbitError
 from mems_impact.orbits.shooting import ACCEPTED, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
-RESIDUAL_ROUNDING = (
-    4.0 * np.finfo(float).eps
-)  # of a residual, as a part of the terms that it is a sum of
-MAX_STEP_NORM = 1e6  # longer steps do not converge
+RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
+MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
-NEARER = "give a guess closer to an orbit: raise transient (transient=300), or change periods"
-NEARER_CYCLE = (
-    "let transients die out (transient=…, in units of time) or give a guess nearer to a cycle; a "
-    "chaotic motion comes close to where it was and leaves again"
+ORBIT_GUESS_REMEDY = (
+    "give a guess closer to an orbit: raise transient (transient=300), or change periods"
+)
+CYCLE_GUESS_REMEDY = (
+    "raise transient (in units of time) or give a guess closer to a limit cycle; a chaotic motion "
+    "returns only approximately"
 )
 
 
@@ -33,7 +33,7 @@ class Linearised(Protocol):
 
     @property
     def values(self) -> Floats:
-        """Of the active parameters, shape (k,)."""
+        """Values of the active parameters, shape (k,)."""
 
     @property
     def residual(self) -> Floats:
@@ -53,7 +53,7 @@ P_co = TypeVar("P_co", bound=Linearised, covariant=True)
 
 
 class Solvable(Protocol[P_co]):
-    """What can be evaluated: `Shooting`, `EquilibriumEquations`."""
+    """Equations for `newton`: `Shooting`, `EquilibriumEquations`."""
 
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
         """Evaluate residual and derivatives."""
@@ -66,9 +66,9 @@ class Solution(NamedTuple, Generic[P]):
     ----------
     unknowns : float array
     point : ShootingEvaluation or EquilibriumEvaluation
-        The equations there.
+        Evaluation of the equations there.
     iterations : int
-        Number of Newton steps until they were as small as the integration error.
+        Number of Newton steps larger than the integration error.
     """
 
     unknowns: Floats
@@ -86,8 +86,7 @@ def newton(
 ) -> Solution[P]:
     """Correct `guess` until the equations hold.
 
-    From unknowns, `equations` returns the equations there, all residuals, and the matrix of their
-    derivatives.
+    ``equations(unknowns)`` returns the evaluation, all residuals, and their Jacobian matrix.
 
     The iteration converges if the next step is below `TOLERANCE`, or if steps no longer shrink
     while no residual exceeds `ACCEPTED`, since they are then at the level of the integration error.
@@ -128,7 +127,7 @@ def newton(
         except OrbitError:
             break  # the iteration has left the domain of the flow
     worst = float(np.abs(residual).max())
-    raise OrbitError(f"{reason} (the residual stays at {worst:.2g})", remedy, point)
+    raise OrbitError(f"{reason} (residual {worst:.2g})", remedy, point)
 
 
 def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvaluation:
@@ -144,14 +143,14 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvalu
         unknowns,
         values,
         reason="no orbit with this signature near the guess",
-        remedy=NEARER if shooting.phase is None else NEARER_CYCLE,
+        remedy=ORBIT_GUESS_REMEDY if shooting.phase is None else CYCLE_GUESS_REMEDY,
     )
 
 
 def solve_at(
     equations: Solvable[P], unknowns: Floats, values: Floats, *, reason: str, remedy: str
 ) -> P:
-    """Correct unknowns at fixed parameters; raises as `newton` does."""
+    """Correct unknowns at fixed parameters; the errors are those of `newton`."""
 
     def at(u: Floats) -> tuple[P, Floats, Floats]:
         point = equations.evaluate(u, values)

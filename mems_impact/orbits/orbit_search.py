@@ -19,8 +19,8 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.limit_cycle import limit_cycle_guess, phase_is_clear, rebase_phase
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.period_detection import (
-    FAR,
     MAX_FORCING_PERIODS,
+    SHIFT_RATIOS,
     check_bounded,
     detect_forcing_periods,
     flow_at,
@@ -30,10 +30,13 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import OrbitGuess, at_period_start, read_guess, read_signature
 
-# --- Drift: states that grow without bound.
+# --- Drift
 
-SEARCH_PERIODS = 96  # forcing periods of the run
-SHORTEST, STEPS = 1e-6, 4000  # for an autonomous system: first piece, in units of time; steps
+DRIFT_PERIODS = 96  # forcing periods of the run
+MIN_DRIFT_RUN, MAX_DRIFT_STEPS = (
+    1e-6,
+    4000,
+)  # autonomous systems: length of the first run; maximum of steps
 GROWTH_RTOL = 0.1  # relative change of a rate below which growth is steady
 COMPARED_INSTANTS = 8  # instants of the run at which the functions are evaluated
 
@@ -49,7 +52,8 @@ class Drift(NamedTuple):
     rates : float array
         Gain of each per period of the problem.
     kind : {"unread", "angle", "together"}
-        Functions do not read them; repeat every 2 pi of each; read their differences only.
+        Whether functions are independent of them, 2 pi-periodic in each, or depend on their
+        differences only.
     """
 
     places: tuple[int, ...]
@@ -67,49 +71,53 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     units : float array, shape (n,)
         The user's units of the components, in those of the numerics.
     forced : bool
-        Whether the period of the problem is one.
+        Whether the period of the problem is that of a forcing.
     """
     try:
-        longer = _followed(problem, replace(start, cycle=0, time=0.0), forced)
+        longer = _drift_run(problem, replace(start, cycle=0, time=0.0), forced)
     except RunError:
         return None
     length = longer.final.cycle + longer.final.time / problem.period
-    each = max(1, math.ceil(SEARCH_PERIODS / length))
+    each = max(1, math.ceil(DRIFT_PERIODS / length))
     grid = longer.samples(each)
     rates = _rates(grid.y, each)
     grows = [i for i in free_components(problem.automaton) if rates[i] != 0.0]
     unit = np.diag(units)
 
-    def unfelt(shifts: Iterable[Floats], exactly: bool = False) -> bool:
-        return not any(_felt(problem, grid, shift, exactly) for shift in shifts)
+    def unaffected(shifts: Iterable[Floats], exactly: bool = False) -> bool:
+        return not any(_affects(problem, grid, shift, exactly) for shift in shifts)
 
-    alone = [i for i in grows if unfelt((f * rates[i] / units[i] * unit[i] for f in FAR), True)]
+    alone = [
+        i
+        for i in grows
+        if unaffected((f * rates[i] / units[i] * unit[i] for f in SHIFT_RATIOS), True)
+    ]
     if alone:
         return Drift(tuple(alone), rates[alone], "unread")
-    turning = [i for i in grows if unfelt([2.0 * math.pi * unit[i]])]
+    turning = [i for i in grows if unaffected([2.0 * math.pi * unit[i]])]
     if turning:
         return Drift(tuple(turning), rates[turning], "angle")
     if len(grows) > 1:
         most = np.abs(rates / units)[grows].max()
-        if unfelt(f * most * unit[grows].sum(axis=0) for f in FAR):
+        if unaffected(f * most * unit[grows].sum(axis=0) for f in SHIFT_RATIOS):
             return Drift(tuple(grows), rates[grows], "together")
     return None
 
 
-def _followed(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
+def _drift_run(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
     """Return a run long enough to distinguish drift from oscillation."""
     if forced:
-        return run(problem, start, SEARCH_PERIODS)
-    length = SHORTEST
+        return run(problem, start, DRIFT_PERIODS)
+    length = MIN_DRIFT_RUN
     while True:
         piece = run(problem, start, length)
-        if piece.steps > STEPS or length > SEARCH_PERIODS:
+        if piece.steps > MAX_DRIFT_STEPS or length > DRIFT_PERIODS:
             return piece
         length *= 4.0
 
 
 def _rates(y: Floats, each: int) -> Floats:
-    """Return the gain of components per period; 0 for one that does not grow steadily."""
+    """Return the gain of components per period; 0 without steady growth."""
     window = len(y) // 4
     pieces = [y[len(y) - (k + 1) * window : len(y) - k * window] for k in range(3)]
     last, middle, first = (piece.mean(axis=0) for piece in pieces)
@@ -120,7 +128,7 @@ def _rates(y: Floats, each: int) -> Floats:
     return np.where(steady & (swing < np.abs(gained)), gained * each / window, 0.0)
 
 
-def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool:
+def _affects(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool:
     rows = np.linspace(1, len(grid.y) - 1, COMPARED_INSTANTS).astype(int)
     return any(
         state_enters(problem, HybridState(0, grid.time[i], int(grid.mode[i]), grid.y[i]), shift,
@@ -129,13 +137,13 @@ def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool
     )  # fmt: skip
 
 
-# --- Search for periodic orbits near a state.
+# --- Search for periodic orbits near a state
 
-SAME_STATE_RATIO = (
-    1e-6  # part of the size of an orbit by which two of its states differ that are one
+SAME_STATE_RATIO = 1e-6  # difference of equal states, relative to the size of the orbit
+COLLAPSE_RATIO = (
+    1e-6  # ratio of the speeds after and before correction that indicates an equilibrium
 )
-COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
-PERIOD_DIVISORS = range(2, 9)  # largest number of repeats that an orbit may contain
+PERIOD_DIVISORS = range(2, 9)  # numbers of repeats of a shorter cycle that are detected
 
 
 def find_periodic_orbit(
@@ -182,26 +190,26 @@ def find_periodic_orbit(
     if periods is not None:
         return closed(read_guess(problem, start, periods))
     recognised = detect_forcing_periods(problem, start)
-    if recognised.near <= 1:
+    if recognised.start_periods <= 1:
         try:
-            found = closed(read_signature(recognised.once, 1, problem.switches))
-            if found.admissible or recognised.near or not recognised.settled:
+            found = closed(read_signature(recognised.first_period, 1, problem.switches))
+            if found.admissible or recognised.start_periods or not recognised.end_periods:
                 return found
         except OrbitError as error:
-            if recognised.near:
+            if recognised.start_periods:
                 raise
-            check_bounded(problem, replace(recognised.later, cycle=3 * MAX_FORCING_PERIODS))
-            if not recognised.settled:
+            check_bounded(problem, replace(recognised.end, cycle=3 * MAX_FORCING_PERIODS))
+            if not recognised.end_periods:
                 raise OrbitError(
-                    f"{error.reason}, and none on which the motion settles in "
+                    f"{error.reason}, and the motion does not converge to one in "
                     f"{3 * MAX_FORCING_PERIODS} periods",
-                    "let transients die out (transient=300), or say periods=; a chaotic motion "
-                    "does not settle at all",
+                    "raise transient (transient=300), or set periods=; a chaotic motion does not "
+                    "converge",
                     error.partial,
                 ) from error
-        found = closed(read_guess(problem, recognised.later, recognised.settled))
+        found = closed(read_guess(problem, recognised.end, recognised.end_periods))
     else:
-        found = closed(read_guess(problem, start, recognised.near))
+        found = closed(read_guess(problem, start, recognised.start_periods))
     again = _passes(found)
     if again == 1:
         return found
@@ -233,7 +241,7 @@ def find_cycle(
     Raises
     ------
     OrbitError
-        If the motion does not return, or comes to rest, or no cycle is found where it returns.
+        If the motion does not return or reaches an equilibrium, or if no cycle is found.
     """
     shooting, read = limit_cycle_guess(
         family, guess, transient=transient, period=period, active=active
@@ -244,7 +252,7 @@ def find_cycle(
         speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
         first = HybridState(0, 0.0, read.segments[0].mode, read.states[0])
         before = np.linalg.norm(flow_at(found.problem, first)[shooting.free])
-        if not speed > COLLAPSED * before:
+        if not speed > COLLAPSE_RATIO * before:
             raise OrbitError(
                 reason="an equilibrium was reached, not a cycle",
                 remedy="take a guess farther away, or other parameters",
@@ -252,10 +260,9 @@ def find_cycle(
             )
     if not 0.5 < found.point.period / lasted < 2.0:
         raise OrbitError(
-            reason=f"the motion returns after {family.amount('period', lasted)}, but no cycle of "
-            "such a period is near",
-            remedy="let transients die out (transient=…, in units of time), or give a guess nearer "
-            "to a cycle",
+            reason=f"the motion returns after {family.amount('period', lasted)}, but no cycle with "
+            "such a period was found near it",
+            remedy="raise transient (in units of time), or give a guess closer to a cycle",
             partial=found.point,
         )
     again = _passes(found)
@@ -297,4 +304,4 @@ def _passes(orbit: PeriodicOrbit) -> int:
 
 
 def _drop(_: object) -> None:
-    """Keep no events."""
+    """Discard events."""

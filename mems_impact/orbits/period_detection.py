@@ -18,14 +18,13 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.shooting import ACCEPTED
 
-# --- Divergence of a motion.
+# --- Divergence
 
 MAX_STATE_RATIO = ACCEPTED / float(np.finfo(float).eps)
 """Magnitude of a state beyond which rounding exceeds the allowed residual."""
 DIVERGED = "the motion has diverged"
 UNBOUNDED_REMEDY = (
-    "give a guess near an orbit, without a transient that leads away from it, or parameters at "
-    "which motions stay bounded"
+    "give a guess near an orbit without a transient, or parameters at which motions stay bounded"
 )
 
 
@@ -42,12 +41,12 @@ def check_bounded(problem: Problem, at: HybridState) -> None:
         raise OrbitError(DIVERGED, UNBOUNDED_REMEDY, at)
 
 
-# --- Dependence of functions on time and on components of the state.
+# --- Dependence of functions on time and on components of the state
 
-INSTANTS = 64  # at which the functions are looked at: few enough to be quick, a pulse may be short
-UNEVEN = 0.6180339887498949  # part of the period from one to the next, so that none coincide
-FAR = (-0.618034, 0.381966, 7.23607)  # parts of a size by which a state is shifted
-EQUAL_RTOL = 1e-9  # difference, relative to the largest, of what is the same but for rounding
+INSTANTS = 64  # evaluation times of a function
+INSTANT_SPACING = 0.6180339887498949  # in periods; irrational, so that no times coincide
+SHIFT_RATIOS = (-0.618034, 0.381966, 7.23607)  # relative shifts of a state
+EQUAL_RTOL = 1e-9  # difference of equal values by rounding, relative to the largest
 
 _Function = Callable[[int, float, Floats], Any]  # of mode, time and state
 
@@ -55,7 +54,7 @@ _Function = Callable[[int, float, Floats], Any]  # of mode, time and state
 def is_time_dependent(problem: Problem, y: Floats) -> bool:
     """Return whether flow, margins or transitions at a state depend on time, in any mode.
 
-    A function without it returns the same to the last bit, whenever it is called.
+    A function of the state alone returns bitwise equal values at all times.
     """
     if problem.switches:
         return True
@@ -83,10 +82,10 @@ def state_enters(problem: Problem, at: HybridState, shift: Floats, *, exactly: b
 
 
 def unread(problem: Problem, at: HybridState, component: int) -> bool:
-    """Return whether no function depends on a component of the state at an instant."""
+    """Return whether all functions are independent of a component of the state at an instant."""
     shift = np.zeros(at.y.size)
     shift[component] = 1.0 + abs(at.y[component])
-    return not any(state_enters(problem, at, f * shift, exactly=True) for f in FAR)
+    return not any(state_enters(problem, at, f * shift, exactly=True) for f in SHIFT_RATIOS)
 
 
 def _functions(problem: Problem, shift: Floats | None = None) -> Iterator[_Function]:
@@ -113,47 +112,51 @@ def _functions(problem: Problem, shift: Floats | None = None) -> Iterator[_Funct
 
 
 def _varies(function: _Function, mode: int, y: Floats, period: float) -> bool:
-    times = (UNEVEN * i % 1.0 * period for i in range(INSTANTS))
+    times = (INSTANT_SPACING * i % 1.0 * period for i in range(INSTANTS))
     try:
         first = function(mode, 0.0, y)
         return not all(np.array_equal(function(mode, t, y), first, equal_nan=True) for t in times)
     except (ArithmeticError, ValueError, IndexError):
-        return False  # a state that does not belong to the mode
+        return False  # the state is outside the domain of the mode
 
 
-# --- Detection of the period in a run.
+# --- Detection of the period in a run
 
 RETURN_DISTANCE_RATIO = 1e-3  # distance of a return, relative to the extent of the motion
-CONVERGENCE_RTOL = (
-    1e-8  # distance, as a part of the state, at which nothing more is to be looked at
-)
-FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
-MULTIPLES = 4  # of the first return that are looked at for a closer one
+CONVERGENCE_RTOL = 1e-8  # change over one period, relative to the state, of a converged motion
+CLOSER_RETURN_RATIO = 1e-2  # ratio of distances at which a multiple of a return replaces it
+MULTIPLES = 4  # of the first return that are compared with it
 MAX_FORCING_PERIODS = 16  # largest number of forcing periods of a detected orbit
-RETURN_RTOL = 1e-7  # distance, as a part of the motion, of what comes back and not just near
-ROUNDING_ATOLS = 1e2  # absolute tolerances by which states differ that are one
-EXTENT_SAMPLES = 256  # by which the extent of a motion is measured
-LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
-MIN_RUN_LENGTH = 1e-6  # piece of a run, in units of the problem's time
-MIN_RETURN_TIME = 1e-12  # time after which a motion is no longer where it began
+RETURN_RTOL = 1e-7  # distance of an exact return, relative to the extent of the motion
+ROUNDING_ATOLS = 1e2  # difference of equal states, in absolute tolerances
+EXTENT_SAMPLES = 256  # samples for the extent of a motion
+MIN_RETURNS, RENEWAL_RETURNS = (
+    4,
+    16,
+)  # returns to a section: least number; number after which it is renewed
+MIN_RUN_LENGTH = 1e-6  # of a run, in units of the problem's time
+MIN_RETURN_TIME = 1e-12  # of the first crossing of the section
 MIN_EXTENT_RATIO = 1e-7  # extent, relative to the largest, below which the motion is at rest
-STEPS, LOST = 300_000, 20_000  # of a motion that does not return; at its first state
+MAX_STEPS, RENEWAL_STEPS = (
+    300_000,
+    20_000,
+)  # maximum of steps; to renew the section
 
 
 def first_return(
     states: Floats, modes: NDArray[np.int64], extent: Floats, *, from_last: bool = False
 ) -> int:
-    """Return after how many states of a sequence the first (or last) one repeats; 0 for never.
+    """Return the number of states after which the first (or last) one recurs; 0 for none.
 
     Parameters
     ----------
     states : float array, shape (k, f)
     modes : int array, shape (k,)
     extent : float array, shape (f,)
-        Of the motion in each component; 0 where it has none.
+        Extent of the motion in each component.
     from_last : bool, optional
-        Whether the sequence is to have settled at its end, not to begin near the orbit. The return
-        must then have happened three times.
+        Compare with the last state, for a sequence that converges; the recurrence must then have
+        occurred at least twice.
     """
     if from_last:
         states, modes = states[::-1], modes[::-1]
@@ -166,13 +169,13 @@ def first_return(
             not from_last or apart[2 * k] < 2.0 * RETURN_DISTANCE_RATIO
         ):
             multiples = [j * k for j in range(1, MULTIPLES + 1) if j * k <= last]
-            # Near a period doubling every second return is far closer.
-            return next((j for j in multiples[1:] if apart[j] < FAR_CLOSER * apart[k]), k)
+            # Near a period doubling every second return is much closer.
+            return next((j for j in multiples[1:] if apart[j] < CLOSER_RETURN_RATIO * apart[k]), k)
     return 0
 
 
 def amplitude_of(trajectory: Trajectory, free: list[int]) -> Floats:
-    """Return the extent of a run in each free component, over its last half."""
+    """Return the extent of the second half of a run in each free component."""
     first, last = (
         at.cycle + at.time / trajectory.period for at in (trajectory.start, trajectory.final)
     )
@@ -182,28 +185,28 @@ def amplitude_of(trajectory: Trajectory, free: list[int]) -> Floats:
 
 
 class PeriodEstimate(NamedTuple):
-    """After how many forcing periods a motion returns.
+    """Number of forcing periods after which a motion returns.
 
     Attributes
     ----------
-    once : Trajectory
+    first_period : Trajectory
         Its first period.
-    near : int
-        To its beginning; 0 if it does not.
-    later : HybridState
-        Where it has come after many periods.
-    settled : int
-        To that; 0 if it does not, or that was not looked at.
+    start_periods : int
+        Forcing periods until a return to its start; 0 without one.
+    end : HybridState
+        State after many periods.
+    end_periods : int
+        Forcing periods between returns to that state; 0 without one, or if not computed.
     """
 
-    once: Trajectory
-    near: int
-    later: HybridState
-    settled: int
+    first_period: Trajectory
+    start_periods: int
+    end: HybridState
+    end_periods: int
 
 
 def detect_forcing_periods(problem: Problem, start: HybridState) -> PeriodEstimate:
-    """Recognise after how many forcing periods the motion from the start of a period returns."""
+    """Detect the number of forcing periods after which a motion returns."""
     free = list(free_components(problem.automaton))
     once = run(problem, start, 1)
     change = np.abs(once.final.y - start.y)[free].max(initial=0.0)
@@ -215,7 +218,7 @@ def detect_forcing_periods(problem: Problem, start: HybridState) -> PeriodEstima
     try:
         longer = run(problem, start, 3 * MAX_FORCING_PERIODS)
     except RunError:
-        return PeriodEstimate(once, 0, start, 0)  # the orbit may lie where no run stays
+        return PeriodEstimate(once, 0, start, 0)  # the orbit may be unstable
     grid = longer.samples(1)
     near = first_return(
         grid.y[: MAX_FORCING_PERIODS + 1, free], grid.mode[: MAX_FORCING_PERIODS + 1], extent
@@ -225,13 +228,13 @@ def detect_forcing_periods(problem: Problem, start: HybridState) -> PeriodEstima
 
 
 def detect_period(
-    problem: Problem, start: HybridState, told: Callable[[str, float], str] | None = None
+    problem: Problem, start: HybridState, amount: Callable[[str, float], str] | None = None
 ) -> tuple[HybridState, float]:
-    """Recognise after which time the motion of a system without forcing returns.
+    """Detect the period of a motion of an autonomous system.
 
-    The run goes on, for ever longer, until it comes back to where it began or where it last came
-    through a section: the plane, through where this piece of the run began, of the component that
-    changes fastest there. ``told(heading, value)`` gives a number in the units of the user.
+    Runs of increasing length continue until the motion returns to its first or to its last crossing
+    of a section: the plane through the start of a run normal to its fastest component.
+    ``amount(heading, value)`` gives a number in the units of the user.
 
     Returns
     -------
@@ -241,13 +244,13 @@ def detect_period(
     Raises
     ------
     OrbitError
-        If it does not, or comes to rest; the last `HybridState` is in it.
+        If the motion does not return, or reaches an equilibrium; `partial` is the last state.
     """
     free = [i for i in free_components(problem.automaton) if not unread(problem, start, i)]
     free = free or list(free_components(problem.automaton))
     largest = np.zeros(len(free))
     length, steps, elapsed = _first_length(problem, start), 0, 0.0
-    while steps < STEPS:
+    while steps < MAX_STEPS:
         section = _section(problem, start, largest, free)
         piece = run(replace(problem, section=section), start, length)
         steps, elapsed = steps + piece.steps, elapsed + length * problem.period
@@ -256,7 +259,7 @@ def detect_period(
         largest = np.maximum(largest, extent)
         if not (extent > MIN_EXTENT_RATIO * largest).any():
             raise OrbitError(
-                reason="the motion comes to rest: an equilibrium was reached, not a cycle",
+                reason="an equilibrium was reached, not a cycle",
                 remedy="take a guess farther away, or other parameters",
                 partial=piece.final,
             )
@@ -264,22 +267,23 @@ def detect_period(
         found = returns.recognised(free, extent)
         if found is not None:
             return found
-        # A piece that is too short to come back is run again, longer, unless it never does.
-        if len(returns.times) > ENOUGH or steps > LOST:
+        # A run without returns is repeated with twice the length; with enough returns, or after
+        # too many steps, the section is renewed at its end.
+        if len(returns.times) > RENEWAL_RETURNS or steps > RENEWAL_STEPS:
             start = replace(piece.final, cycle=0, time=0.0)
         length *= 2.0
-    lasted = f"{elapsed:.9g}" if told is None else told("time", elapsed)
+    lasted = f"{elapsed:.9g}" if amount is None else amount("time", elapsed)
     raise OrbitError(
-        reason=f"the motion does not come back to where it was within a time of {lasted}",
-        remedy="let transients die out (transient=…, in units of time), give a guess nearer to a "
-        "cycle, or say with time_scale= that it is slow; a chaotic motion does not settle at all",
+        reason=f"the motion does not return to a previous state within a time of {lasted}",
+        remedy="raise transient (in units of time), give a guess closer to a cycle, or set "
+        "time_scale= for a slow system; a chaotic motion does not converge",
         partial=start,
     )
 
 
 @dataclass(frozen=True)
 class SectionReturns:
-    """Where a motion is in a section: first where it begins.
+    """Start of a motion in a section, and its crossings of the section.
 
     Attributes
     ----------
@@ -294,10 +298,10 @@ class SectionReturns:
 
     @classmethod
     def of(cls, piece: Trajectory, start: HybridState, direction: int) -> SectionReturns:
-        """Return where a run that begins in its section comes through it in a direction."""
+        """Return the crossings in a direction of a run that starts in its section."""
         log = piece.events.crossings(direction)
         times = log.cycle * piece.period + log.time - start.time
-        later = times > MIN_RETURN_TIME * piece.period  # it may be seen to leave the section
+        later = times > MIN_RETURN_TIME * piece.period  # excludes the start itself
         return cls(
             np.append(0.0, times[later]),
             np.vstack([start.y, log.before[later]]),
@@ -305,8 +309,8 @@ class SectionReturns:
         )
 
     def recognised(self, free: list[int], extent: Floats) -> tuple[HybridState, float] | None:
-        """Return where and after how long the motion returns, to its beginning or to its end."""
-        if len(self.times) <= LEAST:
+        """Return the state and time of a return to the first or to the last crossing, or None."""
+        if len(self.times) <= MIN_RETURNS:
             return None
         states = self.states[:, free]
         k = first_return(states, self.modes, extent)
@@ -322,7 +326,7 @@ class SectionReturns:
 
 
 def _first_length(problem: Problem, start: HybridState) -> float:
-    """Return the length of the first piece, in periods of the problem: within it little happens."""
+    """Return the length of the first run, in periods: at most a time scale of the flow."""
     size, rate = np.abs(start.y).max(), np.abs(flow_at(problem, start)).max()
     if not rate > 0.0:
         return 1.0
@@ -332,9 +336,9 @@ def _first_length(problem: Problem, start: HybridState) -> float:
 def _section(
     problem: Problem, start: HybridState, extent: Floats, free: list[int]
 ) -> tuple[int, float, int]:
-    """Return the plane through a state of the component that changes fastest there.
+    """Return the plane through a state normal to the component that changes fastest there.
 
-    Against its `extent` so far, where there has been one.
+    Rates are relative to the `extent` of each component so far, if positive.
     """
     slope = flow_at(problem, start)[free] / np.where(extent > 0.0, extent, 1.0)
     place = int(np.argmax(np.abs(slope)))
@@ -342,7 +346,7 @@ def _section(
 
 
 def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
-    """Return whether a motion comes back to where it is, after some periods, to many digits."""
+    """Return whether a motion returns to its state within `RETURN_RTOL` after some periods."""
     free = list(free_components(problem.automaton))
     try:
         if forced:

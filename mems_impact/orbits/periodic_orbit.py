@@ -19,24 +19,22 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
 from mems_impact.orbits.signature import Segment
 
-ORBIT_MARGIN_TOLERANCE = (
-    1e-9  # by which a margin may be violated before an orbit is called inadmissible
-)
+ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
 
 
 @dataclass(frozen=True)
 class AdmissibilityViolation:
-    """A way in which a solution of the shooting equations is no orbit of the automaton.
+    """A violation of the automaton's conditions by a solution of the shooting equations.
 
     Attributes
     ----------
     segment : int
     guard : str
-        The guard whose margin is concerned.
+        The guard of the violated condition.
     kind : str
         "missed" (the margin is negative inside or at an end of the segment), "reversed" (the guard
-        that ends the segment is reached from outside), "mode" (the transition leads elsewhere),
-        "order" (the segment ends before it starts).
+        that ends the segment is reached from outside), "mode" (the transition leads to another
+        mode), "order" (the segment ends before it starts).
     value : float
         The margin, the rate, or the length of the segment.
     """
@@ -54,16 +52,16 @@ class PeriodicOrbit:
     Attributes
     ----------
     family : Family
-        At the values for which the orbit was found.
+        The family at the values of the orbit.
     periods : int
-        Periods of the problem that the orbit takes.
+        Number of periods of the problem.
     shooting : Shooting
     point : ShootingEvaluation
         The solved equations.
     multipliers : complex array
         Floquet multipliers on the components that are neither cyclic nor fixed in the first
-        segment, largest first, without the trivial one of a cycle; where all are fixed, as at rest
-        on a stopper, a single 0: what disturbs such an orbit is gone in finite time.
+        segment, largest first, without the trivial one of a limit cycle; if all are fixed, as in
+        rest contact, a single 0, since perturbations vanish in finite time.
     defects : tuple of AdmissibilityViolation
         Empty if the orbit is admissible.
     """
@@ -95,7 +93,7 @@ class PeriodicOrbit:
 
     @property
     def instant(self) -> HybridState:
-        """Where a run along the orbit may start."""
+        """Initial state of a run along the orbit."""
         return HybridState(0, 0.0, self.segments[0].mode, self.state)
 
     def equations(
@@ -104,7 +102,7 @@ class PeriodicOrbit:
         segments: tuple[Segment, ...] | None = None,
         pinned: Mapping[int, tuple[float, ...]] | None = None,
     ) -> Shooting:
-        """Return the equations of its neighbours, in other parameters or of another signature."""
+        """Return the shooting equations with other active parameters or another signature."""
         return Shooting(
             self.family,
             self.segments if segments is None else segments,
@@ -115,12 +113,12 @@ class PeriodicOrbit:
 
     @property
     def problem(self) -> Problem:
-        """What has the orbit, counted in its periods."""
+        """The problem of the orbit; of a limit cycle, with its period as the unit of time."""
         return self.shooting.problem(self.point)
 
     @property
     def admissible(self) -> bool:
-        """Whether the automaton has this orbit."""
+        """Whether the orbit violates no condition of the automaton."""
         return not self.defects
 
     @property
@@ -130,7 +128,7 @@ class PeriodicOrbit:
 
     @property
     def touches(self) -> bool:
-        """Whether an event ends a segment at no speed: then multipliers have no bound."""
+        """Whether a guard is reached at zero rate, where multipliers are unbounded."""
         m = self.shooting.m
         return any(
             abs(float(event.rates[segment.guard(m)])) <= ORBIT_MARGIN_TOLERANCE
@@ -145,7 +143,7 @@ class PeriodicOrbit:
 
     @property
     def advance(self) -> Floats:
-        """What the cyclic components gain over the orbit, shape (cyclic,)."""
+        """Gain of the cyclic components over the orbit, shape (cyclic,)."""
         cyclic = list(self.shooting.automaton.cyclic)
         return np.asarray(sum(arc.end[cyclic] for arc in self.point.arcs))
 
@@ -170,8 +168,8 @@ def reduced_monodromy(
 ) -> Floats:
     """Return the monodromy matrix without the components that the first mode holds fixed.
 
-    Of a cycle, on the plane across the flow: without the trivial multiplier 1. Or that over the
-    `first` segments alone.
+    For a limit cycle it is restricted to the plane normal to the flow, without the trivial
+    multiplier 1. With `first` it covers only that number of segments.
     """
     whole = shooting.monodromy(point)
     keep = reduced_components(shooting, point, whole)
@@ -185,11 +183,11 @@ def reduced_monodromy(
 def reduced_components(
     shooting: Shooting, point: ShootingEvaluation, monodromy: Floats | None = None
 ) -> list[int]:
-    """Return which of the free components the first mode does not hold fixed."""
+    """Return the free components that the first mode does not hold fixed, by position."""
     arc = point.arcs[0]
     monodromy = shooting.monodromy(point) if monodromy is None else monodromy
     still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
-    # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
+    # A component that is fixed in the first segment and reset later has a trivial multiplier 0.
     forgotten = [np.abs(row).max() < ORBIT_MARGIN_TOLERANCE for row in monodromy]
     return [
         c
@@ -216,7 +214,7 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
 
 
 def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:
-    """Return all ways in which `point` is no orbit of the automaton."""
+    """Return all violations of the automaton's conditions by `point`."""
     found: list[AdmissibilityViolation] = []
     automaton: Automaton = shooting.automaton
     m, segments = len(automaton.guards), shooting.segments
@@ -230,7 +228,7 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
         own = segment.guard(m)
         for j, guard in enumerate(automaton.guards):
             if guard.records:
-                continue  # its margin may be where it will
+                continue  # its margin is unrestricted
             worst = float(arc.minima[j])
             if j != own:
                 worst = min(worst, float(at_end[j]))
@@ -244,7 +242,7 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
                     i, automaton.guards[own].name, "reversed", float(event.rates[own])
                 )
             )
-        # A guard touched at no speed leads to either side, by rounding.
+        # At zero rate, rounding determines the mode after the event.
         touched = own >= 0 and event is not None and abs(event.rates[own]) <= ORBIT_MARGIN_TOLERANCE
         following = segments[(i + 1) % len(segments)].mode
         if event is not None and not touched and event.mode != following:
@@ -254,7 +252,7 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
 
 
 def check_closed(orbit: PeriodicOrbit) -> float:
-    """Return by how much the automaton, run along the orbit, misses its own start."""
+    """Return the closure error of a run along the orbit."""
     problem = orbit.problem
     final = run(problem, orbit.instant, orbit.periods).final
     if final.mode != orbit.instant.mode:

@@ -1,14 +1,10 @@
 """Multiple shooting: unknowns, equations, phase condition and gradients.
 
-The unknowns are the states at the starts of all segments and the times of all events. An event's
-time being an unknown, its guard is one more equation, and nothing blows up where a guard is touched
-at zero speed: the equations stay regular through a grazing, and past it they describe an orbit that
-penetrates the guard. Whether an orbit is one of the automaton is a question apart (`defects`).
+The unknowns are the states at the starts of all segments and the times of all events. Each event
+time adds the margin of its guard as an equation, so the equations are regular at a grazing; beyond
+it their solution is an orbit that penetrates the guard. `defects` tests admissibility separately.
 
-Where nothing forces the system the period is one more unknown, the last one, and a phase condition
-one more equation.
-
-All are shape (unknowns + k,), and follow from the columns that a `ShootingEvaluation` has already.
+For an autonomous system the period is the last unknown, and a phase condition the last equation.
 """
 
 from __future__ import annotations
@@ -31,11 +27,11 @@ from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.orbits.family import Family, ParameterPoint
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
-# --- Which rows and columns of the shooting equations belong to what.
+# --- Layout of the shooting equations
 
 
 class UnknownLayout:
-    """Which rows and columns of the equations belong to what; the signature says it all."""
+    """Rows and columns of the shooting equations, which depend on the signature only."""
 
     def __init__(self, shooting: Shooting) -> None:
         segments, events, f = shooting.segments, shooting.events, len(shooting.free)
@@ -47,7 +43,7 @@ class UnknownLayout:
         )
         self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
         self.events = np.array(events, dtype=np.int64)
-        # Segments that begin where the one before ends, not with a period.
+        # Segments that start at the end of the previous one, not with a period.
         self.follows = np.array(
             [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
         )
@@ -57,7 +53,7 @@ class UnknownLayout:
         if shooting.phase is not None:
             self.by_end[self.period_ends, -1] = shooting.unit
         self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
-        # An event's margin stands before the states that follow on it.
+        # The row of an event's margin precedes those of the states after it.
         first = np.cumsum([i in events for i in range(count)]) + f * np.arange(count)
         self.state_rows = first[:, None] + np.arange(f)
         self.guard_rows = first[self.events] - 1
@@ -76,7 +72,7 @@ class UnknownLayout:
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return starts and ends of the segments, and their derivatives by the parameters.
 
-        These are of ends that are no unknowns.
+        The derivatives are nonzero only for ends that are not unknowns.
         """
         count = len(self.codes)
         ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
@@ -99,26 +95,26 @@ class UnknownLayout:
         if not setting.switches.size:
             return np.stack([starts, ends, rooms, looked], axis=1), None
         rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
-        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # before it switches
+        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # just before a switch
         motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
         return np.stack([starts, ends, rooms, looked], axis=1), np.array(motions)
 
 
-# --- Where a cycle begins: the phase condition of a system that nothing forces.
+# --- Phase condition of limit cycles
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A plane in the space of the free components; the first state of a cycle lies in it.
+    """Phase condition: the first state of a cycle lies in a plane of the free components.
 
     Attributes
     ----------
     normal : tuple of float
-        Of length one.
+        Unit normal.
     level : float
-        Of ``normal @ y`` in the plane.
+        Value of ``normal @ y`` in the plane.
     unit : float
-        Of the times among the unknowns, near the period: it may grow beyond all bounds on a branch.
+        Unit of the times among the unknowns, near the period, which may grow without bound.
     """
 
     normal: tuple[float, ...]
@@ -127,7 +123,7 @@ class Phase:
 
     @classmethod
     def across(cls, flow: Floats, y: Floats, unit: float) -> Phase:
-        """Return the plane through a state across the flow there, both of the free components.
+        """Return the plane through a state normal to the flow there, in the free components.
 
         Raises
         ------
@@ -141,7 +137,7 @@ class Phase:
         return cls(tuple(normal.tolist()), float(normal @ y), unit)
 
     def crossed(self, flow: Floats) -> float:
-        """Return the cosine between the flow and the normal of the plane; 0 where nothing flows."""
+        """Return the cosine between the flow and the normal of the plane; 0 for zero flow."""
         speed = float(np.linalg.norm(flow))
         return float(np.array(self.normal) @ flow) / speed if speed > 0.0 else 0.0
 
@@ -149,19 +145,19 @@ class Phase:
 def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
     """Return a monodromy matrix without its trivial multiplier, that of the shift along the flow.
 
-    In an orthonormal basis whose first vector lies along the flow, an eigenvector, the matrix is
-    block triangular; the block that is left has all other multipliers.
+    In an orthonormal basis whose first vector is the flow, an eigenvector, the matrix is block
+    triangular; the second diagonal block has all other multipliers.
     """
     basis = np.linalg.qr(flow[:, None], mode="complete")[0][:, 1:]
     return np.asarray(basis.T @ matrix @ basis)
 
 
-# --- Multi-segment shooting: the equations of a periodic orbit, with their derivatives.
+# --- Shooting equations of a periodic orbit
 
-ACCEPTED = 1e-8  # residual that the error of an integration may leave
-CONSERVATION_STEP = 1e-3  # of a state, by which it is moved to see what an orbit conserves
+ACCEPTED = 1e-8  # largest residual that is attributed to integration errors
+CONSERVATION_STEP = 1e-3  # relative difference step in the search for conserved sums
 ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
-OTHER_SCALE = 1.5  # factor by which a time scale changes before steps are bounded anew
+TIME_SCALE_RATIO = 1.5  # ratio of time scales from which the step bounds are recomputed
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,15 +168,15 @@ class ShootingEvaluation:
     ----------
     unknowns : float array, shape (N f + events,), or one more
     setting : ParameterPoint
-        The problem's numbers at the values of the active parameters; the period is the orbit's own
-        where nothing forces the system.
+        The problem's numbers at the values of the active parameters; the period is that of the
+        cycle if the system is autonomous.
     residual : float array, shape of `unknowns`
     jacobian : float array
-        By the unknowns; square.
+        Derivatives by the unknowns; square.
     by_parameter : float array, shape (len(unknowns), k)
     arcs : tuple of Arc
     events : tuple of Event or None
-        One for each segment; None where it ends with the period.
+        One per segment; None if it ends with the period.
     starts, ends : float array, shape (N,)
         Times of the segments, each since the start of its period.
     end_by_unknown, end_by_parameter : float array, shapes (N, n, unknowns), (N, n, k)
@@ -201,17 +197,17 @@ class ShootingEvaluation:
 
     @property
     def values(self) -> Floats:
-        """Of the active parameters, shape (k,)."""
+        """Values of the active parameters, shape (k,)."""
         return self.setting.values
 
     @property
     def period(self) -> float:
-        """Of the forcing at these values, or of the cycle."""
+        """Period of the forcing at these values, or of the limit cycle."""
         return self.setting.period
 
 
 class Shooting:
-    """The equations of the orbits that have one signature, in a family.
+    """Shooting equations of the orbits with one signature, in a family.
 
     Parameters
     ----------
@@ -220,10 +216,10 @@ class Shooting:
     active : tuple of str
         Names of the parameters by which to differentiate.
     pinned : mapping of int to tuple of float, optional
-        Sums of the free components of the first state that keep their values, by one component of
-        each, whose factor is 1 (see `pin`).
+        Coefficients of linear combinations of the first state that are kept fixed, by a component
+        with coefficient 1 (see `pin`).
     phase : Phase, optional
-        Where a cycle begins, in a system without forcing: its period is then an unknown.
+        Phase condition of a limit cycle, whose period is then an unknown.
     """
 
     def __init__(
@@ -242,19 +238,19 @@ class Shooting:
         switch = self.automaton.switch_code
         self.events = [i for i, s in enumerate(segments) if s.code not in (BOUNDARY, switch)]
         self.pinned = dict(pinned or {})
-        self._levels: dict[int, float] = {}  # of the sums, where the equations are first evaluated
+        self._levels: dict[int, float] = {}  # values of the pinned sums at the first evaluation
         self.layout = UnknownLayout(self)
         self._last: ParameterPoint | None = None
 
     def with_phase(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
-        """Return the equations of the same cycles, begun elsewhere; they share the engine."""
+        """Return the equations of the same cycles with another start; they share the engine."""
         other = Shooting(self.family, segments, self.active, self.pinned, phase)
         vars(other)["_variational"] = self._variational
         return other
 
     @cached_property
     def _variational(self) -> Variational:
-        """The engine of arcs and their sensitivities, made when it is first needed."""
+        """The engine of arcs and their sensitivities, made on first use."""
         return self._engine(self.family)
 
     def _engine(self, family: Family) -> Variational:
@@ -278,8 +274,8 @@ class Shooting:
     def pack(self, guess: OrbitGuess) -> Floats:
         """Return the unknowns of a guess.
 
-        A component that is zero but for an earlier correction's rounding is made zero: one that the
-        orbit can't determine, as the velocity of a stuck frame, keeps what it starts with.
+        Components that are zero up to rounding are set to zero, since one that the orbit does not
+        determine, such as the velocity of a stuck frame, keeps its initial value.
         """
         states = np.where(np.abs(guess.states) < ACCEPTED, 0.0, guess.states)
         times = guess.times[self.events if self.phase is None else [*self.events, -1]]
@@ -290,7 +286,7 @@ class Shooting:
         f, count = len(self.free), len(self.segments)
         states = np.zeros((count, self.n))
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
-        # Where a transition sets a component to zero, its sign must not be one of rounding.
+        # The sign of a component that a transition sets to zero must not be that of rounding.
         states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
@@ -300,9 +296,9 @@ class Shooting:
         Raises
         ------
         OrbitError
-            If the forcing period jumps on the way from the values that were asked for before.
+            If the forcing period jumps between the previous values and these.
         """
-        # Corrections at fixed values ask again and again.
+        # Corrections at fixed values request the same numbers repeatedly.
         if self._last is None or not np.array_equal(self._last.values, values):
             setting = ParameterPoint.of(self.family, self.active, values)
             if self.phase is None:
@@ -312,14 +308,14 @@ class Shooting:
 
     @cached_property
     def _first(self) -> ParameterPoint:
-        """The setting of the family as it was given."""
+        """The numbers at the values of the family."""
         values = np.array([self.family.value(name) for name in self.active])
         return ParameterPoint.of(self.family, self.active, values)
 
     def variational(self, setting: ParameterPoint) -> Variational:
-        """Return arcs and events at a setting."""
+        """Return the engine of arcs and events at the numbers `setting`."""
         there = setting.time_scale / self._variational.time_scale
-        if not 1.0 / OTHER_SCALE < there < OTHER_SCALE:
+        if not 1.0 / TIME_SCALE_RATIO < there < TIME_SCALE_RATIO:
             values = dict(zip(self.active, setting.values.tolist(), strict=True))
             vars(self)["_variational"] = self._engine(self.family.at(**values))
         return self._variational.at(setting.parameters, setting.directions)
@@ -342,7 +338,7 @@ class Shooting:
             layout.codes, states, *layout.passage(setting, starts, ends)
         )
         # Derivatives of the states at the ends, then of those after the events, by all unknowns
-        # and by the parameters. A start that moves cuts off what the flow had done before.
+        # and by the parameters. A later start shortens the arc.
         by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])
         by_end = arcs.slope_end[:, :, None]
         end = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
@@ -401,20 +397,20 @@ class Shooting:
         )
 
     def problem(self, point: ShootingEvaluation) -> Problem:
-        """Return the problem at a point, counted in periods of its orbit."""
+        """Return the problem at a point; of a limit cycle, with its period as the unit of time."""
         values = dict(zip(self.active, point.values.tolist(), strict=True))
         problem = self.family.at(**values).problem()
         return problem if self.phase is None else problem.with_time_unit(point.period)
 
     def monodromy(self, point: ShootingEvaluation, first: int | None = None) -> Floats:
-        """Return the derivative of the map over the orbit's periods, by the free components.
+        """Return the monodromy matrix of the free components.
 
-        Or that over the `first` segments alone.
+        With `first` it covers only that number of segments.
 
-        At an event with margin h and jump R, a perturbation is carried over by the saltation
-        matrix ``DR + (f_after - DR f_before - R_t) (grad h)^T / (grad h . f_before + h_t)``.
+        An event with margin h and jump R maps a perturbation by the saltation matrix
+        ``DR + (f_after - DR f_before - R_t) (grad h)^T / (grad h . f_before + h_t)``.
 
-        A component by which a sum is pinned goes with the others, so that the sum stays as it is.
+        A pinned component depends on the other components of its sum, which is constant.
         """
         free = self.free
         total: Floats = np.eye(len(free))
@@ -428,7 +424,7 @@ class Shooting:
                 if guard != NONE:
                     gradient = event.margin_by_state[guard]
                     rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
-                    # A guard touched at no speed at all: the matrix is beyond all bounds.
+                    # At zero rate the matrix is unbounded.
                     rate = np.copysign(max(abs(rate), 1e-14), rate)
                     after = self._slope_after(i, point)
                     kick = after - jump @ arc.slope_end - event.jump_by_time
@@ -446,10 +442,10 @@ class Shooting:
         return following.slope_start
 
     def pin(self, point: ShootingEvaluation) -> None:
-        """Fix what of the first state the orbit can't determine.
+        """Fix the linear combinations of the first state that the orbit does not determine.
 
-        Sums of components that nothing changes, such as the velocity of a frame that is stuck all
-        along, or the distance of two bodies that stick to each other: they keep their values.
+        They are conserved, such as the velocity of a permanently stuck frame, or the distance of
+        two bodies that stick to each other.
         """
         self.pinned, self._levels = {}, {}
         sums = self._conserved(point)
@@ -465,16 +461,17 @@ class Shooting:
         for c, factors in zip(places.tolist(), sums, strict=True):
             if abs(float(factors @ gained[self.free])) > ACCEPTED:
                 raise OrbitError(
-                    reason=f"{self.automaton.states[self.free[c]]} does not come back to its start",
-                    remedy="declare it cyclic if nothing depends on it",
+                    reason=f"{self.automaton.states[self.free[c]]} does not return to its value at "
+                    "the start",
+                    remedy="declare it cyclic if no function depends on it",
                 )
             self.pinned[c] = tuple(factors.tolist())
 
     def _conserved(self, point: ShootingEvaluation) -> Floats:
-        """Return sums of the free components that nothing but time changes.
+        """Return linear combinations of the free components that no perturbation changes.
 
-        Left eigenvectors of the monodromy matrix, with the eigenvalue 1, along which flows do not
-        depend on the state, and of a cycle are zero.
+        They are left eigenvectors of the monodromy matrix with eigenvalue 1, along which the flow
+        is independent of the state, and zero for a limit cycle.
         """
         whole = self.monodromy(point) - np.eye(len(self.free))
         if not np.isfinite(whole).all() or not len(_kernel(whole)):
@@ -491,7 +488,7 @@ class Shooting:
         return _kernel(np.vstack(columns).T)
 
     def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:
-        """Return the flow of the free components at a state, put onto what its mode holds."""
+        """Return the flow of the free components at a state projected onto its mode's manifold."""
         automaton, p = self.automaton, point.setting.parameters
         if mode in automaton.constrained:
             _, y = automaton.state_after(mode, automaton.projection_code, time, y, p)
@@ -499,12 +496,12 @@ class Shooting:
 
 
 def _kernel(matrix: Floats) -> Floats:
-    """Return the sums of rows that are zero, shape (k, rows)."""
+    """Return the left null space of a matrix, shape (k, rows)."""
     vectors, sizes, _ = np.linalg.svd(matrix)
     return np.asarray(vectors[:, sizes < ACCEPTED].T)
 
 
-# --- Derivatives of what an orbit's margins do, by its unknowns and the active parameters.
+# --- Gradients of test functions by the unknowns and the active parameters, shape (unknowns + k,)
 
 
 def length_gradient(shooting: Shooting, point: ShootingEvaluation, i: int) -> Floats:
@@ -519,8 +516,8 @@ def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: 
     """Return the derivatives of the rate of `guard` at the event that ends segment `i`."""
     event, k = point.events[i], len(shooting.active)
     if event is None or i not in shooting.events:
-        raise OrbitError(f"segment {i} ends with no guard", "take another point")
-    row = shooting.m + guard  # the rates stand behind the margins
+        raise OrbitError(f"segment {i} does not end with a guard", "take another point")
+    row = shooting.m + guard  # rates follow the margins
     by_end = event.margin_by_state[row]
     by_unknown = by_end @ point.end_by_unknown[i]
     by_unknown = by_unknown + float(event.margin_by_time[row]) * shooting.layout.by_end[i]
@@ -529,9 +526,9 @@ def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: 
 
 
 def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: int) -> Floats:
-    """Return the derivatives of the smallest margin at a closest approach inside segment `i`.
+    """Return the derivatives of the margin at a closest approach inside segment `i`.
 
-    There the margin stands still, so that the instant's own motion is no matter.
+    The rate of the margin is zero there, so that a change of the time has no effect.
     """
     setting, layout, k = point.setting, shooting.layout, len(shooting.active)
     arc, mode = point.arcs[i], shooting.segments[i].mode
@@ -541,7 +538,7 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
     by_column = columns @ event.margin_by_state[guard]
     f = len(shooting.free)
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
-    # The columns of the parameters are carried at instants that move with them.
+    # The sensitivities by parameters refer to times that vary with the parameters.
     moved = setting.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
     by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
     by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * setting.scales

@@ -18,23 +18,23 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Trajectory, run
 from mems_impact.hybrid.state import HybridState
 
-BOUNDARY = -1  # a segment that ends with the period, not with an event
+BOUNDARY = -1  # code of a segment that ends with the period, not with an event
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of an orbit within one mode and one period.
+    """A part of an orbit within one mode and one period.
 
     Attributes
     ----------
     mode : int
     cycle : int
-        Which period of the orbit it lies in.
+        Number of the period of the orbit that contains it.
     code : int
-        What ends it: a guard's number, a guard's number + m (the last of a sequence of impacts
-        that accumulates), 2 m (the drive switches), or BOUNDARY.
+        Code of its end: the number of a guard, that number + m (the last impact of a chatter
+        sequence), 2 m (the drive switches), or BOUNDARY.
     switch : int
-        For a switch of the drive, which of the switching times; else -1.
+        Number of the switching time, for a switch of the drive; else -1.
     """
 
     mode: int
@@ -43,7 +43,7 @@ class Segment:
     switch: int = -1
 
     def guard(self, m: int) -> int:
-        """Return which of `m` guards ends it; NONE if the period or a switch of the drive does."""
+        """Return the guard, among `m`, that ends it; NONE for the period or a switch."""
         return self.code % m if 0 <= self.code < 2 * m else NONE
 
 
@@ -58,7 +58,7 @@ class OrbitGuess:
     times : float array, shape (N,)
         End of each segment, since the start of its period.
     stiff : bool
-        Whether method ``"auto"`` took BDF on the way.
+        Whether method ``"auto"`` used BDF in the run.
     """
 
     segments: tuple[Segment, ...]
@@ -72,12 +72,12 @@ def read_guess(
     start: HybridState,
     periods: int,
 ) -> OrbitGuess:
-    """Read the signature off a run of `periods` periods that begins at `start`.
+    """Return the signature of a run of `periods` periods from `start`.
 
     Raises
     ------
     OrbitError
-        If two transitions fall into one instant, which the segments cannot express.
+        If two transitions are simultaneous, which segments cannot represent.
     """
     start = at_period_start(problem, start)
     trajectory = run(problem, start, periods)
@@ -85,7 +85,7 @@ def read_guess(
 
 
 def at_period_start(problem: Problem, start: HybridState) -> HybridState:
-    """Return `start`, or where the run from there comes to the start of the next period."""
+    """Return `start` if a period starts there, else the state at the start of the next period."""
     if start.time != 0.0:
         rest = 1.0 - start.time / problem.period
         start = run(problem, start, rest).final
@@ -95,7 +95,7 @@ def at_period_start(problem: Problem, start: HybridState) -> HybridState:
 def read_signature(
     trajectory: Trajectory, periods: int, switches: Sequence[float] = ()
 ) -> OrbitGuess:
-    """Cut a trajectory that begins with a period into segments."""
+    """Divide a trajectory that starts with a period into segments."""
     automaton, period = trajectory.automaton, trajectory.period
     m = len(automaton.guards)
     events = trajectory.events
@@ -103,7 +103,7 @@ def read_signature(
     states: list[Floats] = []
     times: list[float] = []
     mode, y, cycle = trajectory.start.mode, _without_cyclic(automaton, trajectory.start.y), 0
-    struck: dict[int, tuple[int, float]] = {}  # when each guard fired last
+    last_events: dict[int, tuple[int, float]] = {}  # last event of each guard
 
     def close(code: int, time: float, switch: int = -1) -> None:
         segments.append(Segment(mode, cycle, code, switch))
@@ -126,17 +126,17 @@ def read_signature(
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
         if kind == workspace.TRANSITION:
             close(guard, time)
-            struck[guard] = now
+            last_events[guard] = now
         elif kind == workspace.ACCUMULATION and (
-            guard not in struck
+            guard not in last_events
             or not completes_chatter(events, int(i))
-            or struck[guard] == now  # flights that drown in rounding: no time for one more
+            or last_events[guard] == now  # flights below rounding: no time for one more
         ):
             close(m + guard, time)
         elif kind == workspace.ACCUMULATION:
-            # The loop leaps over the rest of the sequence from the last impact that it saw. Here
-            # one flight more is taken, and the impact after it is the one without rebound.
-            whole, since = struck[guard]
+            # The event loop skips the remaining sequence after the last located impact. The
+            # signature has one more flight, and an impact without rebound after it.
+            whole, since = last_events[guard]
             seen = HybridState(cycle, (whole - cycle) * period + since, mode, y)
             rest = int(events.mode_after[i])
             for step in completion(trajectory.problem, seen, guard, time - seen.time, rest):
@@ -160,24 +160,24 @@ def read_signature(
     for (one, earlier), (two, later) in pairwise(zip(segments, times, strict=True)):
         if two.cycle == one.cycle and later <= earlier:
             raise OrbitError(
-                reason="two transitions fall into one instant, "
+                reason="two transitions coincide at "
                 f"{later / period:.6g} of the period after its start",
-                remedy="move the parameter a little",
+                remedy="change the parameter slightly",
             )
     return OrbitGuess(tuple(segments), np.array(states), np.array(times), trajectory.stiff)
 
 
 def completes_chatter(events: Events, i: int) -> bool:
-    """Return whether row `i` completes a sequence of impacts, being none itself.
+    """Return whether row `i` completes a chatter sequence and is no impact itself.
 
-    The loop takes a contact that is not closing for an impact without rebound; where it leaps over
-    the rest of a sequence, the state before is the one after the last impact.
+    The event loop records two cases: a contact without closing speed is an impact without rebound;
+    where it skips the rest of a sequence, the state before is the one after the last impact.
     """
     return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
 
 
 class TransitionRecord(NamedTuple):
-    """A transition: its code, its time since the start of the orbit's period, and what it does."""
+    """A transition: code, time since the start of the orbit's period, new mode, and states."""
 
     code: int
     time: float
@@ -189,10 +189,10 @@ class TransitionRecord(NamedTuple):
 def completion(
     problem: Problem, seen: HybridState, guard: int, length: float, rest: int
 ) -> Iterator[TransitionRecord]:
-    """Yield what happens from `seen`, after an impact at `guard`, until it rests in mode `rest`.
+    """Yield the transitions from `seen`, after an impact at `guard`, until the mode `rest`.
 
-    The next impact is taken for one without rebound. What it sets off, a slip say, ends within the
-    time `length` in which the sequence would.
+    The next impact is one without rebound. Events that it causes (such as a slip) end within
+    `length`, the remaining duration of the chatter sequence.
     """
     automaton, mode = problem.automaton, seen.mode
     for step in _transitions(problem, seen, length):
@@ -220,7 +220,7 @@ def _transitions(problem: Problem, start: HybridState, length: float) -> Iterato
 
 
 def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:
-    """Return the state where period `cycle` begins."""
+    """Return the state at the start of period `cycle`."""
     samples = trajectory.samples(1, first=float(cycle), last=float(cycle))
     return np.asarray(samples.y[0])
 

@@ -41,10 +41,10 @@ from mems_impact.systems.statistics import FAILED
 
 __all__ = ["AttractorBranches", "AttractorContinuationStudy", "continue_attractors"]
 
-# --- Which stretches of attractors, followed over a parameter, are of one branch.
+# --- Branches of attractors
 
 Integers = NDArray[np.int64]
-FOLLOWS = "follows"  # whether the motion, led back by one value, is what it was
+REVERSIBLE = "follows"  # whether the motion returns when the parameter steps back
 
 
 def match_branches(
@@ -55,17 +55,17 @@ def match_branches(
     Parameters
     ----------
     rows : DataFrame
-        Of all chains, as they were followed: the parameter first.
+        Rows of all chains in the order of continuation, with the parameter first.
     chains : sequence of range
     rules : AttractorMatcher
     """
     parameter = str(rows.columns[0])
-    stretch, origins, jumps = _stretches(rows, chains)
+    stretch, origins, jumps = _segments(rows, chains)
     branch = merge_segments(rows, stretch, set(origins), rules)[stretch]
     names = _names(rows, branch, origins, parameter)
     fine = (rows[STATUS] == OK).to_numpy()
     named = np.where(fine, [names[b] for b in branch], FAILED)
-    table = rows.assign(**{ATTRACTOR: named.astype(object)}).drop(columns=FOLLOWS)
+    table = rows.assign(**{ATTRACTOR: named.astype(object)}).drop(columns=REVERSIBLE)
     table = table.drop_duplicates([ATTRACTOR, parameter]).sort_values(
         [ATTRACTOR, parameter], key=lambda column: _order(column, [*names.values(), FAILED])
     )
@@ -85,7 +85,7 @@ def count_in(
     starts: InitialConditions,
     rules: AttractorMatcher,
 ) -> None:
-    """Add to a table of branches the share of initial states that each attracts at one value."""
+    """Add basin shares at one value of the parameter to a table of branches."""
     here = table.index[(table.iloc[:, 0] == value) & (table[ATTRACTOR] != FAILED)]
     columns = {
         name: np.concatenate([points[name].to_numpy(), table.loc[here, name].to_numpy()])
@@ -99,15 +99,15 @@ def count_in(
         table.loc[row, ["share", "low", "high"]] = [own.mean(), *bounds_of(own, starts)]
 
 
-def _stretches(
+def _segments(
     rows: pd.DataFrame, chains: Sequence[range]
 ) -> tuple[Integers, dict[int, str], list[tuple[int, int, int]]]:
-    """Return the stretch of each row, whose stretches attractors begin with, and all jumps.
+    """Return the segment of each row, the first segments of the attractors, and all jumps.
 
-    The two chains of one attractor begin with one stretch. A jump is the row before, that after,
-    and the way, 1 or -1.
+    The two chains of one attractor share their first segment. A jump consists of the rows before
+    and after it, and the direction, 1 or -1.
     """
-    follows, failed = rows[FOLLOWS].to_numpy(), (rows[STATUS] != OK).to_numpy()
+    follows, failed = rows[REVERSIBLE].to_numpy(), (rows[STATUS] != OK).to_numpy()
     names, values = rows[ATTRACTOR].to_numpy(), rows.iloc[:, 0].to_numpy()
     stretch: Integers = np.empty(len(rows), dtype=np.int64)
     first: dict[str, int] = {}
@@ -131,9 +131,9 @@ def _stretches(
 def merge_segments(
     rows: pd.DataFrame, stretch: Integers, begun: set[int], rules: AttractorMatcher
 ) -> Integers:
-    """Return the branch of each stretch: stretches that coincide at some value share a branch.
+    """Return the branch of each segment: segments that coincide at some value share a branch.
 
-    Those that attractors begin with are not, as these were told apart.
+    First segments of different attractors are never merged, since these attractors are distinct.
     """
     own: Integers = np.arange(max(stretch.max(), *begun) + 1)
     for _, group in rows.groupby(rows.columns[0]):
@@ -150,7 +150,7 @@ def merge_segments(
 def _names(
     rows: pd.DataFrame, branch: Integers, origins: dict[int, str], parameter: str
 ) -> dict[int, str]:
-    """Return names of branches: those of attractors, or where another was seen first."""
+    """Return names of branches: those of attractors, or the value at which others first appear."""
     kinds, names = motions(rows), {}
     for number in dict.fromkeys(branch.tolist()):
         i = int(np.flatnonzero(branch == number)[0])
@@ -167,10 +167,10 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
     kinds = motions(table)
     found = []
     for name, rows in table.groupby(ATTRACTOR, sort=False):
-        told = dict.fromkeys(kinds[rows.index])
+        names = dict.fromkeys(kinds[rows.index])
         values = rows[parameter]
         before, after = ends.get((name, -1), ""), ends.get((name, 1), "")
-        found.append((name, values.min(), values.max(), ", ".join(told), before, after))
+        found.append((name, values.min(), values.max(), ", ".join(names), before, after))
     columns = [ATTRACTOR, f"{parameter} min", f"{parameter} max", "motion", "before", "after"]
     result = pd.DataFrame(found, columns=columns)
     unit = table.attrs.get("units", {}).get(parameter, "")
@@ -179,7 +179,7 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
     return result
 
 
-# --- Attractors followed over a parameter: each slowly, from value to value, side by side.
+# --- Continuation of attractors by simulation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,11 +191,11 @@ class AttractorContinuationStudy(Study):
     over : Axis
         The parameter, and its values in ascending order.
     names : tuple of str
-        Of the attractors.
+        Names of the attractors.
     states : tuple of State
-        One of each.
+        One state of each attractor.
     measuring : AttractorEvaluator
-        Of the system at its own value.
+        Evaluator of the system at its own value.
     recognition : AttractorMatcher
     """
 
@@ -214,7 +214,7 @@ class AttractorContinuationStudy(Study):
 
     @property
     def chunk(self) -> int:
-        """Number of values of a chain that are computed together."""
+        """Number of values of a chain computed together."""
         return 16
 
     @property
@@ -224,13 +224,13 @@ class AttractorContinuationStudy(Study):
 
     @property
     def upwards(self) -> tuple[float, ...]:
-        """The values above the system's own, and that."""
+        """The system's own value and the values above it."""
         here = self.measuring.system.value(self.over.name)
         return tuple(value for value in self.over.values if value >= here)
 
     @property
     def chains(self) -> tuple[range, ...]:
-        """Up and down, of each attractor."""
+        """The upward and downward chain of each attractor."""
         count, up = len(self.over.values), len(self.upwards)
         ends = [(i * count, i * count + up, (i + 1) * count) for i in range(len(self.names))]
         parts = [part for a, b, c in ends for part in (range(a, b), range(b, c))]
@@ -249,10 +249,10 @@ class AttractorContinuationStudy(Study):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        told = self.measuring.schema
-        status = {STATUS: told.pop(STATUS)}
-        first = {self.over.name: "float", ATTRACTOR: "str", FOLLOWS: "bool"}
-        return {**first, **told, **self.recognition.schema, **status}
+        schema = self.measuring.schema
+        status = {STATUS: schema.pop(STATUS)}
+        first = {self.over.name: "float", ATTRACTOR: "str", REVERSIBLE: "bool"}
+        return {**first, **schema, **self.recognition.schema, **status}
 
     @property
     def attrs(self) -> Mapping[str, Any]:
@@ -287,14 +287,14 @@ class AttractorContinuationStudy(Study):
                 state, value, before = found.final, here, found
         columns = {**self.measuring.columns(rows), **self.recognition.columns(rows)}
         places = self._places(first, last)
-        return {**places, **columns, FOLLOWS: np.array(follows)}, _kept(state, value)
+        return {**places, **columns, REVERSIBLE: np.array(follows)}, _kept(state, value)
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
         found = self.measuring.lost(last - first, reason)
         columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
         follows = np.full(last - first, False)
-        return {**self._places(first, last), **columns, FOLLOWS: follows}
+        return {**self._places(first, last), **columns, REVERSIBLE: follows}
 
     def _places(self, first: int, last: int) -> Columns:
         numbers = range(first, last)
@@ -317,7 +317,7 @@ class AttractorContinuationStudy(Study):
         return state, self.measuring.system.value(self.over.name)
 
     def _at(self, value: float, state: State, before: float) -> Attractor:
-        """Return the attractor at a value of the motion from a state left at another value."""
+        """Return the attractor at a value, started from a final state at another value."""
 
         def case(_number: int) -> InitialCondition:
             system = self.measuring.system.changed(**{self.over.name: value})
@@ -509,8 +509,8 @@ def continue_attractors(
 
 def _kept(state: State, value: float) -> dict[str, Any]:
     """Return the states from which the next part of a chain continues."""
-    told = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
-    return {**told, "value": value}
+    kept = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
+    return {**kept, "value": value}
 
 
 def _restored(carried: Mapping[str, Any]) -> tuple[State, float]:

@@ -49,7 +49,7 @@ __all__ = [
     "ATTRACTOR",
     "AttractorMatcher",
     "bounds_of",
-    "followed",
+    "continued_motions",
     "label_partial",
     "label_points",
     "match_attractors",
@@ -59,17 +59,17 @@ __all__ = [
     "unique_labels",
 ]
 
-# --- Which motions have come to the same attractor, by what is kept of where they return.
+# --- Matching of attractors by their returns
 
 KEPT_REDUCTIONS = ("mean", "min", "max")
-FINAL_SUFFIX = "final"  # suffix of where a motion was left
+FINAL_SUFFIX = "final"  # suffix of the columns of final states
 MODE = f"mode {FINAL_SUFFIX}"
 Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorMatcher:
-    """Features of motions, and how they are matched.
+    """Features of motions, and their matching.
 
     Attributes
     ----------
@@ -86,14 +86,14 @@ class AttractorMatcher:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The components that are compared."""
+        """The compared components."""
         system = self.system
         hidden = {system.states[i] for i in system.automaton.cyclic}
         return tuple(name for name in system.states if name not in hidden)
 
     @property
     def schema(self) -> dict[str, str]:
-        """The columns of what is kept."""
+        """The columns of the features."""
         kept = [f"{name} {what}" for name in self.names for what in KEPT_REDUCTIONS]
         left = [f"{name} {FINAL_SUFFIX}" for name in (*self.system.states, "time")]
         return {**dict.fromkeys([*kept, *left], "float"), MODE: "str"}
@@ -125,9 +125,9 @@ class AttractorMatcher:
         Parameters
         ----------
         columns : dict of array
-            What is kept, motions and periods.
+            Features, motions and periods.
         starts : dict of array
-            Where the motions started: components that were large once are told no better.
+            Initial states: large initial values limit the resolution of a component.
         """
         kind = columns[MOTION]
         labels: Integers = np.full(len(kind), -1, dtype=np.int64)
@@ -140,9 +140,11 @@ class AttractorMatcher:
             here = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
             kept = {what: self._kept(columns, what)[here] for what in KEPT_REDUCTIONS}
             if motion == UNSETTLED:
-                own = _meeting(kept["min"], kept["max"])
+                own = _intersecting_groups(kept["min"], kept["max"])
             else:
-                own = _near(np.hstack(list(kept.values())) / np.tile(size, len(KEPT_REDUCTIONS)))
+                own = _neighbour_groups(
+                    np.hstack(list(kept.values())) / np.tile(size, len(KEPT_REDUCTIONS))
+                )
             labels[here] = own + labels.max() + 1
         return labels
 
@@ -172,8 +174,8 @@ class AttractorMatcher:
         return [*kept.ravel(), *(final[name] for name in self.system.states), final.time]
 
 
-def _near(places: Floats) -> Integers:
-    """Return groups of points, in which each is near another: in the next cell of a grid."""
+def _neighbour_groups(places: Floats) -> Integers:
+    """Return groups of points linked by neighbouring cells of a grid."""
     cells, which = np.unique(np.rint(places), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray")
     ones = np.ones(len(pairs))
@@ -182,12 +184,12 @@ def _near(places: Floats) -> Integers:
     return np.asarray(groups[which.ravel()], dtype=np.int64)
 
 
-def _meeting(low: Floats, high: Floats) -> Integers:
-    """Return groups of boxes, the finest ones of which no two have hulls that meet."""
+def _intersecting_groups(low: Floats, high: Floats) -> Integers:
+    """Return the finest groups of boxes with disjoint hulls."""
     hulls: list[tuple[Floats, Floats]] = []
     for below, above in zip(low, high, strict=True):
         grown = True
-        while grown:  # a hull that has grown may meet others
+        while grown:  # a larger hull may intersect others
             met = [hull for hull in hulls if ((hull[0] <= above) & (below <= hull[1])).all()]
             hulls = [hull for hull in hulls if not any(hull is other for other in met)]
             below = np.min([below, *(hull[0] for hull in met)], axis=0)
@@ -200,14 +202,14 @@ def _meeting(low: Floats, high: Floats) -> Integers:
     return labels
 
 
-# --- A census of attractors: their names, their shares of the points, and where they return.
+# --- Table of attractors
 
 ATTRACTOR = "attractor"
-RARE_SHARE = 0.01  # of all points: attractors of fewer are looked at again
+RARE_SHARE = 0.01  # share of points below which an attractor is verified
 
 
-class Seen(NamedTuple):
-    """What is told of points before all are done: as of `Basins`."""
+class PartialBasins(NamedTuple):
+    """Partial result of `Basins`."""
 
     table: pd.DataFrame
     attractors: pd.DataFrame
@@ -215,7 +217,7 @@ class Seen(NamedTuple):
 
 
 def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
-    """Return the row of the first point of each attractor, that of the most points first."""
+    """Return the row of the first point of each attractor, in descending order of points."""
     known, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
     order = np.lexsort((firsts, -counts))
     return table.iloc[firsts[order[known[order] >= 0]]]
@@ -230,15 +232,15 @@ def match_attractors(
     """Return a number for each point, the same for the same attractor; -1 if it has failed.
 
     A motion that starts close enough to the stable manifold of a saddle stays near the saddle for
-    the whole run. Periodic motions that few points reach are therefore simulated once more from
-    perturbed states: if these lead elsewhere, the motion is no attractor, and its points count for
-    the attractor that they reach.
+    the whole run. Periodic motions that few points reach are therefore simulated again from
+    perturbed states: if these reach another attractor, the motion is not an attractor, and its
+    points are assigned to that one.
 
     Parameters
     ----------
     table : DataFrame
     names : sequence of str
-        The components in which starts differ.
+        The components in which initial states differ.
     rules : AttractorMatcher
     measuring : AttractorEvaluator
     """
@@ -268,10 +270,10 @@ def match_attractors(
     return labels
 
 
-def followed(rows: pd.DataFrame, measuring: AttractorEvaluator) -> list[Attractor]:
-    """Return the motions that go on from where those of rows were left.
+def continued_motions(rows: pd.DataFrame, measuring: AttractorEvaluator) -> list[Attractor]:
+    """Return the motions of rows, continued from their final states.
 
-    With the states at as many returns as are measured, of those that do not repeat themselves.
+    Those that are not periodic have the states at all evaluated returns.
     """
     recurrence = measuring.recurrence
     longest = max(recurrence.longest, int(recurrence.periods))
@@ -295,24 +297,24 @@ def label_points(
     ----------
     table : DataFrame
     labels : array of int
-        Of each point, as `AttractorMatcher` tells them.
+        Label of each point, from `AttractorMatcher.labels`.
     found : sequence of Attractor
-        As `followed` returns them of the `representatives`.
+        Results of `continued_motions` for the `representatives`.
     starts : InitialConditions
-        Bounds of shares depend on whether they are a grid.
+        The bounds of shares depend on whether they are a grid.
     longest : int
-        Returns after which motions were looked at for whether they repeat themselves.
+        Largest detectable number of returns of a periodic motion.
     """
     rows = representatives(table, labels)
     own = labels[rows.index]
     kinds = [
-        _told_later(one, longest) if motion == UNSETTLED else (motion, period)
+        _late_recurrence(one, longest) if motion == UNSETTLED else (motion, period)
         for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
     ]
     names = unique_labels([_kind(*each) for each in kinds])
     members = [labels == label for label in own]
     bounds = [bounds_of(each, starts) for each in members]
-    told = {
+    columns = {
         ATTRACTOR: np.array(names, dtype=object),
         MOTION: np.array([motion for motion, _ in kinds], dtype=object),
         PERIOD: np.array([period for _, period in kinds], dtype=np.int64),
@@ -323,8 +325,8 @@ def label_points(
         EXPONENT: np.array([one.exponent for one in found]),
         ERROR: np.array([one.error for one in found]),
     }
-    more = [name for name in rows if name not in (*told, *starts.names, RETURNS, STATUS)]
-    attractors = pd.DataFrame({**told, **{name: rows[name].to_numpy() for name in more}})
+    more = [name for name in rows if name not in (*columns, *starts.names, RETURNS, STATUS)]
+    attractors = pd.DataFrame({**columns, **{name: rows[name].to_numpy() for name in more}})
     named = table.copy(deep=False)
     column = np.full(len(table), FAILED, dtype=object)
     for name, each in zip(names, members, strict=True):
@@ -334,23 +336,23 @@ def label_points(
     return named, attractors
 
 
-def label_partial(table: pd.DataFrame) -> Seen:
-    """Return kinds of motions, in place of attractors, for some of the points.
+def label_partial(table: pd.DataFrame) -> PartialBasins:
+    """Return kinds of motions in place of attractors, for the completed points.
 
-    Attractors of one kind can be distinguished only once all points are finished.
+    Attractors of one kind can be distinguished only when all points are completed.
 
     Parameters
     ----------
     table : DataFrame
-        Of the points that are done.
+        Table of the completed points.
     """
     kinds = motions(table)
     counts = kinds[kinds != FAILED].value_counts()
-    told = {ATTRACTOR: counts.index.to_numpy(dtype=object), "points": counts.to_numpy()}
-    attractors = pd.DataFrame({**told, "share": told["points"] / max(1, len(table))})
+    columns = {ATTRACTOR: counts.index.to_numpy(dtype=object), "points": counts.to_numpy()}
+    attractors = pd.DataFrame({**columns, "share": columns["points"] / max(1, len(table))})
     named = table.assign(**{ATTRACTOR: kinds})
     named.attrs = dict(table.attrs)
-    return Seen(named, attractors, pd.DataFrame({ATTRACTOR: []}))
+    return PartialBasins(named, attractors, pd.DataFrame({ATTRACTOR: []}))
 
 
 def state_of(system: HybridSystem, row: Any) -> State:
@@ -372,10 +374,10 @@ def returns(
     return table
 
 
-def _told_later(found: Attractor, longest: int) -> tuple[str, int]:
-    """Return motion and period of an attractor that was unsettled as it was reached.
+def _late_recurrence(found: Attractor, longest: int) -> tuple[str, int]:
+    """Return motion and period of an attractor that was unsettled when it was reached.
 
-    One that repeats itself as soon as others was on its way to them.
+    If it is periodic with a detectable period, it was a transient.
     """
     if found.motion in (CHAOTIC, QUASI_PERIODIC) or found.period > longest:
         return found.motion, found.period
@@ -389,7 +391,7 @@ def _kind(motion: str, period: int) -> str:
 
 
 def unique_labels(kinds: list[str]) -> list[str]:
-    """Return a name for each attractor: its kind, and a letter if several are of that kind."""
+    """Return a name for each attractor: its kind, with a letter if several have this kind."""
     names, seen = [], dict.fromkeys(kinds, 0)
     for kind in kinds:
         names.append(kind if kinds.count(kind) == 1 else f"{kind} {_letters(seen[kind])}")

@@ -56,11 +56,10 @@ __all__ = [
     "period_of",
 ]
 
-# --- Kinds of motions in tables of studies: their names, their order, how many there are and
-# where.
+# --- Kinds of motions in tables of studies
 
 MOTION, PERIOD = "motion", "period"  # columns
-STATIONARY_STATUSES = (OFF, RESTING)  # motions of which there is nothing to measure
+STATIONARY_STATUSES = (OFF, RESTING)  # motions without measured quantities
 _IRREGULAR = (QUASI_PERIODIC, CHAOTIC, UNSETTLED, FAILED)
 
 
@@ -72,13 +71,13 @@ def motions(table: pd.DataFrame) -> pd.Series:
 
 
 def period_of(motion: str) -> int:
-    """Return the period in the name of a kind of motion; 0 if there is none."""
+    """Return the period in the name of a kind of motion; 0 without one."""
     found = re.match(r"period (\d+)", motion)
     return int(found[1]) if found else 0
 
 
 def in_order(kinds: Iterable[str]) -> list[str]:
-    """Return kinds of motions from the simplest to the last: off, period 1, 2, …, chaotic."""
+    """Return kinds of motions in order of complexity: off, period 1, 2, …, chaotic."""
     known = (*STATIONARY_STATUSES, PERIODIC, *_IRREGULAR)
 
     def place(kind: str) -> tuple[int, int, str]:
@@ -128,13 +127,12 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
     summary = summary.reindex(in_order(summary.index)).rename_axis(MOTION).reset_index()
     summary.insert(2, "share", summary["points"] / len(table))
     units = table.attrs.get("units", {})
-    told = {name: units[source] for name, (source, _) in ends.items() if source in units}
-    summary.attrs = {**table.attrs, "units": told}
+    own = {name: units[source] for name, (source, _) in ends.items() if source in units}
+    summary.attrs = {**table.attrs, "units": own}
     return summary
 
 
-# --- What studies of attractors share: how points are followed, and the columns that tell of
-# them.
+# --- Evaluation of attractors
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
@@ -146,8 +144,8 @@ def attractor_schema(
 ) -> dict[str, str]:
     """Return the columns that describe an attractor, each with its type."""
     names = dict.fromkeys(system.measure_names, "float")
-    told = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
-    return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
+    exponents = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
+    return {MOTION: "str", PERIOD: "int", **names, **exponents, RETURNS: "int", STATUS: "str"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,12 +165,12 @@ class AttractorEvaluator:
 
     @cached_property
     def threaded(self) -> bool:
-        """Whether points hold no lock of Python's."""
+        """Whether points release the GIL."""
         return is_compiled(self.system.problem(self.options).options)
 
     @property
     def schema(self) -> dict[str, str]:
-        """The columns that tell of a motion."""
+        """The columns that describe a motion."""
         return attractor_schema(self.system, self.recurrence)
 
     def identity(self) -> dict[str, Any]:
@@ -200,7 +198,7 @@ class AttractorEvaluator:
         watch: Callable[[float], None] | None = None,
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
-        """Return the attractors of the motions from many points."""
+        """Return the attractors of many points."""
         return map_attractors(cases, self.recurrence, self.options, watch, numbers)
 
     def follow_some(
@@ -246,7 +244,7 @@ class AttractorEvaluator:
         return [Attractor(motion=FAILED, status=reason)] * count
 
     def prepare(self) -> None:
-        """Compile what points need, once in a process."""
+        """Compile the code that points need, once in a process."""
         problem = self.system.problem(self.options)
         brief = replace(self.recurrence, transient=0.0, periods=1.0)
         if problem.unavailable_reason == "":
@@ -286,12 +284,12 @@ class AttractorStudy(Study):
     ) -> tuple[Columns, Any]:
         """Compute some points; see `Study`."""
         found = self.measuring.follow_some(range(first, last), self._case, watch)
-        return {**self._places(first, last), **self._told(found)}, None
+        return {**self._places(first, last), **self._attractor_columns(found)}, None
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
         found = self.measuring.lost(last - first, reason)
-        return {**self._places(first, last), **self._told(found)}
+        return {**self._places(first, last), **self._attractor_columns(found)}
 
     @abstractmethod
     def _case(self, number: int) -> InitialCondition:
@@ -303,8 +301,8 @@ class AttractorStudy(Study):
 
     @abstractmethod
     def _places(self, first: int, last: int) -> Columns:
-        """Return the columns that tell points apart."""
+        """Return the columns that identify points."""
 
-    def _told(self, found: Sequence[Attractor]) -> Columns:
+    def _attractor_columns(self, found: Sequence[Attractor]) -> Columns:
         """Return the columns that describe attractors."""
         return self.measuring.columns(found)

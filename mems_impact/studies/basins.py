@@ -74,23 +74,23 @@ class BasinsStudy(AttractorStudy):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        told = self.measuring.schema
-        status = {STATUS: told.pop(STATUS)}
+        schema = self.measuring.schema
+        status = {STATUS: schema.pop(STATUS)}
         starts = dict.fromkeys(self.starts.names, "float")
-        return {**starts, **told, **self.recognition.schema, **status}
+        return {**starts, **schema, **self.recognition.schema, **status}
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        told = self.measuring.attrs(tuple(self.schema))
-        return {**told, "starts": list(self.starts.names)}
+        attrs = self.measuring.attrs(tuple(self.schema))
+        return {**attrs, "starts": list(self.starts.names)}
 
     def _case(self, number: int) -> InitialCondition:
         place = self.starts.points[number].tolist()
         start = self.initial.replace(**dict(zip(self.starts.names, place, strict=True)))
         return InitialCondition(self.measuring.system, start)
 
-    def _told(self, found: Sequence[Attractor]) -> Columns:
+    def _attractor_columns(self, found: Sequence[Attractor]) -> Columns:
         return {**self.measuring.columns(found), **self.recognition.columns(found)}
 
     def _places(self, first: int, last: int) -> Columns:
@@ -148,7 +148,7 @@ class Basins(Result):
 
     def __repr__(self) -> str:
         names = ", ".join(self.starts.names)
-        return f"Basins({names}: {len(self.table)} points, {self._told()})"
+        return f"Basins({names}: {len(self.table)} points, {self._attractor_summary()})"
 
     def summary(self) -> dict[str, Any]:
         """Return the initial states and the attractors."""
@@ -158,7 +158,7 @@ class Basins(Result):
             "system": repr(self.system),
             **{self.system.label(name): f"{low:g} to {high:g}" for name, low, high in ends},
             "points": len(self.table),
-            "attractors": self._told(),
+            "attractors": self._attractor_summary(),
         }
 
     def state(self, name: str) -> State:
@@ -167,7 +167,7 @@ class Basins(Result):
         Parameters
         ----------
         name : str
-            Of the attractor.
+            Name of the attractor.
 
         Raises
         ------
@@ -189,12 +189,12 @@ class Basins(Result):
         Returns
         -------
         array, shape (values of y, values of x)
-            Or as many as x has values, without y.
+            Without y, the number of values of x.
 
         Raises
         ------
         InvalidParameter
-            If the table has no such column, or the starts are a sample.
+            If the table has no such column, or the initial states are a sample.
         """
         if not isinstance(self.starts, Grid):
             problem = "the starts are a sample, not a grid: see table"
@@ -203,14 +203,14 @@ class Basins(Result):
             raise InvalidParameter("column", column, f"one of {', '.join(self.table.columns)}")
         return np.asarray(self.table[column].to_numpy()).reshape(self.starts.shape)
 
-    def _told(self) -> str:
+    def _attractor_summary(self) -> str:
         found = self.attractors
-        told = [
+        counts = [
             f"{name} {share:.1%}"
             for name, share in zip(found[ATTRACTOR], found["share"], strict=True)
         ]
         lost = int((self.table[ATTRACTOR] == FAILED).sum())
-        return ", ".join([*told, *([f"{lost} failed"] if lost else [])])
+        return ", ".join([*counts, *([f"{lost} failed"] if lost else [])])
 
 
 @takes_system(start="initial")
@@ -290,15 +290,15 @@ def basins(
 
     Notes
     -----
-    A periodic motion that no more than 1 % of the points come to is an attractor only if motions
-    from beside it come back: a start may happen to lie where it is led to a saddle.
+    A periodic motion that at most 1 % of the points reach counts as an attractor only if motions
+    from perturbed states return to it, since a point may lie on the stable manifold of a saddle.
 
     Shares are those of all points, failed ones included. Of a sample, their bounds are the interval
-    of Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the
-    box lies with a probability of 95 %. A grid knows no chance: there the bounds are the share of
-    the points whose neighbours all come to the same, and of those that have such a neighbour or are
-    one. The truth lies between them as far as the grid resolves the basin, and where boundaries are
-    fractal they are far apart.
+    of Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the box
+    lies with a probability of 95 %. A grid is not random: there the bounds are the share of the
+    points whose neighbours all reach the same attractor, and of those that have such a neighbour or
+    are one. The truth lies between them as far as the grid resolves the basin, and where boundaries
+    are fractal they are far apart.
 
     Examples
     --------
@@ -332,7 +332,7 @@ def basins(
     labels = attractor_matching.match_attractors(
         table, starts.names, study.recognition, study.measuring
     )
-    found = attractor_matching.followed(
+    found = attractor_matching.continued_motions(
         attractor_matching.representatives(table, labels), measuring
     )
     table, attractors = attractor_matching.label_points(
@@ -349,7 +349,7 @@ def basins(
 
 
 def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, Any, Any]) -> Any:
-    """Return where motions start, as it was given."""
+    """Return the initial states from the arguments."""
     if box is not None:
         if x is not None or y is not None:
             problem = "give a grid (x=…, y=…) or a box to sample, not both"

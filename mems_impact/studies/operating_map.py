@@ -37,7 +37,7 @@ __all__ = ["OperatingMap", "operating_map"]
 
 @dataclass(frozen=True, kw_only=True)
 class MapStudy(AttractorStudy):
-    """The points of an operating map: the values of x go by first."""
+    """The points of an operating map; x varies fastest."""
 
     x: Axis
     y: Axis
@@ -52,7 +52,7 @@ class MapStudy(AttractorStudy):
 
     def identity(self) -> Mapping[str, Any]:
         """Return the inputs on which the results depend."""
-        # What the system itself has for the two makes no difference.
+        # The system's own values of the two parameters have no effect.
         try:
             system = self._system(0)
         except (InvalidParameter, FunctionError):
@@ -72,8 +72,8 @@ class MapStudy(AttractorStudy):
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        told = self.measuring.attrs(tuple(self.schema))
-        return {**told, "x": self.x.name, "y": self.y.name}
+        attrs = self.measuring.attrs(tuple(self.schema))
+        return {**attrs, "x": self.x.name, "y": self.y.name}
 
     def _case(self, number: int) -> InitialCondition:
         return InitialCondition(self._system(number), self.initial)

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Optimum", "ParetoFront", "optimize", "pareto_front"]
 
-# --- Limits on what an orbit may be, as margins that must not become negative.
+# --- Constraints on orbits
 
-STABLE = 0.95  # largest modulus of a multiplier, where nothing else is said: folds are near one
+MAX_MULTIPLIER = 0.95  # default bound of the modulus of multipliers; it keeps a distance from folds
 CLOSEST_APPROACH = "closest approach"
 
 
@@ -63,7 +63,7 @@ class QuantityBounds:
 
     @property
     def sides(self) -> list[tuple[float, float]]:
-        """Sign of the margin and value of each limit that there is."""
+        """Sign of the margin and value of each finite limit."""
         pairs = [(1.0, self.low), (-1.0, self.high)]
         return [(sign, bound) for sign, bound in pairs if math.isfinite(bound)]
 
@@ -91,15 +91,15 @@ def limits_of(
 ) -> tuple[QuantityBounds, ...]:
     """Return the constraints on an orbit: the given ones, stability, and no penetration.
 
-    A pair of None is no constraint; the quantity is only shown.
+    A pair of None is no constraint; the quantity is only displayed.
 
     Raises
     ------
     InvalidParameter
-        If a pair is none of numbers or None, in order.
+        If a pair does not consist of ascending numbers or None.
     """
     known = {each.name: each for each in orbit.system.orbit_quantities}
-    given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, STABLE)}
+    given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, MAX_MULTIPLIER)}
     if CLOSEST_APPROACH in known:
         given[CLOSEST_APPROACH] = (0.0, None)
     found = []
@@ -113,7 +113,7 @@ def limits_of(
 
 
 def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[float, float]:
-    """Return a pair of limits, infinite where there is none."""
+    """Return a pair of limits, infinite for None."""
     try:
         low, high = pair
     except (TypeError, ValueError):
@@ -126,7 +126,7 @@ def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[f
     return bounds
 
 
-# --- The drive or the device that does best, along an orbit that stays what it is.
+# --- Optimization along a periodic orbit
 
 Bounds = Mapping[str, tuple[float, float]]
 Limits = Mapping[str, tuple[float | None, float | None]]
@@ -321,7 +321,7 @@ def optimize(
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """What is wanted of an orbit, as a search sees it: in the unit box, and in parts of scales."""
+    """Objective and constraints of an orbit, as scaled functions on the unit box."""
 
     over: dict[str, tuple[float, float]]
     quantity: Quantity
@@ -364,7 +364,7 @@ class Objective:
         )
 
     def place(self, orbit: Orbit) -> Floats:
-        """Return where an orbit stands in the unit box."""
+        """Return the position of an orbit in the unit box."""
         return np.array(
             [
                 (orbit.system.value(name) - low) / (high - low)
@@ -373,7 +373,7 @@ class Objective:
         )
 
     def values(self, x: Floats) -> dict[str, float]:
-        """Return the parameters at a place in the unit box."""
+        """Return the parameters at a position in the unit box."""
         pairs = zip(self.over.items(), x.tolist(), strict=True)
         return {
             name: high if part == 1.0 else low + part * (high - low)
@@ -381,11 +381,11 @@ class Objective:
         }
 
     def move(self, orbit: Orbit, x: Floats) -> Orbit:
-        """Return the orbit at a place in the unit box."""
+        """Return the orbit at a position in the unit box."""
         return continue_to(orbit, self.values(x))
 
     def look(self, orbit: Orbit) -> LocalModel:
-        """Return value, limits and gradients, in parts of their scales."""
+        """Return value, margins and gradients, in units of their scales."""
         quantities = (self.quantity, *self.limited)
         values, found = derivatives(orbit, quantities, tuple(self.over))
         gradients = found * np.array([high - low for low, high in self.over.values()])
@@ -469,7 +469,7 @@ class Objective:
 
 
 def _piece(orbit: Orbit) -> tuple[tuple[int, int], ...]:
-    """Return the modes and events of an orbit, wherever its forcing period begins."""
+    """Return the modes and events of an orbit, independent of the start of the forcing period."""
     ends = [(s.mode, s.code) for s in orbit.found.segments if s.code != BOUNDARY]
     return min((tuple(ends[i:] + ends[:i]) for i in range(len(ends))), default=())
 
@@ -510,8 +510,8 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
             low, high = math.nan, math.nan
         here = system.value(name)
         if not (is_number(low) and is_number(high) and low < high and low <= here <= high):
-            told = f"{here:g} {system.unit(name)}".rstrip()
-            allowed = f"(lowest, highest), with {told} between them, where the orbit is"
+            amount = f"{here:g} {system.unit(name)}".rstrip()
+            allowed = f"(lowest, highest), with {amount} between them, where the orbit is"
             raise InvalidParameter(f"over {name}", pair, allowed)
         for bound in (low, high):
             system.changed(**{name: float(bound)})
@@ -519,11 +519,11 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
     return found
 
 
-# --- What two aims cost each other: the front of orbits none of which is better in both.
+# --- Pareto fronts
 
 Sense = Literal["maximize", "minimize"]
 SENSES = ("maximize", "minimize")
-DOMINANCE_RTOL = 1e-6  # part of its size by which one point must beat another in an aim
+DOMINANCE_RTOL = 1e-6  # least relative improvement of an objective by a dominating point
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -566,7 +566,7 @@ class ParetoFront(Result):
 
     @property
     def system(self) -> HybridSystem:
-        """That of the orbit where the searches began."""
+        """The system of the initial orbit."""
         return self.start.system
 
     @cached_property
@@ -590,8 +590,8 @@ class ParetoFront(Result):
         table = self.table
         pairs = {name: table[name].iloc[[0, -1]].to_list() for name in self.aims}
         ends = {name: f"{one:.6g} to {other:.6g}" for name, (one, other) in pairs.items()}
-        told = {"system": repr(self.system), "points": len(table), **ends}
-        return {**told, **({"missing": "; ".join(self.failed)} if self.failed else {})}
+        rows = {"system": repr(self.system), "points": len(table), **ends}
+        return {**rows, **({"missing": "; ".join(self.failed)} if self.failed else {})}
 
 
 def pareto_front(
@@ -675,7 +675,7 @@ def pareto_front(
     failed: list[str] = []
     with progress_bar(progress, "points", count, "Pareto front") as show:
         try:
-            # Each end in both aims: the other one is shown beside it, but not limited.
+            # At each end the other objective is displayed, without a constraint.
             for name, other in ((second, first), (first, second)):
                 found.append(best(orbit, name, {**held, other: (None, None)}))
                 if show is not None:
@@ -703,7 +703,7 @@ def pareto_front(
 def _front(
     orbit: Orbit, aims: Mapping[str, Sense], found: list[Optimum], failed: list[str]
 ) -> ParetoFront:
-    """Return the points that no other beats, in order of the second aim, the best of it first."""
+    """Return the nondominated points, in descending order of the second objective."""
     signs = [-1.0 if sense == "maximize" else 1.0 for sense in aims.values()]
     costs = np.array([[_value(each, name) for name in aims] for each in found]) * signs
     slack = DOMINANCE_RTOL * np.abs(costs).max(axis=0)

@@ -41,7 +41,7 @@ __all__ = [
     "wilson",
 ]
 
-# --- Axes of a study: a parameter and its values.
+# --- Axes of a study
 
 
 class Axis(NamedTuple):
@@ -57,7 +57,7 @@ def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Ax
     Raises
     ------
     InvalidParameter
-        If it is no pair, the name none of `names`, or the values not numbers that differ.
+        If it is not a pair, the name is unknown, or the values are not distinct numbers.
     """
     allowed = 'a name and its values: ("amplitude", [0.2, 0.21])'
     try:
@@ -79,17 +79,17 @@ def identity_of_axis(given: Axis) -> dict[str, Any]:
 
 
 def check_apart(x: Axis, y: Axis, system: HybridSystem) -> None:
-    """Raise InvalidParameter if two axes are one."""
+    """Raise InvalidParameter if two axes have the same parameter."""
     if x.name == y.name:
         others = ", ".join(name for name in system.parameters if name != x.name)
         raise InvalidParameter("y", y.name, f"another one than x: one of {others}")
 
 
-# --- Samples of the unit cube, each a pure function of its size, its kind and its seed.
+# --- Samples of the unit cube
 
 Sampling = Literal["sobol", "lhs", "random"]
 SAMPLINGS = get_args(Sampling)
-LEVEL = 0.95  # of intervals
+LEVEL = 0.95  # confidence level of intervals
 
 
 def check_sample(samples: Any, sampling: Any, seed: Any) -> int:
@@ -122,7 +122,7 @@ def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
     elif sampling == "lhs":
         points = qmc.LatinHypercube(dimensions, seed=generator).random(n)
     else:
-        with warnings.catch_warnings():  # that n is no power of two: it need not be
+        with warnings.catch_warnings():  # n need not be a power of two
             warnings.simplefilter("ignore", UserWarning)
             points = qmc.Sobol(dimensions, seed=generator).random(n)
     tiny = np.finfo(float).eps
@@ -140,13 +140,13 @@ def wilson(count: int, points: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-# --- Tolerances of parameters: in their units, or as a part of their values.
+# --- Tolerances of parameters
 
 RELATIVE = '"5%", or "uniform: 5%" to either side'
 DISTRIBUTIONS = ("norm", "uniform")
 
 
-def part_of(text: Any) -> float | None:
+def relative_part(text: Any) -> float | None:
     """Return a text such as "5%" as a fraction; None for anything else."""
     if not isinstance(text, str) or not text.rstrip().endswith("%"):
         return None
@@ -162,14 +162,14 @@ def deviations(
 ) -> dict[str, float]:
     """Return standard deviations in the units of the parameters.
 
-    Raises InvalidParameter unless each is one of a known parameter, of the system by default.
+    The default names are the parameters of the system; unknown ones raise InvalidParameter.
     """
     names = tuple(system.parameters) if known is None else known
     found = {}
     for name, given in tolerances.items():
         if name not in names:
             raise InvalidParameter("tolerances", name, f"of one of {', '.join(names)}")
-        part = part_of(given)
+        part = relative_part(given)
         value = given if part is None else part * _size("tolerance of", name, system)
         if not (is_number(value) and float(value) >= 0.0):
             allowed = 'a finite number >= 0, or a part of the value such as "5%"'
@@ -181,12 +181,13 @@ def deviations(
 def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
     """Return a frozen distribution about the system's own value of a parameter.
 
-    Of "5%" the normal one of that standard deviation, of "uniform: 5%" as much to either side.
+    "5%" is a normal distribution with this standard deviation, "uniform: 5%" a uniform one with
+    this half width.
     """
     from scipy import stats
 
     kind, _, width = text.rpartition(":")
-    part, kind = part_of(width), kind.strip() or DISTRIBUTIONS[0]
+    part, kind = relative_part(width), kind.strip() or DISTRIBUTIONS[0]
     if part is None or kind not in DISTRIBUTIONS or not part > 0.0:
         raise InvalidParameter(f"over.{name}", text, f"a distribution, or {RELATIVE}")
     system.check_parameter(name, "over")
@@ -204,11 +205,11 @@ def _size(field: str, name: str, system: HybridSystem) -> float:
     return size
 
 
-# --- What is drawn for a tolerance analysis: quantities by their distributions, parameters of them.
+# --- Samples of a tolerance analysis
 
 Making = Callable[..., Mapping[str, float]]
 
-FIRST, SECOND = "A", "B"  # the two samples of which indices are made
+FIRST, SECOND = "A", "B"  # the two samples for Sobol' indices
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,12 +222,12 @@ class ParameterSample:
         Names of the sampled quantities.
     values : float array, shape (points, names)
     parameters : tuple of str
-        The parameters of the system that are made of it.
+        The parameters of the system computed from the sample.
     settings : float array, shape (points, parameters)
     blocks : tuple of str
-        To which sample each block of as many points belongs; one without indices.
+        Sample of each block of points; one block without indices.
     identity : dict
-        What tells them from others.
+        Inputs of the sample, for comparison.
     """
 
     names: tuple[str, ...]
@@ -238,9 +239,9 @@ class ParameterSample:
 
 
 def distributions(over: Any, system: HybridSystem) -> dict[str, Any]:
-    """Return distributions by name, those that are told as a part of a parameter about its value.
+    """Return distributions by name, relative ones about the value of their parameter.
 
-    InvalidParameter unless the others are frozen ones of scipy.stats.
+    InvalidParameter unless the others are frozen distributions of scipy.stats.
     """
     allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02), "d": "5%"}'
     if not isinstance(over, Mapping) or not over:
@@ -266,22 +267,22 @@ def draw(
     seed: int,
     indices: bool,
 ) -> ParameterSample:
-    """Draw points.
+    """Draw sample points.
 
     Parameters
     ----------
     system : System
     over : mapping of str to distribution
     making : callable, optional
-        Parameters by name of what is drawn, given by name; what is drawn are parameters by default.
+        Function of the sampled quantities by name that returns parameters by name; by default the
+        sampled quantities are parameters.
     samples : int
-        Points of a sample.
+        Number of points of a sample.
     sampling : {"sobol", "lhs", "random"}
     seed : int
     indices : bool
-        Whether two samples are drawn, and for every quantity the first once more, with that
-        quantity from the second (Saltelli et al., *Computer Physics Communications* 181, 259,
-        2010).
+        Whether to draw two samples and, for every quantity, a copy of the first with this quantity
+        from the second (Saltelli et al., *Computer Physics Communications* 181, 259, 2010).
     """
     names, count = tuple(over), len(over)
     unit = unit_sample(samples, 2 * count if indices else count, sampling, seed)
@@ -299,7 +300,7 @@ def draw(
         which = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
     values = np.concatenate(blocks)
     parameters, settings = _made(system, names, values, making)
-    told = {
+    identity = {
         "over": {name: _result_columns(given) for name, given in over.items()},
         "samples": samples,
         "sampling": sampling,
@@ -313,12 +314,12 @@ def draw(
         parameters=parameters,
         settings=settings,
         blocks=which,
-        identity=told,
+        identity=identity,
     )
 
 
 def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the values of quantities, a column each, at the two samples and at those between.
+    """Return the values of quantities at the two samples and at the mixed samples.
 
     Returns
     -------
@@ -332,7 +333,7 @@ def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Fl
 def _made(
     system: HybridSystem, names: tuple[str, ...], values: Floats, making: Making | None
 ) -> tuple[tuple[str, ...], Floats]:
-    """Return the parameters of the system that are made of what is drawn."""
+    """Return the parameters of the system for a sample."""
     known = system.parameters
     if making is None:
         for name in names:
@@ -350,14 +351,14 @@ def _made(
 
 
 def _result_columns(given: Any) -> dict[str, Any]:
-    """Return what tells a distribution from others; its points are told apart from that."""
+    """Return the identity of a distribution, which does not include its points."""
     kind = given.dist
-    told = {"name": getattr(kind, "name", type(kind).__name__), "args": given.args, **given.kwds}
-    found: dict[str, Any] = json.loads(json.dumps(told, default=np.ndarray.tolist))
+    content = {"name": getattr(kind, "name", type(kind).__name__), "args": given.args, **given.kwds}
+    found: dict[str, Any] = json.loads(json.dumps(content, default=np.ndarray.tolist))
     return found
 
 
-# --- Where the motions of a study start: a grid over components of the state, or a sample.
+# --- Initial conditions: a grid over components of the state, or a sample
 
 
 class InitialConditions(Protocol):
@@ -372,7 +373,7 @@ class InitialConditions(Protocol):
         """Their values, one row per point."""
 
     def identity(self) -> dict[str, Any]:
-        """Return what tells them from others."""
+        """Return their inputs, for comparison."""
 
 
 @dataclass(frozen=True)
@@ -384,7 +385,7 @@ class Grid:
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """X, and y if there is one."""
+        """X, and y if present."""
         return (self.x,) if self.y is None else (self.x, self.y)
 
     @property
@@ -404,19 +405,19 @@ class Grid:
         return np.stack([grid.ravel() for grid in grids], axis=1)
 
     def identity(self) -> dict[str, Any]:
-        """Return what tells them from others."""
+        """Return their inputs, for comparison."""
         names = ("x", "y")[: len(self.axes)]
         return {name: identity_of_axis(axis) for name, axis in zip(names, self.axes, strict=True)}
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A sample of a box, uniform in it.
+    """A uniform sample of a box.
 
     Attributes
     ----------
     box : tuple of (str, float, float)
-        Components of the state, each with its ends.
+        Components of the state, each with its bounds.
     n : int
     sampling : {"random", "sobol", "lhs"}
     seed : int
@@ -439,7 +440,7 @@ class Sample:
         return low + (high - low) * unit_sample(self.n, len(self.box), self.sampling, self.seed)
 
     def identity(self) -> dict[str, Any]:
-        """Return what tells them from others."""
+        """Return their inputs, for comparison."""
         return {
             "box": {name: [low, high] for name, low, high in self.box},
             "samples": self.n,
@@ -452,7 +453,7 @@ class Sample:
 def box_of(
     given: Mapping[str, tuple[float, float]], names: tuple[str, ...]
 ) -> tuple[tuple[str, float, float], ...]:
-    """Return a box as it was given; InvalidParameter unless it has ends for some of `names`."""
+    """Return the bounds of a box; InvalidParameter unless it has bounds for some of `names`."""
     allowed = f'ends of some components, {{"{names[0]}": (low, high)}}'
     if not isinstance(given, Mapping) or not given:
         raise InvalidParameter("box", given, allowed)

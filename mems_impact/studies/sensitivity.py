@@ -42,27 +42,27 @@ __all__ = [
     "sensitivity",
 ]
 
-# --- The orbits beside one, as a parameter goes on: to first order, or solved.
+# --- Neighbouring orbits, to first order or corrected
 
-SINGULAR = 1e-12  # of the Jacobian's largest singular value: there the orbit stands at a fold
+SINGULAR_RTOL = 1e-12  # least singular value of a regular Jacobian, relative to the largest
 
 
 class TangentOrbit:
     """The orbits of the same signature near `orbit`, for nearby values of one parameter.
 
-    The shooting equations F(u, p) = 0 hold along them, so that their unknowns move at the rate
-    du/dp = -(dF/du)^-1 dF/dp, and all else at the rate that the variational equations give.
+    By the shooting equations F(u, p) = 0 their unknowns have the derivative
+    du/dp = -(dF/du)^-1 dF/dp; other derivatives follow from the variational equations.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
     parameter : str
-        Of the orbit's family.
+        A parameter of the orbit's family.
 
     Raises
     ------
     OrbitError
-        If the orbit stands at a fold: it has no derivative there.
+        If the orbit is at a fold, where it has no derivative.
     """
 
     def __init__(self, orbit: PeriodicOrbit, parameter: str) -> None:
@@ -71,7 +71,7 @@ class TangentOrbit:
         self._shooting = shooting = orbit.equations((parameter,))
         self._point = point = shooting.evaluate(orbit.point.unknowns, np.array([self._value]))
         sizes = np.linalg.svd(point.jacobian, compute_uv=False)
-        if not sizes[-1] > SINGULAR * sizes[0]:
+        if not sizes[-1] > SINGULAR_RTOL * sizes[0]:
             raise OrbitError(
                 "the orbit is at a fold, where its derivative does not exist",
                 "move a parameter away from the fold",
@@ -81,9 +81,9 @@ class TangentOrbit:
         self._arcs = [self._arc_rates(i) for i in range(len(shooting.segments))]
 
     def to_first_order(self, step: float) -> PeriodicOrbit:
-        """Return what the orbit is to first order at a parameter larger by `step`.
+        """Return the first-order approximation of the orbit at a parameter larger by `step`.
 
-        States, times, margins and rates of events are moved. Multipliers are not known: NaN.
+        It includes states, times, margins and rates of events. Multipliers are NaN.
         """
         shooting, before, value = self._shooting, self._point, self._value + step
         unknowns = before.unknowns + step * self._rate
@@ -115,7 +115,7 @@ class TangentOrbit:
         Raises
         ------
         OrbitError
-            If none is found there.
+            If no orbit is found there.
         """
         guess = self._point.unknowns + step * self._rate
         return make_orbit(
@@ -123,14 +123,13 @@ class TangentOrbit:
         )
 
     def _arc_rates(self, i: int) -> tuple[Floats, Floats, Floats, float]:
-        """Return the derivatives of the end of arc `i`, of what follows, of minima, of the rate."""
+        """Return the derivatives for arc `i`: of its end, the state after it, minima, and rate."""
         shooting, point = self._shooting, self._point
         arc, event, own = point.arcs[i], point.events[i], shooting.segments[i].guard(shooting.m)
         layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
         _, _, start_rates, end_rates = layout.instants(point.setting, times)
         end = point.end_by_unknown[i] @ self._rate + point.end_by_parameter[i, :, 0]
-        # A start that moves cuts off what cyclic states had gathered before, of which the
-        # equations know nothing.
+        # A later start reduces the gain of cyclic states, which are not part of the equations.
         begins = float(layout.by_start[i] @ self._rate + start_rates[i, 0])
         cyclic = list(shooting.automaton.cyclic)
         end[cyclic] -= begins * arc.slope_start[cyclic]
@@ -159,14 +158,14 @@ class TangentOrbit:
         return arc, event._replace(after=event.after + step * after, rates=rates)
 
 
-# --- Derivatives of an orbit's quantities by its parameters.
+# --- Derivatives of quantities by parameters
 
-DERIVATIVE_STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in rounding
+DERIVATIVE_STEP = 1e-4  # relative to a parameter; the truncation error is below rounding
 SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
-"""Of orbits that are corrected, which leaves more than rounding; shorter where one ends nearby."""
+"""Steps for corrected orbits, whose errors exceed rounding; shorter near an end of the orbit."""
 
 DERIVATIVE_ROUNDING = np.array([1e-10, 1e-8])
-"""Parts of a value that differences leave: by first order, and of corrected orbits."""
+"""Relative errors of differences: of the first-order approximation, and of corrected orbits."""
 
 
 def derivatives(
@@ -174,10 +173,10 @@ def derivatives(
 ) -> tuple[Floats, Floats]:
     """Return the values of quantities, and their derivatives by parameters.
 
-    The orbit's own derivatives come from the variational equations. A quantity is a plain function
-    of an orbit, so that its derivative is that along the orbit as it moves to first order, by
-    central differences of sixth order of this function alone. What needs solved orbits is
-    differentiated along the corrected ones.
+    The derivatives of the orbit follow from the variational equations. The derivative of a
+    quantity, a function of an orbit, is that along the first-order approximation of the orbit, by
+    central differences of sixth order. Quantities that require solved orbits are differentiated
+    along corrected ones.
 
     Parameters
     ----------
@@ -194,7 +193,7 @@ def derivatives(
     Raises
     ------
     OrbitError
-        If the orbit stands at a fold, or no orbits are found beside it.
+        If the orbit is at a fold, or no neighbouring orbits are found.
     """
     values = np.array([each(orbit) for each in quantities])
     found = np.zeros((len(quantities), len(parameters)))
@@ -212,7 +211,7 @@ def derivatives(
                 found[rows, column] = _derivatives(
                     orbit.system, wanted, beside.to_first_order, DERIVATIVE_STEP * size
                 )
-        # A parameter that changes nothing has the derivative zero.
+        # A parameter without effect has the derivative zero.
         nothing = np.abs(found[:, column]) * size <= DERIVATIVE_ROUNDING[
             of_solved.astype(int)
         ] * np.abs(values)
@@ -253,7 +252,7 @@ def chosen_quantities(
     Raises
     ------
     InvalidParameter
-        If a name is none of the system's, or comes twice.
+        If a name is unknown or repeated.
     """
     known = {each.name: each for each in system.orbit_quantities}
     if wanted is None:
@@ -269,18 +268,18 @@ def chosen_quantities(
     return tuple(found)
 
 
-# --- Moving an orbit to other parameters, as far as it is the same orbit.
+# --- Continuation of an orbit to other parameters
 
 BIFURCATION_LABELS = ("G", "CF", "PD", "NS", "BP", "?")
-"""Labels of special points at which an orbit becomes another one, or loses its stability."""
+"""Labels of special points at which an orbit changes its signature, or loses its stability."""
 LINE_PARAMETER = "part"
-FARTHEST = 0.3  # part of the size of an orbit by which its states may move in one stride
+MAX_STATE_CHANGE = 0.3  # largest change of states in one step, in orbit sizes
 LINE_REMEDY = "take a shorter way"
 
 
 @dataclass(frozen=True)
 class LineFamily(Family):
-    """The problems on a straight line in the space of parameters, by the part of the way."""
+    """The problems on a straight line in parameter space, by the fraction of its length."""
 
     family: Family
     target: Mapping[str, float]
@@ -313,19 +312,19 @@ class LineFamily(Family):
 def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
     """Return the orbit at other parameters, by one step or by continuation along a straight line.
 
-    Along the line, events may pass from one forcing period to the next, or change their order. The
-    line ends at a grazing, at a fold, or where the orbit loses its stability.
+    Along the line, events may move to another forcing period, or change their order. The
+    continuation ends at a grazing, at a fold, or at a loss of stability.
 
     Parameters
     ----------
     orbit : Orbit
     values : mapping of str to float
-        In the units of the system.
+        Values in the units of the system.
 
     Raises
     ------
     OrbitError
-        If the line ends before; `reason` names the bifurcation.
+        If the continuation ends before; `reason` names the bifurcation.
     """
     system, found = orbit.system, orbit.found
     target = {name: system.into(name, value) for name, value in values.items()}
@@ -335,7 +334,7 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
             return orbit_of(system, there)
     except OrbitError:
         pass
-    return orbit_of(system, _solved(_followed(orbit, target), target, found))
+    return orbit_of(system, _solved(_continued(orbit, target), target, found))
 
 
 def _solved(
@@ -349,13 +348,13 @@ def _solved(
 
 
 def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    """Return whether the states of an orbit have moved by a small part of their size."""
+    """Return whether the states of two orbits differ by a small part of their size."""
     here, there = (each.shooting.unpack(each.point.unknowns)[0] for each in (one, other))
-    return bool(np.abs(there - here).max() < FARTHEST * np.abs(here).max())
+    return bool(np.abs(there - here).max() < MAX_STATE_CHANGE * np.abs(here).max())
 
 
-def _followed(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
-    """Return the orbit at the end of a straight way, still in the family of that way."""
+def _continued(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
+    """Return the orbit at the end of a straight line, in the family of the line."""
     found = orbit.found
     line = LineFamily({LINE_PARAMETER: 0.0}, found.family, dict(target))
     shooting = Shooting(line, found.segments, (), found.shooting.pinned, found.shooting.phase)
@@ -370,7 +369,7 @@ def _followed(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     raise OrbitError(branch.ended, LINE_REMEDY)
 
 
-# --- How far an orbit is from its next bifurcation, along single parameters.
+# --- Bifurcation margins
 
 
 class _End(NamedTuple):
@@ -430,7 +429,7 @@ def bifurcation_margins(
         system.check_continued(name)
         here = system.value(name)
         if here == 0.0:
-            raise InvalidParameter(name, here, "another value than 0, of which reach is a part")
+            raise InvalidParameter(name, here, "nonzero, since reach is relative to it")
         for direction, sign in (("down", -1.0), ("up", 1.0)):
             stop = _allowed(orbit, name, here + sign * reach * abs(here))
             end = _next(orbit, name, stop)
@@ -443,7 +442,7 @@ def bifurcation_margins(
 
 
 def _allowed(orbit: Orbit, name: str, stop: float) -> float:
-    """Return `stop`, or what is nearest to it of what a parameter may be."""
+    """Return `stop`, or the nearest allowed value of the parameter."""
     here = orbit.system.value(name)
     for part in (1.0, 0.9, 0.75, 0.5, 0.25, 0.1, 0.01):
         try:
@@ -473,7 +472,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     return _End(float(system.out(name, last)), branch.ended)
 
 
-# --- How the numbers of an orbit move with the parameters, and how tolerances spread them.
+# --- Sensitivities and first-order tolerances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -523,8 +522,8 @@ class Sensitivity(Result):
         """One row per quantity and parameter.
 
         Columns: quantity, value, parameter, at (value of the parameter), derivative, elasticity
-        (per cent of change of the quantity for one of the parameter) and per cent (by how much the
-        quantity changes then); unit (of the quantity) where there are units.
+        (change of the quantity in per cent for one per cent of the parameter) and per cent (the
+        change of the quantity then); unit (of the quantity) for systems with units.
         """
         import pandas as pd
 
@@ -553,7 +552,7 @@ class Sensitivity(Result):
         Raises
         ------
         InvalidParameter
-            If there is no such quantity.
+            If the quantity is unknown.
         """
         import pandas as pd
 
@@ -561,7 +560,7 @@ class Sensitivity(Result):
         return pd.Series(self.derivatives[row], index=list(self.parameters), name=quantity)
 
     def row(self, quantity: str) -> int:
-        """Return the row of a quantity among `values`; raises InvalidParameter if there is none."""
+        """Return the row of a quantity in `values`; InvalidParameter if it is unknown."""
         if quantity not in self.quantities:
             raise InvalidParameter("quantity", quantity, f"one of {', '.join(self.quantities)}")
         return self.quantities.index(quantity)
@@ -610,15 +609,15 @@ class Sensitivity(Result):
     def summary(self) -> dict[str, Any]:
         """Return the value of each quantity, and the parameter with the largest influence."""
         table = self.table
-        told: dict[str, Any] = {"system": repr(self.system)}
+        shown: dict[str, Any] = {"system": repr(self.system)}
         for name, unit in zip(self.quantities, self.units, strict=True):
             rows = table[table["quantity"] == name].dropna(subset=["per cent"])
             if len(rows):
                 most = rows.loc[rows["per cent"].abs().idxmax()]
-                told[self.system.scales.label(name, unit)] = (
+                shown[self.system.scales.label(name, unit)] = (
                     f"{most['value']:.6g}; {most['parameter']} + 1 %: {most['per cent']:+.3g}"
                 )
-        return told
+        return shown
 
 
 def sensitivity(
@@ -630,8 +629,8 @@ def sensitivity(
 
     The orbit may be unstable. Derivatives of its states, event times, margins and speeds follow
     from the variational equations along its arcs and the implicit function theorem; those of
-    `Quantity` functions by the chain rule. Multipliers, which are derivatives already, are
-    differentiated along orbits that are corrected beside it.
+    `Quantity` functions by the chain rule. Multipliers, which are derivatives themselves, are
+    differentiated along corrected neighbouring orbits.
 
     Parameters
     ----------

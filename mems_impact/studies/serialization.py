@@ -1,4 +1,4 @@
-"""Results of studies that result files may contain."""
+"""Serialization of results of studies."""
 
 from mems_impact.studies.attractor_continuation import AttractorBranches
 from mems_impact.studies.basins import Basins

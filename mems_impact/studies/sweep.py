@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 
 __all__ = ["sweep"]
 
-# --- Sweeps as studies: the values in one direction are a chain, and several are independent.
+# --- Sweeps as studies, with a chain of values per direction
 
-Point = dict[str, Any]  # what `tables.sweep` takes for one value
+Point = dict[str, Any]  # input of `tables.sweep` for one value
 TEXT = (sweep_tables.DIRECTION, STATUS)
 
 
@@ -91,13 +91,13 @@ class SweepStudy(Study):
 
     @property
     def threaded(self) -> bool:
-        """Whether values hold no lock of Python's."""
-        # An interpreted engine does; CVODE's silences standard output for all threads.
+        """Whether values can be computed in parallel threads."""
+        # Interpreted engines hold the GIL; CVODE redirects standard output for all threads.
         return is_compiled(self.system.problem(self.options).options)
 
     @property
     def chains(self) -> tuple[range, ...]:
-        """One of each direction."""
+        """One chain per direction."""
         n = len(self.values)
         return tuple(range(i * n, (i + 1) * n) for i in range(len(self.starts)))
 
@@ -117,25 +117,25 @@ class SweepStudy(Study):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        names = sweep_tables.columns_of(self.parameter, [], *self._told)
+        names = sweep_tables.columns_of(self.parameter, [], *self._table_columns)
         return {name: "str" if name in TEXT else "float" for name in names}
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
         empty = sweep_tables.sweep(
-            self.parameter, [], *self._told, quantities=self.system.quantities
+            self.parameter, [], *self._table_columns, quantities=self.system.quantities
         )
         return empty.attrs
 
     def prepare(self) -> None:
-        """Compile the event loop once, rather than in every thread."""
+        """Compile the event loop once for all threads."""
         if not self.threaded:
             return
         case, (start, *_) = self.case(0), self.starts.values()
-        with contextlib.suppress(MemsImpactError):  # the chain itself will say so
+        with contextlib.suppress(MemsImpactError):  # the chain raises the error again
             options = replace(self.options, engine="compiled")
-            simulate(case, **self._lasting(1e-3), initial=start, options=options)
+            simulate(case, **self._run_length(1e-3), initial=start, options=options)
 
     def case(self, number: int) -> HybridSystem:
         """Return the system of a point; InvalidParameter if its value is not allowed."""
@@ -168,11 +168,16 @@ class SweepStudy(Study):
             if own != period:
                 state, period = _at_same_phase(state, period, own), own
             if not case.forced:
-                state = state.replace(time=0.0)  # nothing depends on it
+                state = state.replace(time=0.0)  # the system is autonomous
             with at_study_point(number):
-                state = self._run(case, point, state, _told_by(watch, number - first))
-        told = {"state": state.as_dict(), "time": state.time, "mode": state.mode, "period": period}
-        return sweep_tables.columns_of(self.parameter, points, *self._told), told
+                state = self._run(case, point, state, _value_progress(watch, number - first))
+        carried = {
+            "state": state.as_dict(),
+            "time": state.time,
+            "mode": state.mode,
+            "period": period,
+        }
+        return sweep_tables.columns_of(self.parameter, points, *self._table_columns), carried
 
     def place(self, number: int) -> str:
         """Return the name of a point in messages."""
@@ -181,15 +186,15 @@ class SweepStudy(Study):
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return rows of values that could not be computed."""
         points = [{**self._empty(number), "status": reason} for number in range(first, last)]
-        return sweep_tables.columns_of(self.parameter, points, *self._told)
+        return sweep_tables.columns_of(self.parameter, points, *self._table_columns)
 
     @property
-    def _told(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
+    def _table_columns(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
         return self._states, tuple(self.system.sweep_statistics), self.system
 
     @cached_property
     def _states(self) -> tuple[str, ...]:
-        """The states that are told of every crossing: those by which orbits are shown first."""
+        """The recorded states of every crossing, those in displays of orbits first."""
         return tuple(
             dict.fromkeys([*self.system.displayed_states, *reversed(self.system.section_states)])
         )
@@ -218,7 +223,7 @@ class SweepStudy(Study):
         try:
             run = simulate(
                 system,
-                **self._lasting(whole),
+                **self._run_length(whole),
                 initial=start,
                 window=(first, first + self.length),
                 options=self.options,
@@ -238,19 +243,19 @@ class SweepStudy(Study):
         point["statistics"] = statistics
         return run.final
 
-    def _lasting(self, length: float) -> dict[str, Any]:
-        """Return the argument of `simulate` that says how long."""
+    def _run_length(self, length: float) -> dict[str, Any]:
+        """Return the argument of `simulate` for the length of a run."""
         return {"periods" if self.system.forced else "duration": length}
 
     def _forced(self, system: HybridSystem, run: Run) -> tuple[Floats, Floats]:
-        """Return in which periods the section is crossed, and the states there.
+        """Return the periods of the crossings of the section, and the states there.
 
-        Where periods begin, without a section.
+        Without a section, the states at the starts of periods.
         """
         trajectory = run.trajectory
         if system.section is None:
             grid = trajectory.samples(1, first=run.window[0])
-            inside = grid.cycle < self.transient + self.length  # the end begins another period
+            inside = grid.cycle < self.transient + self.length  # without the end of the last one
             cycle, time, y = grid.cycle[inside], grid.time[inside], grid.y[inside]
         else:
             log = trajectory.events.crossings(self.section)
@@ -261,7 +266,7 @@ class SweepStudy(Study):
     def _unforced(self, system: HybridSystem, run: Run) -> tuple[Floats, Floats]:
         """Return the numbers of the crossings of the section, from 0, and the states there.
 
-        Without a section the maxima of each state, the k-th of all in one row.
+        Without a section, the maxima of each state; one row has the k-th maximum of each.
         """
         trajectory = run.trajectory
         first = float(system.into("time", self.transient)) / trajectory.period
@@ -285,14 +290,14 @@ def _at_same_phase(state: State, old: float, new: float) -> State:
     return state.replace(time=min(state.time / old * new, math.nextafter(new, 0.0)))
 
 
-def _told_by(watch: Watch | None, done: int) -> Watch | None:
-    """Return what a run is to call: it tells how many values are done, not periods."""
+def _value_progress(watch: Watch | None, done: int) -> Watch | None:
+    """Return a callback of runs that reports completed values instead of periods."""
     return None if watch is None else lambda _: watch(done)
 
 
-# --- Sweeps: one parameter slowly increased or decreased, every value from the last state before.
+# --- Sweeps
 
-TRANSIENT, PERIODS = 300, 60  # of a system with forcing, where nothing is said
+TRANSIENT, PERIODS = 300, 60  # defaults for a system with forcing
 CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
 
 
@@ -410,8 +415,8 @@ def sweep(
         options=options,
     )
     for number in range(len(ascending)):
-        with contextlib.suppress(FunctionError):  # a row with its reason
-            study.case(number)  # all values are checked before the first is computed
+        with contextlib.suppress(FunctionError):  # it becomes a failed row
+            study.case(number)  # check all values before the first is computed
     for start in study.starts.values():
         system.hybrid_state(start, system.problem(options))
     try:
@@ -421,7 +426,7 @@ def sweep(
             executor=executor,
             workers=workers,
             progress=progress,
-            # An interruption shall cost one value, where values need not go far to be kept.
+            # In memory, chunks of one value lose the least by an interruption.
             chunk=1 if store is None and executor is None else None,
         )
     except StudyInterrupted as stop:
@@ -431,7 +436,7 @@ def sweep(
 def _spans(
     system: HybridSystem, transient: float | None, periods: int | None, duration: float | None
 ) -> tuple[float, float]:
-    """Return the lengths of transient and measurement: forcing periods, or times without."""
+    """Return the lengths of transient and measurement in forcing periods, or in time."""
     if system.forced:
         if duration is not None:
             problem = "the system has a forcing period, by which a sweep counts: give periods="
@@ -468,7 +473,7 @@ def _initial(initial: State | Mapping[str, State] | None, name: str, system: Hyb
 
 
 def _changed_if_valid(system: HybridSystem, parameter: str, value: float) -> HybridSystem:
-    """Return the system at a value; as it is where a function of the user's fails there."""
+    """Return the system at a value; unchanged if a user function fails there."""
     try:
         return system.changed(**{parameter: value})
     except FunctionError:

@@ -1,12 +1,12 @@
 """Sequential quadratic programming with a trust region.
 
-Sequential quadratic programming with a trust region. Its models are exact to first order, and get
-their curvature by symmetric rank-one updates. A line search would have to cross what lies between
-two points; here a trial that cannot be evaluated shrinks the region, and the point stays.
+The models are exact to first order; symmetric rank-one updates provide their curvature. A trial
+point that cannot be evaluated shrinks the region, whereas a line search would have to evaluate the
+points on its way.
 
-Functions may be smooth in pieces, which the points tell apart. Where two pieces meet in an edge
-from which the value rises on both sides, the model is the larger of theirs, so that the search goes
-along the edge (Womersley and Fletcher, J. Optim. Theory Appl. 50 (1986) 493).
+Functions may be piecewise smooth, with the piece known at each point. At an edge between two pieces
+from which the value increases on both sides, the model is the maximum of both, so that the search
+continues along the edge (Womersley and Fletcher, J. Optim. Theory Appl. 50 (1986) 493).
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from mems_impact.errors import OrbitError
 
 __all__ = ["Iterate", "search"]
 
-ENOUGH = 2.0  # a penalty by the largest multiplier: with one an orbit is best that meets all
-MIN_OBJECTIVE_SHARE = 0.3  # of what meeting constraints is worth, that a step must promise
-EDGE = 1e-12  # nearer to a side of the box is on it
-FIRST, SMALLEST = 0.1, 1e-9  # size of the trust region, in parts of the ranges
-GOOD, POOR = 0.75, 0.25  # what a step brings by what it promised, to widen or narrow the region
-GAIN = 1e-8  # that a model must promise for the search to go on
-CONSTRAINT_TOLERANCE = 1e-6  # within which a constraint is met
-EDGE_DISTANCE = 1e-5  # of an edge, in parts of the ranges: from here it is known
-EQUAL_PIECES_RATIO = 1e-3  # of what a step promises: pieces that differ by no more meet there
+PENALTY_RATIO = 2.0  # penalty relative to the largest multiplier; above 1 it is exact
+MIN_OBJECTIVE_SHARE = 0.3  # least predicted reduction of merit, relative to that of violations
+BOX_TOLERANCE = 1e-12  # distance from a side of the box within which a point is on it
+INITIAL_RADIUS, MIN_RADIUS = 0.1, 1e-9  # of the trust region, relative to the ranges
+# Ratios of actual to predicted reduction above and below which the region changes its size.
+EXPANSION_RATIO, REDUCTION_RATIO = 0.75, 0.25
+MIN_PREDICTED_REDUCTION = 1e-8  # least predicted reduction of a step
+CONSTRAINT_TOLERANCE = 1e-6  # violation within which a constraint is satisfied
+EDGE_DISTANCE = 1e-5  # of a located edge, relative to the ranges
+EQUAL_PIECES_RATIO = 1e-3  # difference of pieces at an edge, relative to the predicted reduction
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +41,11 @@ class LocalModel:
     Attributes
     ----------
     value, gradient
-        Of what is minimized; float, float array of shape (n,).
+        Objective and its gradient; float, float array of shape (n,).
     margins, by_margin
-        Of the constraints, which hold where margins are 0 or more; shapes (m,), (m, n).
+        Margins of the constraints, >= 0 if satisfied, and their gradients; shapes (m,), (m, n).
     piece
-        On which the functions are smooth; hashable.
+        Identifier of the smooth piece; hashable.
     """
 
     value: float
@@ -54,12 +55,12 @@ class LocalModel:
     piece: Hashable = None
 
     def merit(self, penalty: float) -> float:
-        """Return the value and a penalty for constraints that are violated."""
+        """Return the value plus a penalty for violated constraints."""
         return self.value + penalty * float(np.maximum(0.0, -self.margins).sum())
 
     @property
     def violation(self) -> float:
-        """The largest by which a constraint is violated."""
+        """The largest violation of a constraint."""
         return float(np.maximum(0.0, -self.margins).max(initial=0.0))
 
 
@@ -68,21 +69,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Iterate(Generic[T]):
-    """Where a search has come to.
+    """A point of a search.
 
     Attributes
     ----------
     x : float array, shape (n,)
     item : object
-        What was made of it.
+        Object at this point.
     local : LocalModel
     ended : str
-        "converged", "lost" (the points beyond cannot be evaluated), "small" (steps are as small as
-        rounding), "spent" (the number of iterations); "" while it goes on.
+        "converged", "lost" (points beyond cannot be evaluated), "small" (steps are at the level of
+        rounding), "spent" (the iterations are exhausted); "" before the end.
     lost : str
-        Why the last point that could not be evaluated could not.
+        Reason of the last failed evaluation.
     edge : tuple of object
-        What was made of points on other pieces, where the end lies on an edge.
+        Objects at points of other pieces, if the end is on an edge.
     """
 
     x: Floats
@@ -94,7 +95,7 @@ class Iterate(Generic[T]):
 
 
 @dataclass(frozen=True, eq=False)
-class _Beyond(Generic[T]):
+class _PieceModel(Generic[T]):
     """The model of another piece: the nearest point on it, and its curvature."""
 
     there: Iterate[T]
@@ -107,14 +108,14 @@ class _Beyond(Generic[T]):
         return float(local.value + local.gradient @ way + 0.5 * way @ bent), local.gradient + bent
 
     def excess(self, here: Iterate[T]) -> float:
-        """Return by how much the model is above the value at a point of a piece of its own."""
+        """Return the excess of the model over the value at a point of another piece."""
         return max(0.0, self.at(here.x)[0] - here.local.value)
 
     def across(self, here: Iterate[T]) -> Iterator[Floats]:
-        """Give points from `here` straight to the edge and over it, ever farther.
+        """Yield points from `here` across the edge, at increasing distances.
 
-        Values are equal along an edge, so that their gradients differ across it. The models
-        mistake its place by the square of the distance from which they look.
+        Values of both pieces are equal along an edge, so that the difference of their gradients is
+        normal to it. The error of its predicted position is quadratic in the distance.
         """
         value, gradient = self.at(here.x)
         turn = gradient - here.local.gradient
@@ -122,7 +123,7 @@ class _Beyond(Generic[T]):
         away = float(np.abs(self.there.x - here.x).max())
         length = max(2.0 * (here.local.value - value) / steep, away**2)
         while length < away:
-            yield _boxed(here.x + length / steep * turn)
+            yield _clipped(here.x + length / steep * turn)
             length *= 4.0
 
 
@@ -135,21 +136,21 @@ def search(
     report: Callable[[Iterate[T]], None],
     iterations: int,
 ) -> Iterate[T]:
-    """Minimize within the unit box from `start` on.
+    """Minimize within the unit box, starting from `start`.
 
     Parameters
     ----------
     start : float array, shape (n,)
     item : object
-        What there is at `start`.
+        Object at `start`.
     move : callable
-        ``move(item, x)`` returns what there is at another point, or raises `OrbitError`.
+        ``move(item, x)`` returns the object at another point, or raises `OrbitError`.
     look : callable
         ``look(item)`` returns the functions there, or raises `OrbitError`.
     report : callable
-        Called with every point that is taken, the first one included.
+        Called with every accepted point, including the first.
     iterations : int
-        Trials at most.
+        Maximum number of trials.
 
     Returns
     -------
@@ -160,8 +161,8 @@ def search(
     flat = np.zeros((start.size, start.size))
     curvatures: dict[Hashable, Floats] = {}
     others: dict[Hashable, Iterate[T]] = {}
-    seen = {here.local.piece: here}  # on every piece the last point, from which it bends
-    radius, lost, penalty = FIRST, "", 0.0
+    seen = {here.local.piece: here}  # last point of every piece, for its curvature
+    radius, lost, penalty = INITIAL_RADIUS, "", 0.0
 
     def keep(there: Iterate[T]) -> None:
         piece = there.local.piece
@@ -172,22 +173,22 @@ def search(
             others[piece] = there
 
     for _ in range(iterations):
-        penalty = max(penalty, ENOUGH * float(_multipliers(here.local).max(initial=0.0)))
+        penalty = max(penalty, PENALTY_RATIO * float(_multipliers(here.local).max(initial=0.0)))
         curvature = curvatures.get(here.local.piece, flat)
         beyond = [
-            _Beyond(other, curvatures.get(piece, flat))
+            _PieceModel(other, curvatures.get(piece, flat))
             for piece, other in others.items()
             if _is_edge(here, other)
         ]
         step, gained, met, edge = _model_step(here, curvature, radius, beyond)
-        least = GAIN * max(1.0, abs(here.local.merit(penalty)))
+        least = MIN_PREDICTED_REDUCTION * max(1.0, abs(here.local.merit(penalty)))
         if met > 0.0:
             penalty = max(penalty, -gained / ((1.0 - MIN_OBJECTIVE_SHARE) * met))
         promised = gained + penalty * met
         length = float(np.abs(step).max())
         away = max((float(np.abs(each.there.x - here.x).max()) for each in edge), default=0.0)
         if promised < least and away > EDGE_DISTANCE:
-            # Where an edge is, points as far from it as these do not know: look again, nearer.
+            # These points are too far from the edge to determine it: repeat with closer ones.
             others.clear()
             for place in (place for each in edge for place in each.across(here)):
                 try:
@@ -199,27 +200,27 @@ def search(
             if not others:
                 radius = 0.25 * min(radius, away)
             continue
-        if promised < least or length < SMALLEST:
-            held = length > 0.99 * radius  # by the region alone, which has shrunk
+        if promised < least or length < MIN_RADIUS:
+            held = length > 0.99 * radius  # the shrunken region alone limits the step
             ended = ("lost" if lost else "small") if held else "converged"
             met_there = tuple(each.there.item for each in edge)
             return replace(here, ended=ended, lost=lost if held else "", edge=met_there)
         try:
-            there = _at(here, _boxed(here.x + step), move, look)
+            there = _at(here, _clipped(here.x + step), move, look)
             ratio = (here.local.merit(penalty) - there.local.merit(penalty)) / promised
             keep(there)
-            if ratio < POOR and there.local.violation > here.local.violation:
-                # Constraints bend, and the model does not know by how much: step back onto them.
-                back = _boxed(there.x + _back(here.local, there.local))
+            if ratio < REDUCTION_RATIO and there.local.violation > here.local.violation:
+                # Second-order correction for the curvature of the constraints.
+                back = _clipped(there.x + _restoration_step(here.local, there.local))
                 nearer = _at(here, back, move, look)
                 better = (here.local.merit(penalty) - nearer.local.merit(penalty)) / promised
                 there, ratio = (nearer, better) if better > ratio else (there, ratio)
         except OrbitError as error:
             lost, radius = error.reason, 0.25 * length
             continue
-        if ratio > GOOD and length > 0.99 * radius:
+        if ratio > EXPANSION_RATIO and length > 0.99 * radius:
             radius = min(1.0, 2.0 * radius)
-        elif ratio < POOR:
+        elif ratio < REDUCTION_RATIO:
             radius = 0.25 * length
         if ratio > 1e-4:
             if there.local.piece != here.local.piece:
@@ -231,21 +232,21 @@ def search(
 
 
 def _is_edge(here: Iterate[T], other: Iterate[T]) -> bool:
-    """Return whether values rise from an edge between two points, on either side of it."""
+    """Return whether values increase on both sides of an edge between two points."""
     way = other.x - here.x
     bends = float((other.local.gradient - here.local.gradient) @ way)
     seen = other.local.value - float(other.local.gradient @ way) - here.local.value
     return bends > 0.0 and seen < 0.1 * bends
 
 
-def _boxed(x: Floats) -> Floats:
-    """Return a point of the unit box, on its sides where it is as near as rounding."""
-    x = np.where(x > 1.0 - EDGE, 1.0, x)
-    return np.asarray(np.where(x < EDGE, 0.0, x))
+def _clipped(x: Floats) -> Floats:
+    """Return a point of the unit box, moved onto sides within rounding."""
+    x = np.where(x > 1.0 - BOX_TOLERANCE, 1.0, x)
+    return np.asarray(np.where(x < BOX_TOLERANCE, 0.0, x))
 
 
-def _back(here: LocalModel, there: LocalModel) -> Floats:
-    """Return the shortest step that makes up for violated constraints, to first order."""
+def _restoration_step(here: LocalModel, there: LocalModel) -> Floats:
+    """Return the shortest step that satisfies violated constraints to first order."""
     missed = there.margins < 0.0
     return np.asarray(np.linalg.lstsq(here.by_margin[missed], -there.margins[missed])[0])
 
@@ -258,18 +259,18 @@ def _at(
 
 
 def _model_step(
-    here: Iterate[T], curvature: Floats, radius: float, beyond: Sequence[_Beyond[T]]
-) -> tuple[Floats, float, float, list[_Beyond[T]]]:
+    here: Iterate[T], curvature: Floats, radius: float, beyond: Sequence[_PieceModel[T]]
+) -> tuple[Floats, float, float, list[_PieceModel[T]]]:
     """Return the step that minimizes the model in the trust region.
 
-    Where constraints are violated, they come first: they are met as far as the region allows. With
-    it comes by how much it lessens value and violations, as far as the model knows, and the pieces
-    at whose edges it ends.
+    Violated constraints have priority: they are satisfied as far as the region allows. Further
+    results are the predicted reductions of value and violation, and the pieces at whose edges the
+    step ends.
     """
-    from scipy.optimize import minimize  # which need not be read before
+    from scipy.optimize import minimize  # imported on first use
 
     local, n = here.local, here.x.size
-    # In parts of the region and of what it promises at most, lest small steps drown in rounding.
+    # Scaled by the region and by the largest predicted reduction, so that small steps are accurate.
     unit = radius * max(float(np.abs(local.gradient).max()), 1e-30)
     slope, bend = local.gradient * radius / unit, curvature * radius**2 / unit
     rows = local.by_margin * radius
@@ -282,7 +283,7 @@ def _model_step(
     def own(z: Floats) -> tuple[float, Floats]:
         return float(slope @ z + 0.5 * z @ bend @ z), slope + bend @ z
 
-    def of(piece: _Beyond[T]) -> Callable[[Floats], tuple[float, Floats]]:
+    def of(piece: _PieceModel[T]) -> Callable[[Floats], tuple[float, Floats]]:
         excess = piece.excess(here)
 
         def model(z: Floats) -> tuple[float, Floats]:
@@ -293,7 +294,7 @@ def _model_step(
 
     pieces = [own, *map(of, beyond)]
     held = [
-        {"type": "ineq", "fun": lambda z: allowed + rows @ z[:n], "jac": lambda z: _wide(rows, z)}
+        {"type": "ineq", "fun": lambda z: allowed + rows @ z[:n], "jac": lambda z: _padded(rows, z)}
     ]
     ends = {"ftol": 1e-12, "maxiter": 200}
     if not beyond:
@@ -302,7 +303,7 @@ def _model_step(
             constraints=held if local.margins.size else [], method="SLSQP", options=ends,
         )  # fmt: skip
     else:
-        # The largest of the pieces is one more unknown, which none of them exceeds.
+        # The maximum of the pieces is an additional unknown that bounds all of them.
         below = [
             {
                 "type": "ineq",
@@ -327,13 +328,13 @@ def _model_step(
     return radius * part, gained, met, edge
 
 
-def _wide(rows: Floats, z: Floats) -> Floats:
-    """Return rows with columns of zeros for unknowns that they do not know."""
+def _padded(rows: Floats, z: Floats) -> Floats:
+    """Return rows with columns of zeros for additional unknowns."""
     return np.hstack([rows, np.zeros((len(rows), z.size - rows.shape[1]))])
 
 
 def _towards_constraints(margins: Floats, rows: Floats, box: Floats) -> Floats:
-    """Return the step that meets linear constraints best; none where they are met."""
+    """Return the step that best satisfies linear constraints; zero if they are satisfied."""
     from scipy.optimize import linprog
 
     n, m = box.shape[0], margins.size
@@ -349,7 +350,7 @@ def _towards_constraints(margins: Floats, rows: Floats, box: Floats) -> Floats:
 
 
 def _updated(curvature: Floats, here: Iterate[T], there: Iterate[T]) -> Floats:
-    """Return the curvature of the Lagrangian after one more step (symmetric rank one)."""
+    """Return the curvature of the Lagrangian after another step (symmetric rank one)."""
     weights = _multipliers(there.local)
     step = there.x - here.x
     turned = [each.gradient - weights @ each.by_margin for each in (here.local, there.local)]
@@ -361,7 +362,7 @@ def _updated(curvature: Floats, here: Iterate[T], there: Iterate[T]) -> Floats:
 
 
 def _multipliers(local: LocalModel) -> Floats:
-    """Return Lagrange multipliers of the constraints that are near active, by least squares."""
+    """Return Lagrange multipliers of nearly active constraints, by least squares."""
     from scipy.optimize import nnls
 
     weights = np.zeros(local.margins.size)

@@ -47,10 +47,10 @@ from mems_impact.systems.state import State, is_number, state_from
 
 __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
 
-# --- Sobol' indices: how much of the variance of a quantity is due to each of what is drawn.
+# --- Sobol' indices
 
 RESAMPLES = 999
-MIN_SPREAD = 1e-9  # relative spread of a quantity that does not vary
+MIN_SPREAD = 1e-9  # relative spread below which a quantity is constant
 
 
 def indices_table(
@@ -61,11 +61,11 @@ def indices_table(
     Parameters
     ----------
     draws : ParameterSample
-        With the samples that indices need.
+        Draws that include the samples for indices.
     quantities : sequence of str
     values : float array, shape (points, quantities)
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def indices_table(
     spread = np.ptp(values, axis=0)
     varies = whole & (spread > MIN_SPREAD * np.abs(values).max(axis=0))
     shape = (len(quantities), len(draws.names))
-    found = np.full((6, *shape), np.nan)  # first-order and its ends, total and its ends
+    found = np.full((6, *shape), np.nan)  # first-order and total, each with interval bounds
     found[:, whole] = 0.0
     if varies.any():
         found[:, varies] = _estimated(matrices(draws, values[:, varies]), seed)
@@ -93,7 +93,7 @@ def indices_table(
 
 
 def _estimated(parts: tuple[Floats, Floats, Floats], seed: int) -> Floats:
-    """Return indices and ends of their intervals, by resampling rows."""
+    """Return indices and bounds of their intervals, by resampling rows."""
     n = parts[0].shape[1]
     rows = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
     resampled = np.array([_indices([part[..., chosen] for part in parts]) for chosen in rows])
@@ -111,10 +111,10 @@ def _indices(parts: Sequence[Floats]) -> Floats:
     return np.stack([found.first_order.reshape(shape), found.total_order.reshape(shape)])
 
 
-# --- What the points of a tolerance analysis tell: how their quantities are spread, and the yield.
+# --- Spread of quantities, and yield
 
-SAMPLE = "sample"  # column: to which of the samples that indices need a row belongs
-ALL = "all"  # in the last row of yields
+SAMPLE = "sample"  # column with the sample of a row, if indices are computed
+ALL = "all"  # name of the last row of yields
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +138,7 @@ class Spread:
 
     @property
     def points(self) -> pd.DataFrame:
-        """The independent samples: all rows, or all but those that only the indices need."""
+        """The independent samples: all rows except those for indices only."""
         rows = self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
         rows.attrs = dict(self.table.attrs)
         return rows
@@ -175,7 +175,7 @@ class Spread:
         return pd.DataFrame(found, columns=headings)
 
     def quantiles(self, q: Sequence[float] = (0.05, 0.5, 0.95)) -> pd.DataFrame:
-        """Return quantiles of the measured quantities, over the points that have a value.
+        """Return quantiles of the measured quantities, over the points with a value.
 
         Parameters
         ----------
@@ -202,7 +202,7 @@ class Spread:
         return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(kinds))
 
 
-# --- Tolerance analysis: what tolerances of parameters make of the motions of a system.
+# --- Tolerance analysis
 
 Specification = Mapping[str, tuple[float | None, float | None]]
 
@@ -238,8 +238,8 @@ class ToleranceStudy(AttractorStudy):
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        told = self.measuring.attrs(tuple(self.schema))
-        return {**told, "drawn": list(self.draws.names)}
+        attrs = self.measuring.attrs(tuple(self.schema))
+        return {**attrs, "drawn": list(self.draws.names)}
 
     def _case(self, number: int) -> InitialCondition:
         row = self.draws.settings[number].tolist()
@@ -299,10 +299,10 @@ class ToleranceAnalysis(Spread, Result):
 
     def __repr__(self) -> str:
         drawn, counted = ", ".join(self.drawn), self._counted()
-        told = f"ToleranceAnalysis({drawn}: {len(self.points)} points, {counted}"
+        text = f"ToleranceAnalysis({drawn}: {len(self.points)} points, {counted}"
         if self.specification:
-            told += f", yield {self.yields['share'].iloc[-1]:.1%}"
-        return told + ")"
+            text += f", yield {self.yields['share'].iloc[-1]:.1%}"
+        return text + ")"
 
     def summary(self) -> dict[str, Any]:
         """Return the sampled quantities, the kinds of motions and the yield."""
@@ -427,7 +427,7 @@ def tolerance_analysis(
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.hybrid_state(start, system.problem(options))
     if parameters is not None and not callable(parameters):
-        allowed = "a function that takes what is drawn by name and returns parameters by name"
+        allowed = "a function of the sampled quantities by name that returns parameters by name"
         raise InvalidParameter("parameters", parameters, allowed)
     draws = draw(
         system,
@@ -450,10 +450,10 @@ def tolerance_analysis(
         return found
 
     names = found.quantities
-    told = indices_table(draws, names, table[names].to_numpy(), int(seed))
-    told.attrs = dict(table.attrs)
+    effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
+    effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(
-        system=system, drawn=draws.names, specification=wanted, table=table, indices=told
+        system=system, drawn=draws.names, specification=wanted, table=table, indices=effects
     )
 
 
@@ -463,7 +463,7 @@ def _specification(
     """Return the specification without None; InvalidParameter unless it has columns and bounds."""
     known = [name for name, kind in schema.items() if kind in ("float", "int")]
     if not isinstance(given, Mapping):
-        raise InvalidParameter("specification", given, "columns and what they shall lie between")
+        raise InvalidParameter("specification", given, "columns with their bounds")
     found = {}
     for name, ends in given.items():
         if name not in known:

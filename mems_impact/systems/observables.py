@@ -18,7 +18,7 @@ __all__ = [
     "Quantity",
 ]
 
-# --- Observables.
+# --- Observables
 
 Reduction = Literal["sum", "mean", "min", "max", "gain"]
 AT_EVENTS = ("sum", "mean", "min", "max")
@@ -69,7 +69,7 @@ class Observable:
             raise InvalidParameter("reduce", self.reduce, f"one of {', '.join(allowed)}")
 
 
-# --- Quantities of orbits.
+# --- Quantities of orbits
 
 
 @dataclass(frozen=True)
@@ -143,5 +143,5 @@ class EventObserver(Protocol):
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
 
-    def tell(self, final: HybridState) -> None:
+    def warn(self, final: HybridState) -> None:
         """Warn about a run that ended at `final`."""

@@ -12,7 +12,7 @@ from mems_impact.errors import InvalidParameter
 
 __all__ = ["Mode", "State", "is_number", "modes", "state_from", "whole"]
 
-# --- Modes.
+# --- Modes
 
 
 class Mode(int):
@@ -61,7 +61,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
     return tuple(Mode(number, names) for number in range(len(names)))
 
 
-# --- States.
+# --- States
 
 MAX_DISPLAYED_COMPONENTS = 8  # largest number of components in a repr
 

@@ -221,7 +221,7 @@ class System(HybridSystem):
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
         problem, time = self.problem(Options()), sizes.get("time")
-        checks.dry_run(self, self.definition, problem, time=time, meant=initial is not None)
+        checks.dry_run(self, self.definition, problem, time=time, user_given=initial is not None)
         if sizes:
             del self._checked_numbers  # in other units
             self.typical = typical_of(

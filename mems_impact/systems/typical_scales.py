@@ -30,7 +30,7 @@ __all__ = [
     "warn_if_badly_scaled_run",
 ]
 
-# --- Warnings about poor scaling.
+# --- Warnings about poor scaling
 
 RESOLVED = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
 FASTEST = 1e-4  # smallest mean step, relative to the assumed time scale
@@ -128,7 +128,7 @@ def _warn(what: str, sizes: Mapping[str, float]) -> None:
     warnings.warn(message, ScaleWarning, stacklevel=6)
 
 
-# --- Scales of variables from typical magnitudes by name or unit.
+# --- Scales of variables from typical magnitudes by name or unit
 
 # Derived SI units as powers of base units.
 DERIVED: dict[str, dict[str, int]] = {

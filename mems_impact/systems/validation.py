@@ -54,7 +54,7 @@ __all__ = [
     "warn_of_discontinuity",
 ]
 
-# --- Side effects of functions.
+# --- Side effects of functions
 
 COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them
 
@@ -137,7 +137,7 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
                 yield UserFunction(kind, getattr(guard, kind), guard.name)
 
 
-# --- Undeclared discontinuities of the flow, across which no integration step is accurate.
+# --- Undeclared discontinuities of the flow
 
 PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # relative to the time scale: intervals searched for a jump
 STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps of a run
@@ -169,7 +169,7 @@ def warn_of_discontinuity(
         Whether the flow is discontinuous.
     """
     numbers = system.numbers()
-    tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+    checked = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
     # Functions of a system with forcing may depend on time, and switch within a period.
     time = math.fmod(at.time, numbers.period) if system.forced else 0.0
     switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
@@ -178,20 +178,22 @@ def warn_of_discontinuity(
     values = zip(system.states, at.y.tolist(), strict=True)
     y = [float(system.out(name, value)) for name, value in values]
     place = EvaluationPoint(at.mode, float(system.out("time", time)), y)
-    watching = [i for i, g in enumerate(definition.guards) if g.modes is None or at.mode in g.modes]
+    active_guards = [
+        i for i, g in enumerate(definition.guards) if g.modes is None or at.mode in g.modes
+    ]
     try:
-        slope = tried.flow(place)
+        slope = checked.flow(place)
         units = [float(system.out("time", stretch)) for stretch in stretches]
-        return warn_of_jump(tried, place, slope, watching, units)
+        return warn_of_jump(checked, place, slope, active_guards, units)
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
 
 
 def warn_of_jump(
-    tried: CheckedFunctions,
+    checked: CheckedFunctions,
     at: EvaluationPoint,
     slope: Sequence[float],
-    watching: Sequence[int],
+    active_guards: Sequence[int],
     stretches: Sequence[float],
 ) -> bool:
     """Warn if the flow is discontinuous just ahead of a point where steps have become very short.
@@ -200,11 +202,11 @@ def warn_of_jump(
 
     Parameters
     ----------
-    tried : CheckedFunctions
+    checked : CheckedFunctions
     at : EvaluationPoint
     slope : sequence of float
         The flow at this point.
-    watching : sequence of int
+    active_guards : sequence of int
         Active guards.
     stretches : sequence of float
         Lengths of the intervals to search, ascending.
@@ -222,27 +224,27 @@ def warn_of_jump(
 
     for whole in stretches:
         end, beyond = ahead(whole), ahead(BEYOND * whole)
-        enclosed = _enclosed(tried, ahead, whole)
+        enclosed = _enclosed(checked, ahead, whole)
         if enclosed is None:
             continue
-        if any(tried.margin(i, at) * tried.margin(i, beyond) <= 0.0 for i in watching):
+        if any(checked.margin(i, at) * checked.margin(i, beyond) <= 0.0 for i in active_guards):
             return False
         before, after, least = enclosed
-        if min(_rounding(tried, at), _rounding(tried, end)) < JUMP_ROUNDING_RATIO * least:
-            _tell(tried, before, after, least, end)
+        if min(_rounding(checked, at), _rounding(checked, end)) < JUMP_ROUNDING_RATIO * least:
+            _warn(checked, before, after, least, end)
             return True
     return False
 
 
 def _enclosed(
-    tried: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], whole: float
+    checked: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], whole: float
 ) -> tuple[EvaluationPoint, EvaluationPoint, float] | None:
     """Return neighbouring points that enclose a jump of the flow, and its smallest size.
 
     Bisection stops when a half has only its share of the difference, as for a steep flow.
     """
     low, high = ahead(0.0), ahead(whole)
-    before, after = tried.flow(low), tried.flow(high)
+    before, after = checked.flow(low), checked.flow(high)
     least = LASTS * _size(before, after)
     if least <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
         return None
@@ -252,7 +254,7 @@ def _enclosed(
         there = ahead(middle)
         if there in (low, high):
             break  # no number lies between
-        between = tried.flow(there)
+        between = checked.flow(there)
         parts = _size(before, between), _size(between, after)
         if max(parts) < least:
             return None
@@ -263,36 +265,36 @@ def _enclosed(
     return low, high, least
 
 
-def _rounding(tried: CheckedFunctions, at: EvaluationPoint) -> float:
+def _rounding(checked: CheckedFunctions, at: EvaluationPoint) -> float:
     """Return the change of the flow by rounding of state and time."""
-    flow, most = tried.flow(at), 0.0
+    flow, most = checked.flow(at), 0.0
     for pattern in ((1.0,), (-1.0,), (1.0, -1.0)):
-        signs = [pattern[i % len(pattern)] for i in range(tried.n + 1)]
+        signs = [pattern[i % len(pattern)] for i in range(checked.n + 1)]
         *y, t = (math.nextafter(a, s * math.inf) for a, s in zip((*at.y, at.t), signs, strict=True))
-        most = max(most, _size(flow, tried.flow(EvaluationPoint(at.mode, t, y))))
+        most = max(most, _size(flow, checked.flow(EvaluationPoint(at.mode, t, y))))
     return most
 
 
-def _tell(
-    tried: CheckedFunctions,
+def _warn(
+    checked: CheckedFunctions,
     before: EvaluationPoint,
     after: EvaluationPoint,
     least: float,
     end: EvaluationPoint,
 ) -> None:
     """Warn about a jump between two points of an interval."""
-    slopes = tried.flow(before), tried.flow(after)
-    k = max(range(tried.n), key=lambda i: abs(slopes[1][i] - slopes[0][i]))
-    jump = f"d{tried.states[k]}/dt jumps from {slopes[0][k]:.6g} to {slopes[1][k]:.6g}"
+    slopes = checked.flow(before), checked.flow(after)
+    k = max(range(checked.n), key=lambda i: abs(slopes[1][i] - slopes[0][i]))
+    jump = f"d{checked.states[k]}/dt jumps from {slopes[0][k]:.6g} to {slopes[1][k]:.6g}"
 
     def changes(place: EvaluationPoint) -> bool:
-        return _size(slopes[0], tried.flow(place)) >= least
+        return _size(slopes[0], checked.flow(place)) >= least
 
     def by(place: Callable[[int], EvaluationPoint]) -> list[str]:
-        moved = [i for i in range(tried.n) if changes(place(i))]
+        moved = [i for i in range(checked.n) if changes(place(i))]
         # A zero within rounding is the point of the jump.
         at = [0.0 if abs(y) <= abs(y - far) else y for y, far in zip(before.y, end.y, strict=True)]
-        return [f"{tried.states[i]} = {at[i]:.6g}" for i in moved]
+        return [f"{checked.states[i]} = {at[i]:.6g}" for i in moved]
 
     def one(i: int) -> EvaluationPoint:
         y = [*before.y[:i], after.y[i], *before.y[i + 1 :]]
@@ -302,7 +304,7 @@ def _tell(
         where = f"t = {before.t:.6g}"
         remedy = "give the times of the jumps in switches="
     else:
-        where = " or ".join(by(one)) or tried.place(before).removeprefix("at ")
+        where = " or ".join(by(one)) or checked.place(before).removeprefix("at ")
         remedy = "use a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
     message = f"the flow is discontinuous: {jump} at {where}, where no step is accurate; {remedy}"
     warn(message, DiscontinuityWarning)
@@ -313,7 +315,7 @@ def _size(one: Sequence[float], other: Sequence[float]) -> float:
     return max(abs(b - a) for a, b in zip(one, other, strict=True))
 
 
-# --- Consistency of given derivatives with finite differences, with an error bound.
+# --- Consistency of given derivatives
 
 RATE_STEP_RATIO = 2.5e-4  # step of differences, relative to the time scale
 CONSTRAINT_RTOL = 1e-5  # of the typical change of a constraint: below it is zero
@@ -347,99 +349,101 @@ def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
 
 
 def rate_of(
-    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> tuple[float, float]:
     """Return the rate of a margin by differences along the flow, and an error bound."""
     h = RATE_STEP_RATIO * unit
-    return derivative([tried.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h)
+    return derivative(
+        [checked.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
+    )
 
 
 def check_rate(
-    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> None:
     """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
-    guard = tried.definition.guards[i]
-    given = tried.rate(i, at)
-    found, error = rate_of(tried, i, at, slope, unit)
+    guard = checked.definition.guards[i]
+    given = checked.rate(i, at)
+    found, error = rate_of(checked, i, at, slope, unit)
     error += DERIVATIVE_RTOL * (abs(found) + abs(given))
     if not abs(given - found) > error:
         return
-    if not abs(given - found) > error + rounding_of(tried, i, at, slope, unit):
+    if not abs(given - found) > error + rounding_of(checked, i, at, slope, unit):
         return
     assert guard.rate is not None
-    where = tried.place(at)
+    where = checked.place(at)
     problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
     remedy = "return the derivative of the margin along the flow, or omit rate"
     raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
 
 
 def check_constraint(
-    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> None:
     """Raise FunctionError unless a constraint is and remains zero in its mode."""
-    value, h, size = tried.constraint(i, at), RATE_STEP_RATIO * unit, 0.0
+    value, h, size = checked.constraint(i, at), RATE_STEP_RATIO * unit, 0.0
     for j, y in enumerate(at.y):
         part = RATE_STEP_RATIO * max(abs(y), abs(slope[j]) * unit, 1e-3)
         beside = EvaluationPoint(at.mode, at.t, [*at.y[:j], y + part, *at.y[j + 1 :]])
-        by_state = abs(tried.constraint(i, beside) - value) / part
+        by_state = abs(checked.constraint(i, beside) - value) / part
         size = max(size, by_state * max(abs(y), abs(slope[j]) * unit, 1e-3))
     rate, error = derivative(
-        [tried.constraint(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
+        [checked.constraint(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
     )
-    function = UserFunction("constraint", tried.definition.constraints[i][1])
+    function = UserFunction("constraint", checked.definition.constraints[i][1])
     if abs(value) > CONSTRAINT_RTOL * size:
-        problem = f"is {value:.6g} {tried.place(at)}, must be zero in this mode"
+        problem = f"is {value:.6g} {checked.place(at)}, must be zero in this mode"
         raise function.error(
             problem, "make it zero in transitions into the mode and in the initial state"
         )
     if abs(rate) * unit > CONSTRAINT_RTOL * size + error * unit:
-        problem = f"changes at the rate {rate:.6g} {tried.place(at)}, must remain zero"
+        problem = f"changes at the rate {rate:.6g} {checked.place(at)}, must remain zero"
         raise function.error(problem, "make the flow of the mode keep it zero")
 
 
 def rounding_of(
-    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+    checked: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> float:
     """Return the error of differences of margin `i` by rounding of the state.
 
     A small gap between bodies far from the origin is a difference of large numbers.
     """
-    here, rounding = tried.margin(i, at), 0.0
+    here, rounding = checked.margin(i, at), 0.0
     for j, value in enumerate(at.y):
         h = RATE_STEP_RATIO * max(abs(value), abs(slope[j]) * unit, 1e-3)
         y = [*at.y[:j], value + h, *at.y[j + 1 :]]
-        by_state = (tried.margin(i, EvaluationPoint(at.mode, at.t, y)) - here) / h
+        by_state = (checked.margin(i, EvaluationPoint(at.mode, at.t, y)) - here) / h
         rounding += abs(by_state * value)
     return 64.0 * sys.float_info.epsilon * rounding / (RATE_STEP_RATIO * unit)
 
 
-def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
+def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
     """Raise FunctionError unless the given Jacobian is that of the flow."""
-    given = tried.jacobian(at)
-    slope = tried.flow(at)
-    for j in range(tried.n):
+    given = checked.jacobian(at)
+    slope = checked.flow(at)
+    for j in range(checked.n):
         h = RATE_STEP_RATIO * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
         columns = []
         for k in range(-4, 5):
             y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
-            columns.append(tried.flow(EvaluationPoint(at.mode, at.t, y)))
-        for i in range(tried.n):
+            columns.append(checked.flow(EvaluationPoint(at.mode, at.t, y)))
+        for i in range(checked.n):
             found, error = derivative([column[i] for column in columns], h)
             if abs(given[i][j] - found) > error + 1e-3 * (abs(found) + abs(given[i][j])):
                 problem = (
                     f"has J[{i}, {j}] = {given[i][j]:.6g} where the flow's is {found:.6g} "
-                    f"({tried.place(at)[3:]})"
+                    f"({checked.place(at)[3:]})"
                 )
                 remedy = (
                     "write the derivative of component i of the flow by state j, or omit jacobian"
                 )
                 function = UserFunction(
-                    "jacobian", tried.definition.jacobian or tried.definition.flow
+                    "jacobian", checked.definition.jacobian or checked.definition.flow
                 )
                 raise function.error(problem, remedy)
 
 
-# --- Dependence of functions on time.
+# --- Dependence of functions on time
 
 PROBE_TIMES = (
     0.1459,
@@ -461,7 +465,7 @@ class TimeGrid:
 
 
 def check_times(
-    tried: CheckedFunctions,
+    checked: CheckedFunctions,
     at: EvaluationPoint,
     slope: Sequence[float],
     period: float | None,
@@ -471,7 +475,7 @@ def check_times(
 
     Parameters
     ----------
-    tried : CheckedFunctions
+    checked : CheckedFunctions
     at : EvaluationPoint
     slope : sequence of float
         The flow there.
@@ -481,7 +485,7 @@ def check_times(
     """
 
     def ahead(time: float) -> list[float]:
-        return tried.flow(EvaluationPoint(at.mode, at.t + time, at.y))
+        return checked.flow(EvaluationPoint(at.mode, at.t + time, at.y))
 
     others = [ahead(part * (period or unit)) for part in PROBE_TIMES]
     # Where terms of the flow cancel, their rounding is far larger than the sum.
@@ -507,9 +511,9 @@ def check_times(
     changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
     i = changes.index(max(changes))
     values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
-    problem += f" (for {tried.states[i]} it gives {values})"
+    problem += f" (for {checked.states[i]} it gives {values})"
     remedy += "; use a state for any other dependence on time"
-    raise UserFunction("flow", tried.definition.flow).error(problem, remedy)
+    raise UserFunction("flow", checked.definition.flow).error(problem, remedy)
 
 
 def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
@@ -517,7 +521,7 @@ def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> b
     return any(abs(a - b) > DERIVATIVE_RTOL * size for a, b in zip(one, other, strict=True))
 
 
-# --- Checks at points of the dry run, and later at points of runs in other modes.
+# --- Checks at points of runs
 
 POINTS_PER_MODE = 3  # at which a mode is checked after a run
 COMPARISON_CALLS = 1000  # of functions after a run, roughly: some milliseconds
@@ -530,17 +534,17 @@ def checked_modes(definition: Definition, period: float | Callable[..., float] |
 
 
 def compare(
-    tried: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
+    checked: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
 ) -> None:
     """Check the dependence of the flow on time, rates and constraints at a point."""
     if not clock.switches:
-        check_times(tried, at, slope, clock.period, clock.unit)
-    for i, guard in enumerate(tried.definition.guards):
+        check_times(checked, at, slope, clock.period, clock.unit)
+    for i, guard in enumerate(checked.definition.guards):
         if guard.rate is not None and (guard.modes is None or at.mode in guard.modes):
-            check_rate(tried, i, at, slope, clock.unit)
-    for i, (mode, _) in enumerate(tried.definition.constraints):
+            check_rate(checked, i, at, slope, clock.unit)
+    for i, (mode, _) in enumerate(checked.definition.constraints):
         if mode == at.mode:
-            check_constraint(tried, i, at, slope, clock.unit)
+            check_constraint(checked, i, at, slope, clock.unit)
 
 
 class ModeMonitor:
@@ -597,7 +601,9 @@ class ModeMonitor:
         if not any(self.points.values()):
             return
         system, problem, definition = self.system, self.problem, self.definition
-        tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+        checked = CheckedFunctions(
+            definition, [system.value(name) for name in definition.parameters]
+        )
         unit = float(system.out("time", problem.time_scale or problem.period))
         clock = TimeGrid(system.forcing_period, unit, problem.switches)
         each = 10 * max(1, len(definition.guards))  # calls at a point, roughly
@@ -605,7 +611,7 @@ class ModeMonitor:
         for mode, points in self.points.items():
             for at in points[:left]:
                 try:
-                    compare(tried, clock, at, tried.flow(at))
+                    compare(checked, clock, at, checked.flow(at))
                 except DomainError:
                     continue  # differences may leave the domain of the flow
             left -= len(points[:left])
@@ -619,7 +625,7 @@ def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
     return plain.definition and ModeMonitor(plain, plain.definition, problem)
 
 
-# --- The dry run: a short interpreted run that checks the functions of a system.
+# --- Dry run
 
 DRY_RUN_CALLS = 300  # of the flow, of a system of few states
 FEW_STATES = 8  # states
@@ -635,7 +641,7 @@ EVENT_WIDTH = 2.0**-50  # part of a step within which an event is located
 SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
 JUMP_PROBES = 4  # points at which a jump is sought
 
-Met = Callable[[int, EvaluationPoint, EvaluationPoint], None]
+TransitionCallback = Callable[[int, EvaluationPoint, EvaluationPoint], None]
 
 
 class DryRunAborted(Exception):
@@ -647,27 +653,29 @@ class DryRun:
 
     Parameters
     ----------
-    tried : CheckedFunctions
+    checked : CheckedFunctions
     clock : TimeGrid
-    met : callable
+    on_transition : callable
         Called with guard, point before and point after at every transition.
     """
 
-    def __init__(self, tried: CheckedFunctions, clock: TimeGrid, met: Met) -> None:
-        self.tried, self.clock, self.met = tried, clock, met
-        self.guards = tried.definition.guards
-        self.calls = DRY_RUN_CALLS * FEW_STATES // max(FEW_STATES, tried.n)
+    def __init__(
+        self, checked: CheckedFunctions, clock: TimeGrid, on_transition: TransitionCallback
+    ) -> None:
+        self.checked, self.clock, self.on_transition = checked, clock, on_transition
+        self.guards = checked.definition.guards
+        self.calls = DRY_RUN_CALLS * FEW_STATES // max(FEW_STATES, checked.n)
         self.looked: dict[int, int] = {}
         self.probes = JUMP_PROBES
         self.hits: dict[int, list[float]] = {}
 
-    def go(self, start: EvaluationPoint, *, meant: bool) -> None:
+    def go(self, start: EvaluationPoint, *, user_given: bool) -> None:
         """Run from `start`.
 
         Parameters
         ----------
         start : EvaluationPoint
-        meant : bool
+        user_given : bool
             Whether the user gave this initial state; otherwise functions may have no value there.
 
         Raises
@@ -678,15 +686,15 @@ class DryRun:
             If the user gave this initial state and it lies beyond an impact.
         """
         try:
-            slope = self.tried.flow(start)
+            slope = self.checked.flow(start)
             now = self.margins(start)
             self.look(start, slope)
-            if self.tried.definition.jacobian is not None:
-                check_jacobian(self.tried, start, self.clock.unit)
-            if self.inside(start, slope, now, meant=meant):
+            if self.checked.definition.jacobian is not None:
+                check_jacobian(self.checked, start, self.clock.unit)
+            if self.inside(start, slope, now, user_given=user_given):
                 return
         except DomainError as found:
-            if meant:
+            if user_given:
                 raise found.error from None
             return
         try:
@@ -694,22 +702,27 @@ class DryRun:
         except (DryRunAborted, DomainError):
             return  # at a point chosen by the checks
 
-    def watching(self, mode: int) -> list[int]:
+    def active_guards(self, mode: int) -> list[int]:
         """Return the active guards of a mode."""
         return [i for i, g in enumerate(self.guards) if g.modes is None or mode in g.modes]
 
     def margins(self, at: EvaluationPoint) -> dict[int, float]:
         """Return the margins of the active guards."""
-        return {i: self.tried.margin(i, at) for i in self.watching(at.mode)}
+        return {i: self.checked.margin(i, at) for i in self.active_guards(at.mode)}
 
     def rate(self, i: int, at: EvaluationPoint, slope: Sequence[float]) -> float:
         """Return the rate of a margin, given or by differences."""
         if self.guards[i].rate is not None:
-            return self.tried.rate(i, at)
-        return rate_of(self.tried, i, at, slope, self.clock.unit)[0]
+            return self.checked.rate(i, at)
+        return rate_of(self.checked, i, at, slope, self.clock.unit)[0]
 
     def inside(
-        self, start: EvaluationPoint, slope: Sequence[float], now: dict[int, float], *, meant: bool
+        self,
+        start: EvaluationPoint,
+        slope: Sequence[float],
+        now: dict[int, float],
+        *,
+        user_given: bool,
     ) -> bool:
         """Return whether the start lies beyond an impact and moves further beyond."""
         for i, margin in now.items():
@@ -718,9 +731,9 @@ class DryRun:
             rate = self.rate(i, start, slope)
             beyond = margin < -1e-6 * (abs(margin - rate * self.clock.unit) + 1e-3)
             if beyond and rate <= 0.0:
-                if not meant:
+                if not user_given:
                     return True
-                name, place = self.guards[i].name, self.tried.place(start)
+                name, place = self.guards[i].name, self.checked.place(start)
                 problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {place}"
                 raise InvalidParameter("initial", None, "", problem=problem)
         return False
@@ -729,7 +742,7 @@ class DryRun:
         """Check rates and the dependence on time at the first few points."""
         seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
         if seen <= COMPARED_POINTS:
-            compare(self.tried, self.clock, at, slope)
+            compare(self.checked, self.clock, at, slope)
 
     def follow(self, at: EvaluationPoint, slope: list[float], now: dict[int, float]) -> None:
         """Follow the flow and its events until the budget is spent."""
@@ -745,7 +758,7 @@ class DryRun:
                 if stuck or (h < SHORT_STEP_TIMES * unit and self.probes > 0):
                     self.probes -= 1
                     stretches = [part * unit for part in PROBE_OFFSETS]
-                    if warn_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
+                    if warn_of_jump(self.checked, at, slope, list(now), stretches) or stuck:
                         return
                 continue
             there, ahead, error = step
@@ -755,12 +768,12 @@ class DryRun:
                 i, there = self.crossing(fallen, at, slope, there, ahead)
                 there = self.resolve(i, there)
             elif there.t >= stop:
-                mode, y = self.tried.transition("switch_transition", None, there)
+                mode, y = self.checked.transition("switch_transition", None, there)
                 period = self.clock.period
                 shift = period if period is not None and there.t >= period else 0.0
                 there, end = EvaluationPoint(mode, there.t - shift, y), end - shift
             if fallen or there.t != at.t + h:
-                ahead = self.tried.flow(there)
+                ahead = self.checked.flow(there)
                 later = self.margins(there)
             at, slope, now = there, ahead, later
             self.look(at, slope)
@@ -779,7 +792,7 @@ class DryRun:
 
         def slope_at(part: float, *terms: tuple[float, list[float]]) -> list[float]:
             self.calls -= 1
-            return self.tried.flow(
+            return self.checked.flow(
                 EvaluationPoint(mode, min(t + part * h, last), moved(y, h, *terms))
             )
 
@@ -818,7 +831,7 @@ class DryRun:
             return EvaluationPoint(at.mode, at.t + part * h, y)
 
         def above(i: int, part: float) -> bool:
-            return self.tried.margin(i, between(part)) > 0.0
+            return self.checked.margin(i, between(part)) > 0.0
 
         found = []
         for i in fallen:
@@ -836,12 +849,12 @@ class DryRun:
             if guard.rest is None:
                 raise DryRunAborted
         while guard.transition is not None:
-            before = self.rate(i, at, self.tried.flow(at))
+            before = self.rate(i, at, self.checked.flow(at))
             if before >= 0.0:
                 raise DryRunAborted  # rounding, not the flow, has crossed zero
-            mode, y = self.tried.transition(kind, i, at)
+            mode, y = self.checked.transition(kind, i, at)
             after = EvaluationPoint(mode, at.t, y)
-            self.met(i, at, after)
+            self.on_transition(i, at, after)
             if not self.falls(i, after, before):
                 return after
             fired += 1
@@ -863,23 +876,23 @@ class DryRun:
 
     def falls(self, i: int, at: EvaluationPoint, before: float) -> bool:
         """Return whether a guard fires again after its transition."""
-        if i not in self.watching(at.mode):
+        if i not in self.active_guards(at.mode):
             return False
-        slope = self.tried.flow(at)
-        rate, error = rate_of(self.tried, i, at, slope, self.clock.unit)
-        low = self.tried.margin(i, at) <= ZERO * abs(before) * self.clock.unit
+        slope = self.checked.flow(at)
+        rate, error = rate_of(self.checked, i, at, slope, self.clock.unit)
+        low = self.checked.margin(i, at) <= ZERO * abs(before) * self.clock.unit
         return low and rate < -FALLING * abs(before) - error
 
     def still_falling(self, i: int, kind: str, at: EvaluationPoint) -> FunctionError:
         """Return the message about a transition that leaves its guard firing."""
         guard = self.guards[i]
         assert guard.transition is not None
-        rate = self.rate(i, at, self.tried.flow(at))
+        rate = self.rate(i, at, self.checked.flow(at))
         problem = f"leaves its margin at zero and falling, at the rate {rate:.6g}"
         problem += ", so that it fires again at the same instant"
         remedy = "reverse the rate, or lead to a mode in which the guard is not active"
         if depends_on_time_only(
-            lambda y: self.tried.margin(i, EvaluationPoint(at.mode, at.t, list(y))), at.y
+            lambda y: self.checked.margin(i, EvaluationPoint(at.mode, at.t, list(y))), at.y
         ):
             remedy = AT_TIMES
         return UserFunction(kind, guard.transition, guard.name).error(problem, remedy)
@@ -892,7 +905,7 @@ def moved(y: Sequence[float], h: float, *terms: tuple[float, list[float]]) -> li
     ]
 
 
-# --- Checks of a system before it runs.
+# --- Checks of a system before it runs
 
 
 def dry_run(
@@ -901,7 +914,7 @@ def dry_run(
     problem: Problem,
     *,
     time: float | None,
-    meant: bool,
+    user_given: bool,
 ) -> None:
     """Check the functions of a system along a short run.
 
@@ -915,7 +928,7 @@ def dry_run(
         Its numbers.
     time : float or None
         Typical time, if the user gave one.
-    meant : bool
+    user_given : bool
         Whether the user gave the initial state.
 
     Raises
@@ -927,7 +940,7 @@ def dry_run(
         impact.
     """
     check_effects(definition)
-    tried, start = _tried(definition, problem), _start(system, problem)
+    checked, start = _checked(definition, problem), _start(system, problem)
     observables = system.observables
     seen: set[int] = set()
 
@@ -935,27 +948,27 @@ def dry_run(
         for each in observables:
             if definition.guards[i].name in each.at and id(each) not in seen:
                 seen.add(id(each))
-                both = tried.state(before.y), tried.state(after.y)
-                _measured(each, before.mode, before.t, *both, tried.p)
+                both = checked.state(before.y), checked.state(after.y)
+                _measured(each, before.mode, before.t, *both, checked.p)
 
     for each in observables:
         if not each.at:
-            _measured(each, tried.state(start.y), tried.p)
+            _measured(each, checked.state(start.y), checked.p)
     unit = time or problem.time_scale or problem.period
     clock = TimeGrid(system.forcing_period, unit, problem.switches)
-    short = DryRun(tried, clock, noted)
-    short.go(start, meant=meant)
+    short = DryRun(checked, clock, noted)
+    short.go(start, user_given=user_given)
     system.checked_modes.update(short.looked)
 
 
 def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
     """Check the margin of the last guard of a definition, which ends a run, at the start."""
     with contextlib.suppress(DomainError):
-        tried = _tried(definition, problem)
-        tried.margin(len(definition.guards) - 1, _start(system, problem))
+        checked = _checked(definition, problem)
+        checked.margin(len(definition.guards) - 1, _start(system, problem))
 
 
-def _tried(definition: Definition, problem: Problem) -> CheckedFunctions:
+def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
     return CheckedFunctions(definition, problem.parameters[: len(definition.parameters)].tolist())
 
 
@@ -982,7 +995,7 @@ def _measured(observable: Observable, *arguments: Any) -> None:
         ) from None
 
 
-# --- Checks of the flow of a system with parts.
+# --- Checks of the flow of a system with parts
 
 
 def check_parted(
@@ -1012,19 +1025,19 @@ def check_parted(
         If it fails or is inconsistent.
     """
     definition = Definition(states=states, modes=("any",), parameters=tuple(parameters), flow=flow)
-    tried, modes = (
+    checked, modes = (
         CheckedFunctions(definition, list(parameters.values())),
         named_tuple("Modes", tuple(signs)),
     )
     y = [float(start.get(name, 0.0)) for name in states]
     for each in itertools.product(*signs.values()):
         try:
-            tried.flow(EvaluationPoint(modes(*each), 0.0, y))
+            checked.flow(EvaluationPoint(modes(*each), 0.0, y))
         except DomainError:
             continue  # the checks of the whole system follow the runs
 
 
-# --- Side of the guards at the start of a run.
+# --- Side of the guards at the start of a run
 
 CLEARLY = 1e3  # number of tolerances below zero of a negative margin
 

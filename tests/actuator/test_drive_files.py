@@ -128,7 +128,7 @@ BAD = {
     '[drive]\nkind = "custom"\nsource = "empty.py"': ["empty.py", "no function voltage"],
     '[drive]\nkind = "custom"\nsource = "broken.py"': ["broken.py", "SyntaxError"],
     '[drive]\nkind = "custom"\nsource = "leaving.py"': ["leaving.py", "SystemExit"],
-    '[drive]\nkind = "custom"\nsource = "\\u0000.py"': ["no path"],
+    '[drive]\nkind = "custom"\nsource = "\\u0000.py"': ["not a path"],
     "[drive": ["not valid TOML"],
 }  # fmt: skip
 
@@ -207,7 +207,7 @@ DEEP = ".".join(["a"] * 20_000)
                                   f"[parameters.{DEEP}]\nx = 1"])  # fmt: skip
 @pytest.mark.parametrize("load", [mi.load_drive, mi.load_actuator])
 def test_tables_far_within_tables(folder, load, text):
-    with pytest.raises(mi.InvalidFile, match=r"drive\.toml: holds tables within tables") as caught:
+    with pytest.raises(mi.InvalidFile, match=r"drive\.toml: nests tables") as caught:
         load(written(folder, text))
     assert "\n" not in str(caught.value)
 

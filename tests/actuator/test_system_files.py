@@ -167,7 +167,7 @@ BAD = {
     DEVICE + STUDY.replace(", 3]", ", 0]"): "study.x = ",
     DEVICE + STUDY.replace(", 3]", ", 2.5]"): "study.x = ",
     DEVICE + STUDY.replace('["amplitude", 0.22, 0.26, 3]', '"amplitude"'): "study.x = 'amplitude'",
-    'device = "zhao2004"\n' + OWN: "device: not beside system",
+    'device = "zhao2004"\n' + OWN: "device: not allowed together with system",
     OWN.replace(":oscillator", ""): "system = 'own.py': must be a Python file and a name in it",
     OWN.replace("own.py", "own.txt"): "system = 'own.txt': must be a Python file",
     OWN.replace("own.py", "none.py"): "none.py: no such file",

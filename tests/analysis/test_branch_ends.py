@@ -93,7 +93,7 @@ def test_orbits_that_lie_side_by_side_are_told():
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-9
     branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.StepControl(largest=0.05, most=20))
     assert len(branch)
-    assert "lie side by side" in branch.ended
+    assert "form a continuum" in branch.ended
 
 
 @pytest.mark.slow

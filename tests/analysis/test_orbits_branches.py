@@ -310,7 +310,7 @@ def test_what_keeps_a_chart_from_being_made_is_told_in_the_units_of_the_device()
     device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)
     resonance = 1.0 / SCALES.time
     where = r"at omega \[rad/s\] = \d+(\.\d+)? and amplitude \[V\] = \d+(\.\d+)?: "
-    with pytest.raises(mi.OrbitError, match=where + "a weak contact does not lead back"):
+    with pytest.raises(mi.OrbitError, match=where + "a weak contact does not return"):
         mi.operating_chart(device, omega=(0.5 * resonance, 0.505 * resonance), crises=0)
 
 
@@ -332,7 +332,7 @@ def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
     device = ZHAO.replace(mu_d=1e-6)
     orbit = mi.find_orbit(device, mi.Sine(amplitude=0.2, omega=0.5))
     found = mi.continue_orbit(orbit, "amplitude", 0.24, through_grazing=False)
-    with pytest.raises(mi.OrbitError, match="does not lead back"):
+    with pytest.raises(mi.OrbitError, match="does not return"):
         mi.grazing_type(found.special_points[0])
 
 

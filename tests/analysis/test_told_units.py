@@ -43,7 +43,7 @@ def spiral(mode, t, y, p):
 def test_a_motion_that_does_not_return(monkeypatch):
     from mems_impact.orbits import period_detection
 
-    monkeypatch.setattr(period_detection, "STEPS", 300)
+    monkeypatch.setattr(period_detection, "MAX_STEPS", 300)
     units = {name: UNITS[name] for name in ("x", "time")}
     system = mi.System(states=("x", "v"), flow=spiral, units=units, **TYPICAL)
     monkeypatch.setattr(period_detection, "first_return", lambda *_, **__: 0)

@@ -34,7 +34,7 @@ def test_a_grazing_whose_type_cannot_be_told_is_shown_with_the_reason(cli):
     device = ["continue", "zhao2004", "--set", "mu_d=1e-6", "--omega", "0.5", "--past-grazing"]
     done = cli(*device, "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24")
     assert done.status == 0
-    assert "(of no type: a weak contact does not lead back" in done.out
+    assert "(of no type: a weak contact does not return" in done.out
 
 
 @pytest.mark.slow

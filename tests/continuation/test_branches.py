@@ -155,7 +155,7 @@ def test_budget_of_points():
     )
     assert len(branch.points) == 5
     assert "budget" in branch.ended
-    assert "moves amplitude by a part of" in branch.ended
+    assert "changes amplitude by a fraction of" in branch.ended
 
 
 def test_a_branch_that_is_held_back_says_by_what():
@@ -249,7 +249,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
 
 
 @pytest.mark.parametrize(
-    ("segment", "reason"), [(0, "at the start of a period"), (1, "whose order matters")]
+    ("segment", "reason"), [(0, "at the start of a period"), (1, "depends on their order")]
 )
 def test_events_that_cannot_pass_each_other(segment, reason):
     """A switch begins the period; an impact is followed by a slip, not the other way round."""

@@ -97,7 +97,7 @@ def test_branch_ends_at_the_onset_of_complete_chatter(e, start, unit, rate):
     (onset,) = branch.special_points
     assert (onset.label, onset.kind) == ("CC", "onset of complete chatter")
     assert onset.value == pytest.approx(expected, abs=1e-9)
-    assert branch.ended.startswith("onset of complete chatter: beyond it the impacts do not")
+    assert branch.ended.startswith("onset of complete chatter: beyond it the contact releases")
     assert onset.orbit.admissible
     assert max(branch.table["A"]) == onset.value
 
@@ -108,6 +108,6 @@ def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
     orbit = mi.find_orbit(_ball(1.55, 0.5, phase=0.0), transient=20)
     branch = mi.continue_orbit(orbit, "A", stop=1.6)
     assert not branch.special_points
-    assert branch.ended.startswith("a sequence of accumulating impacts comes to the start")
+    assert branch.ended.startswith("a chatter sequence reaches the start")
     assert branch.table["admissible"].all()
     assert _comes_to_rest(max(branch.table["A"]), 0.5)

@@ -67,7 +67,7 @@ CROSSINGS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("guards", [[], CROSSINGS], ids=["smooth", "with events"])
 def test_limit_cycles(guards):
-    """Of the radius r, (r - 2)^2 + m^2 = size^2, begun anew at other places on the way."""
+    """Of the radius r, (r - 2)^2 + m^2 = size^2, restarted at other points of the branch."""
     system = mi.System(
         states=("x", "y"),
         flow=spins,

@@ -11,7 +11,7 @@ from mems_impact.continuation.arclength import (
     Continuation,
     ContinuationProblem,
     LocatedEvents,
-    Onward,
+    Restart,
     StepControl,
     correct,
     tangent,
@@ -135,7 +135,7 @@ def test_a_loss_ends_it_or_leads_elsewhere():
     assert problem.branch.ended == "nothing beyond"
     assert len(problem.branch.special_points) == 1
     there = evaluate(np.array([-1.0]), np.array([0.0]))
-    problem = Circle(beyond=Onward(there, np.array([0.0, -1.0]), 0.1))
+    problem = Circle(beyond=Restart(there, np.array([0.0, -1.0]), 0.1))
     [*continued(problem, low=-0.5)]
     assert problem.branch.ended == "p reached its bound"
     assert problem.branch.points[-1] == pytest.approx((-np.sqrt(0.75), -0.5), abs=1e-9)

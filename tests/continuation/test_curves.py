@@ -115,7 +115,7 @@ def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew()
             return point.x + point.b**2 - 2.0
 
         def gradient(self, point):
-            raise AssertionError("taken anew")
+            raise AssertionError("evaluated again")
 
     def evaluate(unknowns, values):
         u = np.concatenate([unknowns, values])

@@ -79,4 +79,4 @@ def test_what_is_said_where_the_points_are_used_up():
         steps, 1e-5, "it turns", "A", 0.1
     )
     for length, held in ((steps.largest, "it turns"), (1e-5, "")):
-        assert "moves A by a part of 0.1" in budget_message(steps, length, held, "A", 0.1)
+        assert "changes A by a fraction of 0.1" in budget_message(steps, length, held, "A", 0.1)

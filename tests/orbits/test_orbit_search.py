@@ -304,5 +304,5 @@ def test_two_transitions_in_one_instant_are_no_signature():
     )
     options = Options(method="dop853", engine="interpreted")
     problem = Problem(automaton=automaton, parameters=np.zeros(1), period=1.0, options=options)
-    with pytest.raises(OrbitError, match=r"fall into one instant, 0\.5 of"):
+    with pytest.raises(OrbitError, match=r"coincide at 0\.5 of"):
         read_guess(problem, at((0.0,)), 1)

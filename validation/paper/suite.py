@@ -15,7 +15,7 @@ from typing import NamedTuple
 from mems_impact._util.files import replacing, unwritable
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
 from mems_impact.plotting.style import wearing
-from mems_impact.studies.engine.executors import ctrl_c_for_us_alone
+from mems_impact.studies.engine.executors import ignoring_ctrl_c
 from validation.paper.figures import FIGURES, Devices, Effort
 from validation.paper.report import summary, to_html, to_markdown
 from validation.paper.statements import Judgement, Value, judge, load_statements
@@ -193,7 +193,7 @@ def _computed(
             yield number, _figure(number, devices, effort, drawn)
         return
     with _pool(processes) as executor:
-        with ctrl_c_for_us_alone():
+        with ignoring_ctrl_c():
             waiting = {
                 executor.submit(_figure, number, devices, effort, drawn): number
                 for number in latest_first

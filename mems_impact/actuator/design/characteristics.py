@@ -43,7 +43,7 @@ __all__ = [
     "speed_over_voltage",
 ]
 
-# --- Duty cycle: fractions of time in modes of block and frame.
+# --- Duty cycle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -144,7 +144,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     )
 
 
-# --- Frequency response: amplitude, impacts and speed.
+# --- Frequency response
 
 
 def frequency_response(
@@ -287,7 +287,7 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     return result
 
 
-# --- Speed over voltage, and the smallest step.
+# --- Speed over voltage, and the smallest step
 
 
 def speed_over_voltage(
@@ -422,7 +422,7 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
     )
 
 
-# --- Voltage window of a period-1 orbit.
+# --- Voltage window of a period-1 orbit
 
 STABILITY_LOSS_LABELS = (
     "G",

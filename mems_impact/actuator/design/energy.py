@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_run", "energy"]
 
-# --- Arcs of a run or an orbit.
+# --- Arcs of a run or an orbit
 
 
 class EnergyArc(NamedTuple):
@@ -124,7 +124,7 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
         gathered[cyclic] += last[cyclic]
 
 
-# --- Work and losses along the arcs of a run or an orbit.
+# --- Work and losses along the arcs of a run or an orbit
 
 IMPACT_LABEL = "impacts"
 MIN_STRETCH_PERIODS = 1e-12  # of a period: shorter segments are not cut
@@ -305,7 +305,7 @@ def _cuts(arc: EnergyArc, low: float, high: float, period: float) -> list[float]
     return [*cuts, last] if last > first else cuts
 
 
-# --- Energy balance of a run or an orbit.
+# --- Energy balance of a run or an orbit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -434,8 +434,8 @@ class Energy(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return input, losses and work against loads."""
-        told = ("periods", "given", "lost", "done", "stored", "efficiency", "imbalance")
-        return {"system": repr(self.system), **{name: getattr(self, name) for name in told}}
+        names = ("periods", "given", "lost", "done", "stored", "efficiency", "imbalance")
+        return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
 
     @property
     def _accounts(self) -> EnergyAccounts:

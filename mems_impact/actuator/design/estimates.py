@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
 
-# --- Static forces on the block, and forces just after an impact, with terms.
+# --- Forces on the block
 
 FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
 BALANCED = 1e-9  # rates of states at rest, in scaled units
@@ -188,9 +188,9 @@ def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
 
 
 def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
-    """Return how far the frame slides to the right from a state under constant forces.
+    """Return the distance that the frame slides to the right from a state under constant forces.
 
-    Infinite if they overcome friction. `v` and `w` are the right and left voltages.
+    It is infinite if they overcome friction. `v` and `w` are the right and left voltages.
     """
     pull = model.pull(v, w, y, p) + model.force(y, p)
     push = eq.load(y[X2], y[V2], pull, p) + model.on_frame(y, p)
@@ -198,7 +198,7 @@ def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     return float(y[V1] ** 2 / (2.0 * slowing)) if slowing > 0.0 else math.inf
 
 
-# --- Estimates of pull-in voltage, resting voltage and step length.
+# --- Estimates of pull-in voltage, resting voltage and step length
 
 
 def pull_in_voltage(actuator: Actuator) -> float:

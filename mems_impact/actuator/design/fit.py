@@ -18,7 +18,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.impact_statistics import blows
 from mems_impact.actuator.overloads import simulate
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.actuator.plausibility import look_at_target
+from mems_impact.actuator.plausibility import check_plausible_target
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import SummaryRepr
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["OF_RUN", "Fit", "Target", "fit", "of_device"]
 
-# --- Measured quantities and their computed values.
+# --- Measured quantities and their computed values
 
 
 def _per_impact(run: Run) -> float:
@@ -141,7 +141,7 @@ class Target:
         return actuator.scales.label(self.quantity, self.unit)
 
 
-# --- Parameter fit by bounded least squares (SciPy).
+# --- Parameter fit by bounded least squares (SciPy)
 
 JACOBIAN_STEP = 1e-4  # relative step of the derivatives, far above the error of runs
 # SciPy's steps are relative to the unknowns: this offset keeps them away from zero.
@@ -301,7 +301,7 @@ def fit(
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
     for target in targets:
-        look_at_target(actuator, target.quantity, target.value, target.unit)
+        check_plausible_target(actuator, target.quantity, target.value, target.unit)
     for name, given in (bounds or {}).items():
         if name not in free:
             raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")
@@ -454,11 +454,11 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
     """Return a drive as text, with units if the actuator has them."""
     if drive is None:
         return ""
-    told = []
+    values = []
     for name in drive.names:
         unit = drive.unit(name) if actuator.scales.named else ""
-        told.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
-    return f"{type(drive).__name__}({', '.join(told)})"
+        values.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
+    return f"{type(drive).__name__}({', '.join(values)})"
 
 
 def _unsettled(

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ChartBuilder", "OperatingChart", "locate_crisis", "operating_chart"]
 
-# --- The chart of Fig. 7: on- and off-voltages over the frequency.
+# --- Operating charts
 
 AMPLITUDE, OMEGA = "amplitude", "omega"
 ON, OFF, SLIP = "on", "off", "slip"
@@ -162,7 +162,7 @@ class OperatingChart(Result):
         return results.chart_points((OMEGA, AMPLITUDE), rows, self.system)
 
 
-# --- Crises, by simulation.
+# --- Crises, by simulation
 
 RAMP = 21  # number of amplitudes from the start of the search to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
@@ -267,16 +267,14 @@ def locate_crisis(
     return bisect(persists, top, bottom, tolerance * below)[0]
 
 
-# --- Thresholds of slip and impacts at single frequencies.
+# --- Thresholds of slip and impacts at single frequencies
 
-TRANSIENT_PERIODS = (
-    400  # forcing periods after which a run without impacts has settled, or more if asked
-)
-MAX_AMPLITUDE_STEP = 0.02  # part of the amplitude by which it rises at once
-PRECISE = 1e-5  # part of the amplitude to which a simulated threshold is found
-ABOVE = 1e-3  # part of the amplitude by which the motion with impacts is looked for above it
-RISES = 1.05  # steps in which an orbit with impacts is looked for
-LOWEST = 0.1  # part of the amplitude of the first impact at which none comes
+TRANSIENT_PERIODS = 400  # least transient of a run without impacts, in forcing periods
+MAX_AMPLITUDE_STEP = 0.02  # relative to the amplitude
+THRESHOLD_RTOL = 1e-5  # relative accuracy of a simulated threshold
+IMPACT_OFFSET_RATIO = 1e-3  # relative offset above an onset for the motion with impacts
+AMPLITUDE_FACTOR = 1.05  # between trials for an orbit with impacts
+MIN_AMPLITUDE_RATIO = 0.1  # amplitude without impacts, relative to that of the first impact
 GRAZING, FOLD, JUMP = "grazing", "fold", "jump"
 
 
@@ -319,8 +317,8 @@ def onset(
         )  # fmt: skip
         return bool(run.statistics["impacts"] > 0.0), run.final
 
-    low, state, step, struck = (1.0 - PRECISE) * first, State(), PRECISE * first, None
-    while struck is None or step > PRECISE * low:
+    low, state, step, struck = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first, None
+    while struck is None or step > THRESHOLD_RTOL * low:
         strikes, there = settled(low + step, state)
         if strikes:
             struck, step = (low + step, there), 0.5 * step
@@ -368,7 +366,7 @@ def steady(
     state : State
         Of the motion with impacts.
     """
-    amplitude, orbit = on * (1.0 + ABOVE), None
+    amplitude, orbit = on * (1.0 + IMPACT_OFFSET_RATIO), None
     while orbit is None and amplitude < most:
         try:
             there: Any = find_orbit(
@@ -381,11 +379,11 @@ def steady(
                 orbit = there
         except OrbitError:
             pass
-        amplitude *= RISES
+        amplitude *= AMPLITUDE_FACTOR
     if orbit is None:
         return []
     found = []
-    for boundary, stop in ((STEADY_FROM, LOWEST * on), (STEADY_TO, most)):
+    for boundary, stop in ((STEADY_FROM, MIN_AMPLITUDE_RATIO * on), (STEADY_TO, most)):
         value, kind, special = lasts_until(orbit, stop, TRANSIENT_PERIODS)
         if kind != "bound":
             found.append((boundary, value, kind if special is not None else JUMP, special))
@@ -399,29 +397,25 @@ def switching_off(
     return locate_crisis(
         system.actuator,
         system.drive,
-        below=on * (1.0 + ABOVE),
+        below=on * (1.0 + IMPACT_OFFSET_RATIO),
         width=0.95 * on,
         start=state,
-        tolerance=PRECISE,
+        tolerance=THRESHOLD_RTOL,
         periods=periods,
         watch=watch,
     )
 
 
-# --- Boundaries of a chart: curves by continuation, crises by simulation.
+# --- Boundaries of a chart
 
 CRISIS = "crisis"
 SLIPS = GUARDS[BREAK_AWAY].name
-FREQUENCY_COLUMNS = (
-    9  # frequencies at which thresholds are looked for, if nothing is simulated to its end
-)
-START_AMPLITUDE_RATIO = (
-    0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
-)
+FREQUENCY_COLUMNS = 9  # default number of frequencies of thresholds
+START_AMPLITUDE_RATIO = 0.1  # amplitude of the first orbit without impacts, relative to pull-in
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
-SAME_FREQUENCY_RTOL = 1e-9  # part of the frequency within which two points are one, located twice
+SAME_FREQUENCY_RTOL = 1e-9  # largest relative difference of equal frequencies
 SLIDES = "raise mu_s, soften k, or take another range of omega"
-TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+TOUCH = 1e-3  # largest relative difference of amplitudes at a common point of two curves
 
 
 @dataclass(frozen=True)
@@ -446,7 +440,7 @@ class ChartBuilder:
     system : ActuatorSystem
     options : Options
     steps : StepControl
-    tell : callable
+    report : callable
         Called with a line of text for every part.
     omega : tuple of float
         The range of the chart.
@@ -457,20 +451,20 @@ class ChartBuilder:
         system: ActuatorSystem,
         options: Options,
         steps: StepControl,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         omega: tuple[float, float],
     ) -> None:
-        self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
+        self.system, self.steps, self.report, self.omega = system, steps, report, omega
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
-        # By frequency: the branch of the orbit without impacts on its way up, its points to come.
+        # By frequency: the branch of the orbit without impacts, and the iterator of its points.
         self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
         self.regions: list[tuple[GrazingType, float, float]] = []
         self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
-        self.done = self.total = 0  # pieces that are whole, and that there will be
+        self.done = self.total = 0  # number of completed parts, and of all parts
         self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
@@ -498,7 +492,7 @@ class ChartBuilder:
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
             grazings = _joined(dict(_values(inside)), ends)
             region = self._type(left, right)
-            self.tell(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
+            self.report(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
             self.regions.append((region, left, right))
             for piece in self._followed(region, left, right, grazings):
                 self.pieces.append(piece)
@@ -570,7 +564,7 @@ class ChartBuilder:
         for end, direction in ((high, -1.0), (low, 1.0)):
             touching = [s for s in self._special(end, _grazes) if _grazes(s)]
             if touching:
-                self.tell("the grazing curve of the orbit without impacts")
+                self.report("the grazing curve of the orbit without impacts")
                 curve = self._curve(touching[0], low, high, direction)
                 reached = curve.points[-1].values[1] if curve.points else end
                 if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
@@ -615,14 +609,14 @@ class ChartBuilder:
             except OrbitError as error:
                 self.notes.append(f"at {self._at(omega)}: {error}")
 
-        self.tell(f"slip and impacts, at {len(omegas)} frequencies")
+        self.report(f"slip and impacts, at {len(omegas)} frequencies")
         with stoppable_threads(workers) as (threads, watch):
             for column in threads.map(lambda omega: [*one(omega)], omegas):
                 for side, place in column:
                     found.setdefault(side, []).append(place)
                 self.done += 1
         for side, places in found.items():
-            self.tell(f"the curves of {side}")
+            self.report(f"the curves of {side}")
             for kind, points in self._joined_by_curves(places):
                 self.pieces.append((side, None, kind, points))
 
@@ -756,7 +750,7 @@ class ChartBuilder:
         """Return the fold curve of the orbit with or without impacts between two frequencies."""
         middle = 0.5 * (left + right)
         what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
-        self.tell(what)
+        self.report(what)
 
         def wanted(special: BranchEvent) -> bool:
             return special.kind == "fold" and (not special.orbit.impacts) == without_impact
@@ -818,7 +812,7 @@ class ChartBuilder:
                     here.actuator,
                     here.drive,
                     below=out(AMPLITUDE, fold),
-                    begin=out(AMPLITUDE, fold * (1.0 + ABOVE)),
+                    begin=out(AMPLITUDE, fold * (1.0 + IMPACT_OFFSET_RATIO)),
                     width=0.2 * out(AMPLITUDE, fold),
                     periods=periods,
                     watch=watch,
@@ -828,7 +822,7 @@ class ChartBuilder:
                 return f"crisis at {self._at(omega)}: {error}"
 
         at = "1 frequency" if crises == 1 else f"{crises} frequencies"
-        self.tell(f"the crisis, simulated at {at}")
+        self.report(f"the crisis, simulated at {at}")
         with stoppable_threads(workers) as (threads, watch):
             for result in threads.map(one, omegas.tolist()):
                 if isinstance(result, str):
@@ -865,7 +859,7 @@ def _joined(
     return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
-# --- Computation of an operating chart.
+# --- Computation of an operating chart
 
 BAND = (0.88, 1.02)  # range of the forcing frequency by default, in the block's own: as in Fig. 7
 
@@ -962,10 +956,10 @@ def operating_chart(
     system.changed(omega=low)
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
-    tell = progress_line(progress)
+    report = progress_line(progress)
     ends = system.into(OMEGA, low), system.into(OMEGA, high)
     chosen = ORBIT_OPTIONS if options is None else options
-    maker = ChartBuilder(system, chosen, steps, tell, ends)
+    maker = ChartBuilder(system, chosen, steps, report, ends)
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:
@@ -1011,7 +1005,7 @@ def progress_line(progress: bool | Callable[[str], None]) -> Callable[[str], Non
         return lambda _: None
     import sys
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         sys.stderr.write(f"{line}\n")
 
-    return tell
+    return report

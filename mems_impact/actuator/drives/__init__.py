@@ -15,7 +15,7 @@ WAVEFORMS = {
 }
 """All waveforms: the kind, as used in files and on the command line, and the class.
 
-The kind is the name of the file too, with underscores. Importing this imports none of them.
+The kind with underscores is also the name of the file. Importing this module imports none of them.
 """
 
 _HOMES = {name: kind.replace("-", "_") for kind, name in WAVEFORMS.items()}

@@ -77,7 +77,7 @@ def piecewise_rate(t: float, q: NDArray[np.float64]) -> float:
 
 
 class Assembled(NamedTuple):
-    """What the equations and the event loop read of a piecewise waveform."""
+    """Parameter array and switching times of a piecewise waveform."""
 
     q: NDArray[np.float64]
     switches: tuple[float, ...]
@@ -106,9 +106,9 @@ def assembled(
         start += period
         if start < period:
             turned.append(_times(piece, wrapped)._replace(start=start))
-            if rest < end:  # cut in two: it holds where the period begins
+            if rest < end:  # the piece contains the start of the period
                 turned.append(_later(piece, rest - piece.start, sign))
-        else:  # by a rounding before the period begins: there
+        else:  # just before the start of the period by rounding
             turned.append(_times(piece, sign)._replace(start=0.0))
     turned.sort(key=lambda piece: piece.start)
     switches = [piece.start for piece in turned if piece.switch and piece.start > 0.0]

@@ -106,7 +106,7 @@ class Pulse(PiecewiseDrive):
 def pulse(
     low: float, top: float, period: float, *, width: float, rise: float, fall: float
 ) -> list[Piece]:
-    """Return the pieces of one pulse; a part that takes no time, but for rounding, is left out."""
+    """Return the pieces of one pulse, without parts of zero duration up to rounding."""
     slack = MIN_PIECE_PERIODS * period
     pieces = []
     if rise > slack:

@@ -45,7 +45,7 @@ __all__ = [
     "Validity",
 ]
 
-# --- The interface of terms: contributions to the equations of the actuator.
+# --- Interface of terms
 
 Function = Callable[..., float]
 """A scalar function that numba compiles unchanged."""
@@ -360,7 +360,7 @@ def _shape(value: Any) -> Hashable:
     return str(value)
 
 
-# --- Validity of the terms during a run.
+# --- Validity of terms
 
 
 class Validity:
@@ -384,15 +384,15 @@ class Validity:
             self._look(events.before, times)
             self._look(events.after, times)
 
-    def tell(self, final: HybridState) -> None:
+    def warn(self, final: HybridState) -> None:
         """Warn, once for each limit that the run has exceeded."""
         self._look(final.y[None], np.array([self._time(final)]))
         for limit, (value, time) in zip(self.limits, self.worst, strict=True):
             if value > limit.most:
                 when = float(self.scales.out(time, "s"))
                 message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
-                told = f"{message}, and the model is valid up to {limit.most:g}"
-                warnings.warn(told, ValidityWarning, stacklevel=5)
+                text = f"{message}, and the model is valid up to {limit.most:g}"
+                warnings.warn(text, ValidityWarning, stacklevel=5)
 
     def _look(self, states: Floats, times: Floats) -> None:
         for i, limit in enumerate(self.limits):

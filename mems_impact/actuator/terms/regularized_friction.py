@@ -64,11 +64,11 @@ class RegularizedFriction(Term):
         inner = scales.into(self.width, "m/s")
         if inner < RESOLVED * options.atol:
             least = float(scales.out(RESOLVED * options.atol, "m/s"))
-            told = f"{least:.3g}{' m/s' * scales.named}"
+            amount = f"{least:.3g}{' m/s' * scales.named}"
             atol = 10.0 ** math.floor(math.log10(inner / RESOLVED))
             allowed = (
-                f">= {told} at atol = {shown(options.atol)}, which does not tell slower creep from "
-                f"rest; take Options(atol={atol:.0e}) for this width"
+                f">= {amount} at atol = {shown(options.atol)}, at which slower creep cannot be "
+                f"distinguished from rest; take Options(atol={atol:.0e}) for this width"
             )
             raise InvalidParameter(f"{self.name()}.width", self.width, allowed)
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from mems_impact._util.formatting import shown
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V2, X2
-from mems_impact.actuator.automaton_with_terms import summed
+from mems_impact.actuator.automaton_with_terms import total_of
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
     Function,
@@ -140,10 +140,10 @@ class SqueezeFilm(Term):
 
         rarefied = Limit("the Knudsen number of the squeeze film", knudsen, THIN)
         return TermContribution(
-            force=summed([film.force for film in films]),
+            force=total_of([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),
-            energy=summed([film.energy for film in films]),
-            lost=summed([film.lost for film in films]),
+            energy=total_of([film.energy for film in films]),
+            lost=total_of([film.lost for film in films]),
             limits=(*(film.limit for film in films), rarefied),
         )
 
@@ -187,7 +187,7 @@ def compartments(at: ParameterIndices, modes: int) -> list[Compartment]:
 
 
 def share(along: int, across: int) -> float:
-    """Return the share of the face that the mode (along, across) stands for."""
+    """Return the share of the face that the mode (along, across) represents."""
     return 64.0 / (math.pi**4 * along * along * across * across)
 
 
@@ -256,7 +256,7 @@ class Film(NamedTuple):
 def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: list[int]) -> Film:
     """Return the film at the electrode on `side`, whose states stand at `places`."""
     length, width, ambient = at.p["length"], at.p["width"], at.p["pressure"]
-    filling = summed([weighted(part.share, u) for part, u in zip(parts, places, strict=True)])
+    filling = total_of([weighted(part.share, u) for part, u in zip(parts, places, strict=True)])
     mobility = mobility_of(at)
 
     def force(y, p):  # type: ignore[no-untyped-def]
@@ -270,7 +270,7 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: l
             return y[u] * mobility(eq.electrode_gap(side * y[X2], p), p) / size(p)
 
         def rate(y, p):  # type: ignore[no-untyped-def]
-            # Where the gap of the electrode is frozen, that of the film is.
+            # The gap of the film is frozen together with that of the electrode.
             closing = side * y[V2] if side * y[X2] < 0.5 * (p[eq.DELTA] + p[eq.D]) else 0.0
             return closing - flowing_out(y, p)
 
@@ -279,7 +279,7 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: l
             return share * p[length] * p[width] * p[ambient] * math.log1p(max(ratio, -EMPTY))
 
         def energy(y, p):  # type: ignore[no-untyped-def]
-            # What an isothermal gas can do beside the ambient one.
+            # Available work of an isothermal gas in an ambient gas.
             gap = eq.electrode_gap(side * y[X2], p)
             pushed = share * p[length] * p[width] * p[ambient] * y[u]
             return (gap + y[u]) * potential(y, p) - pushed
@@ -295,7 +295,7 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: l
         return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
 
     beside = Limit(EXCESS, excess, MAX_PRESSURE_RATIO)
-    return Film(force, list(rates), summed(energies), summed(losses), beside)
+    return Film(force, list(rates), total_of(energies), total_of(losses), beside)
 
 
 def weighted(share: float, place: int) -> Function:
@@ -313,7 +313,7 @@ def mobility_of(at: ParameterIndices) -> Function:
     path = at.p["free_path_pressure"]
 
     def mobility(gap, p):  # type: ignore[no-untyped-def]
-        # Differences by a path of 0 look below it.
+        # Differences at a path of 0 evaluate negative values.
         knudsen = max(p[path], 0.0) / (p[ambient] * gap)
         rarefied = 1.0 + 9.638 * knudsen**1.159
         return p[ambient] * gap * gap * rarefied / (12.0 * p[viscosity])

@@ -15,7 +15,7 @@ def flow(mode, t, y, p):
 
 
 def gap(mode, t, y, p):
-    """Return what is positive while the mass is free, and falls through 0 when it strikes."""
+    """Return the margin: positive while the mass is free, zero when it strikes the wall."""
     return p.wall - y.x
 
 
@@ -27,7 +27,7 @@ def rebound(mode, t, y, p):
 oscillator = mi.System(
     states=("x", "v"),
     flow=flow,
-    # Of the force. Without it, nothing forces the system: simulate(..., duration=...).
+    # Forcing period; without it the system is autonomous: simulate(..., duration=...).
     period=lambda p: 2.0 * math.pi / p.omega,
     parameters={"A": 0.6, "omega": 0.8, "k": 1.0, "c": 0.1, "wall": 1.0, "e": 0.8},
     guards=[mi.Impact("wall", gap, rebound)],
@@ -38,7 +38,7 @@ if __name__ == "__main__":
     run = mi.simulate(oscillator, periods=300)
     print(run.statistics)
     mi.plot_run(run).figure.savefig("run.png")
-    # On from here: the periodic orbit, and what becomes of it as A falls.
+    # Next: continue the periodic orbit towards smaller A.
     # branch = mi.continue_orbit(mi.find_orbit(run), "A", stop=0.3)
     # print(branch.special_table)
     # mi.plot_branch(branch).figure.savefig("branch.png")

@@ -1,1 +1,1 @@
-"""The engine of studies: scheduling, executors, stores. It knows no kind of study."""
+"""The engine of studies, independent of their kinds: scheduling, executors, stores."""

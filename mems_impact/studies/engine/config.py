@@ -1,8 +1,8 @@
-"""Studies in files and on the command line: the arguments of the functions in Python.
+"""Studies in files and on the command line: conversion to arguments of Python functions.
 
-A word of the table ``[study]`` is an argument of the verb of its kind, and has its default. What is
-no plain value there has a reader here; a settings object, such as `RecurrenceOptions`, is a table
-of what differs from the default.
+An entry of the table ``[study]`` is an argument of the verb of its kind, with the same default.
+Arguments other than plain values have a reader here; an options object, such as
+`RecurrenceOptions`, is a table of its non-default values.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ __all__ = [
     "verb_of",
 ]
 
-# --- Sensitivities and optima of the orbit to which a run leads, as study files tell them.
+# --- Sensitivities and optima of an orbit, from study files
 
-TRANSIENT = 300.0  # forcing periods before an orbit is looked for
+TRANSIENT = 300.0  # forcing periods before the search for an orbit
 
 Limits = Mapping[str, tuple[float | None, float | None]]
 
@@ -63,9 +63,9 @@ def orbit_sensitivity_study(
     ----------
     system : System
     initial, transient, periods, options
-        Of the run and of `find_orbit`.
+        Arguments of the run and of `find_orbit`.
     parameters, quantities
-        As of `sensitivity`.
+        As for `sensitivity`.
     """
     orbit = _orbit(system, initial, transient, periods, options)
     return sensitivity(orbit, parameters, quantities)
@@ -86,19 +86,19 @@ def optimize_from(
     options: Options = ORBIT_OPTIONS,
     progress: bool | Callable[[float], None] = False,
 ) -> Optimum | ParetoFront:
-    """Return what `optimize` makes of the orbit to which a run leads; of two aims the front.
+    """Optimize the orbit to which a run leads; with two objectives compute the Pareto front.
 
     Parameters
     ----------
     system : System
     over, subject_to, tolerances
-        As of `optimize`.
+        As for `optimize`.
     maximize, minimize : str or sequence of str
         One quantity in all, or two.
     points : int
-        On the front of two.
+        Number of points of a Pareto front.
     initial, transient, periods, options
-        Of the run and of `find_orbit`.
+        Arguments of the run and of `find_orbit`.
     progress : bool or callable, optional
     """
     names = [*_several(maximize), *_several(minimize)]
@@ -129,8 +129,7 @@ def _orbit(
     return find_orbit(system, guess=initial, periods=periods, transient=transient, options=options)
 
 
-# --- Studies in words, as files and the command line tell them: the arguments of the verbs in
-# Python.
+# --- Arguments of studies
 
 STUDY_KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
@@ -139,7 +138,7 @@ STUDY_KINDS = {
     "sensitivity": "mems_impact.studies.engine.config:orbit_sensitivity_study",
     "optimize": "mems_impact.studies.engine.config:optimize_from",
 }
-"""What a study may be, and the verb that runs it."""
+"""Verbs by the kind of study."""
 
 EXECUTORS = ("threads", "processes")
 
@@ -156,7 +155,7 @@ def verb_of(kind: Any) -> Callable[..., Any]:
 
 
 def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the arguments of a verb that a table tells.
+    """Return the arguments of a verb from a table.
 
     Parameters
     ----------
@@ -164,7 +163,7 @@ def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[st
     table : mapping
         Arguments by name, in values of TOML.
     folder : Path
-        To which paths in it are relative.
+        Base of relative paths.
 
     Raises
     ------
@@ -201,7 +200,7 @@ def range_axis(name: str, start: float, stop: float, points: int) -> tuple[str, 
 
 
 def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | None:
-    """Return what makes the executor of that name; None for the threads that there are anyway."""
+    """Return a function that makes the executor of that name; None for threads."""
     if name not in EXECUTORS:
         raise InvalidParameter("executor", name, f"one of {', '.join(EXECUTORS)}")
     if name == "threads":
@@ -236,7 +235,7 @@ def distributions(name: str, value: Any) -> dict[str, Any]:
         raise InvalidParameter(name, value, allowed)
     found = {}
     for parameter, words in value.items():
-        if isinstance(words, str):  # a part of the parameter's own value
+        if isinstance(words, str):  # relative to the parameter's own value
             found[parameter] = words
             continue
         match words:
@@ -281,8 +280,8 @@ def _unknown(name: str, value: Any, known: Any) -> InvalidParameter:
 
 
 def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None]]:
-    """Return lowest and highest values by name; an infinity is none."""
-    allowed = "pairs of numbers by name: {amplitude = [0.2, 0.3]}, of which one may be inf"
+    """Return lowest and highest values by name; None for infinite ones."""
+    allowed = "pairs of numbers by name: {amplitude = [0.2, 0.3]}, one of which may be inf"
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, allowed)
     found = {}

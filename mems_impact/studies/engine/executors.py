@@ -1,7 +1,7 @@
 """Executors of chunks: threads, processes, Dask.
 
-A task is a function of this module and plain values, so that it goes to any process that has the
-package. A study is pickled once, and unpickled once by each worker.
+A task consists of a function of this module and plain values, so that any process with the package
+can run it. A study is pickled once, and unpickled once by each worker.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ __all__ = [
     "Result",
     "WorkerPool",
     "cores",
-    "ctrl_c_for_us_alone",
+    "ignoring_ctrl_c",
     "killed_by_its_chunk",
     "stoppable_threads",
 ]
 
-# --- Threads whose runs end as soon as nobody waits for them any more.
+# --- Stoppable threads
 
 
 class _ThreadStopped(Exception):
-    """Ends a run whose result nobody waits for."""
+    """Exception that ends a run whose result is no longer needed."""
 
 
 @contextmanager
 def stoppable_threads(workers: int) -> Iterator[tuple[ThreadPoolExecutor, Watch]]:
-    """Give an executor, and what every run in its threads is to call as its `progress`.
+    """Yield an executor, and the `progress` callback of runs in its threads.
 
-    Ctrl-C comes to the main thread alone, and an executor waits for what its threads do. So
-    leaving the block, however that comes about, ends the runs and drops what waits for a thread.
+    Only the main thread receives Ctrl-C, and an executor waits for its threads. So leaving the
+    block for any reason ends the runs and discards queued ones.
     """
     stop = threading.Event()
 
@@ -75,56 +75,56 @@ def stoppable_threads(workers: int) -> Iterator[tuple[ThreadPoolExecutor, Watch]
             executor.shutdown(wait=False, cancel_futures=True)
 
 
-# --- Who computes the chunks of a study: threads here, or the workers of any executor.
+# --- Workers
 
 _log = logging.getLogger("mems_impact")
 
 Result = tuple[Columns, Any, list[CollectedWarning]]
 Maker = Callable[[], Executor]
 
-MIN_PENDING_CHUNKS = 16  # chunks under way where the workers are still to come, as of a cluster
-WORKER_WAIT_SECONDS = 30.0  # s after which it is said that no worker has come
-ASKED = 2.0  # s after which a cluster is asked anew how many it has
+MIN_PENDING_CHUNKS = 16  # pending chunks before the workers of a cluster have started
+WORKER_WAIT_SECONDS = 30.0  # s after which a message states that no worker has started
+QUERY_INTERVAL_SECONDS = 2.0  # s between two queries of the number of workers of a cluster
 
 
 class ExecutorLost(Exception):
-    """There are no workers any more, and no others can be had."""
+    """All workers are lost and cannot be replaced."""
 
 
 class _Stopped(Exception):
-    """Ends a chunk that nobody waits for."""
+    """Exception that ends a chunk whose result is no longer needed."""
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores available to this process."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def killed_by_its_chunk(error: BaseException) -> bool:
-    """Return whether Dask says that several workers in succession died of one chunk."""
+    """Return whether Dask reports that one chunk killed several workers in succession."""
     scheduler: Any = sys.modules.get("distributed.scheduler")
     return scheduler is not None and isinstance(error, scheduler.KilledWorker)
 
 
 class WorkerPool:
-    """Computes parts of a study.
+    """Workers that compute parts of a study.
 
     Parameters
     ----------
     study : Study
     executor : Executor or callable, optional
-        One that is there, and stays; or what makes one, which is made here, ended here, and made
-        anew if its workers die. Threads of our own by default.
+        An executor, which the pool does not shut down; or a function that makes one, which the pool
+        shuts down, and replaces if its workers die. Own threads by default.
     workers : int, optional
-        How many threads, or how many workers the executor has; as many as there are by default.
+        Number of threads, or of workers of the executor; all available ones by default.
     """
 
     def __init__(self, study: Study, executor: Executor | Maker | None, workers: int | None):
         self.study = study
         self.workers = workers
-        self._within: dict[int, float] = {}  # points done, of the parts under way
+        self._within: dict[int, float] = {}  # completed points of pending parts
         self._make: Maker | None = None
         if executor is None:
             threads = (workers or cores()) if study.threaded else 1
@@ -136,17 +136,17 @@ class WorkerPool:
             raise InvalidParameter("executor", executor, allowed)
         self._executor: Any = None if callable(executor) else executor
         self._stop = threading.Event()
-        self._asked = (-ASKED, 0)
-        self._heard = math.inf  # when it is looked for workers that should have come
+        self._asked = (-QUERY_INTERVAL_SECONDS, 0)
+        self._check_time = math.inf  # time of the check for workers that have not started
         self._calls = count()
 
     def __enter__(self) -> Self:
         if self._make is not None:
             self._executor = self._made(self._make)
         if self.is_local:
-            with collected_warnings():  # of whose motions nothing is told
+            with collected_warnings():  # discards warnings of the compilation run
                 self.study.prepare()
-        self._heard = time.monotonic() + WORKER_WAIT_SECONDS
+        self._check_time = time.monotonic() + WORKER_WAIT_SECONDS
         return self
 
     def __exit__(
@@ -161,61 +161,65 @@ class WorkerPool:
 
     @property
     def is_local(self) -> bool:
-        """Whether the workers are threads of this process, which hear when they are to stop."""
+        """Whether the workers are threads of this process, which can be stopped."""
         return isinstance(self._executor, ThreadPoolExecutor)
 
     @property
     def window(self) -> int:
-        """How many parts are given out at a time: enough that no worker waits for the next."""
+        """Number of parts to submit at a time, so that no worker is idle."""
         known = self.workers or getattr(self._executor, "_max_workers", None)
         if known is None:
             now, known = time.monotonic(), self._asked[1]
-            if now - self._asked[0] >= ASKED:
+            if now - self._asked[0] >= QUERY_INTERVAL_SECONDS:
                 known = _threads_of_cluster(self._executor)
                 self._asked = now, known
             return max(MIN_PENDING_CHUNKS, 2 * known + 1)
         return int(2 * known + 1)
 
     def submit(self, number: int, part: Chunk, carried: Any) -> Future[Result]:
-        """Give out a part; `ExecutorLost` if nobody takes it."""
+        """Submit a part; `ExecutorLost` if the executor does not accept it."""
         where = part.first, part.last, carried
         try:
             if self.is_local:
-                return self._executor.submit(_here, self.study, *where, self._watch(number))
-            with ctrl_c_for_us_alone():  # for processes that are started now
-                # Numbered, since Dask takes a second call with the same arguments for the first.
-                return self._executor.submit(_there, self._packed, *where, next(self._calls))
+                return self._executor.submit(
+                    _compute_in_thread, self.study, *where, self._watch(number)
+                )
+            with ignoring_ctrl_c():  # submission may start processes
+                # Numbered, since Dask identifies calls with equal arguments.
+                return self._executor.submit(
+                    _compute_in_process, self._packed, *where, next(self._calls)
+                )
         except (RuntimeError, OSError) as error:
-            # RuntimeError: broken, or shut down by others. OSError: a pool that starts a worker
-            # while another one dies finds its queue closed; or the system starts no process.
+            # RuntimeError: the executor is broken or was shut down. OSError: the queue is closed,
+            # since a worker died while another one started, or the system cannot start a process.
             raise ExecutorLost(str(error)) from None
 
-    def say_if_nobody_comes(self) -> None:
-        """Say once, after a while, that a cluster has no workers: nothing else would tell."""
-        if time.monotonic() < self._heard:
+    def warn_of_missing_workers(self) -> None:
+        """Report once, after a while, that a cluster has no workers."""
+        if time.monotonic() < self._check_time:
             return
-        self._heard = math.inf
+        self._check_time = math.inf
         client = getattr(self._executor, "_client", None)
         if client is not None and not client.nthreads():
-            _log.warning("waiting for workers: the cluster has none; its own log tells why")
+            _log.warning("waiting for workers: the cluster has none; see its log")
 
     @property
     def part_done(self) -> float:
-        """Points that are done of the parts under way, as far as that can be told."""
+        """Number of completed points of pending parts, if known."""
         return sum(list(self._within.values()))
 
     def forget(self, number: int) -> None:
-        """Forget what was told of a part that is not under way any more."""
+        """Discard the progress of a part that is no longer pending."""
         self._within.pop(number, None)
 
     def is_lost(self, error: BaseException) -> bool:
-        """Return whether an error says that a worker was lost, rather than that a point fails."""
+        """Return whether an error means that a worker was lost, not that a point failed."""
         if isinstance(error, KeyboardInterrupt):
-            return not self.is_local  # somebody has interrupted a worker
+            return not self.is_local  # a worker was interrupted
         return isinstance(error, BrokenExecutor | CancelledError) or killed_by_its_chunk(error)
 
     def renew(self, reason: str) -> None:
-        """Make the executor anew; `ExecutorLost` if that fails, or if its workers die at once."""
+        """Replace the executor; `ExecutorLost` if that fails, or if its workers die at once."""
         if self._make is None:
             raise ExecutorLost(reason)
         _end(self._executor, at_once=True)
@@ -224,8 +228,8 @@ class WorkerPool:
             if self.is_local:
                 self._executor.submit(int).result()
             else:
-                with ctrl_c_for_us_alone():
-                    trial = self._executor.submit(_ready, self._packed)
+                with ignoring_ctrl_c():
+                    trial = self._executor.submit(_prepared, self._packed)
                 trial.result()
         except (BrokenExecutor, CancelledError, OSError) as error:
             raise ExecutorLost(f"they die before they compute anything: {error}") from None
@@ -234,7 +238,7 @@ class WorkerPool:
     def _packed(self) -> bytes:
         try:
             packed: bytes = cloudpickle.dumps(self.study)
-        except Exception as error:  # what an object raises that cannot be pickled may be anything
+        except Exception as error:  # pickling of an object may raise any exception
             problem = f"the study cannot go to other processes ({error}); leave executor out"
             raise InvalidParameter("executor", None, "", problem=problem) from error
         return packed
@@ -256,13 +260,13 @@ class WorkerPool:
 
 
 def _threads_of_cluster(executor: Any) -> int:
-    """Return how many threads Dask's workers have at present; 0 of an unknown kind of executor."""
+    """Return the present number of threads of Dask's workers; 0 for other executors."""
     client = getattr(executor, "_client", None)
     return sum(client.nthreads().values()) if client is not None else 0
 
 
 def _end(executor: Executor, *, at_once: bool) -> None:
-    """End an executor of our own; left alone, it would wait for what is being computed."""
+    """Shut down an own executor, without waiting for running chunks if `at_once`."""
     if at_once and isinstance(executor, ProcessPoolExecutor):
         for process in list((executor._processes or {}).values()):
             process.kill()
@@ -274,10 +278,10 @@ def _end(executor: Executor, *, at_once: bool) -> None:
 
 
 @contextmanager
-def ctrl_c_for_us_alone() -> Iterator[None]:
-    """Let processes that are started in the block be deaf to Ctrl-C, which a terminal sends to all.
+def ignoring_ctrl_c() -> Iterator[None]:
+    """Make processes started in the block ignore Ctrl-C, which a terminal sends to all processes.
 
-    They would answer with tracebacks; it is for this process to end them.
+    Otherwise they would print tracebacks; this process ends them.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -289,24 +293,24 @@ def ctrl_c_for_us_alone() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-# What workers do.
+# --- Functions of workers
 
-_preparing = threading.Lock()  # a process may have several threads that compute
-_alone = threading.Lock()  # held by what no other thread may compute beside
+_preparing = threading.Lock()  # serialises the preparation among threads of a process
+_alone = threading.Lock()  # serialises studies that must not run in parallel threads
 
 
-def _here(
+def _compute_in_thread(
     study: Study, first: int, last: int, carried: Any, watch: Callable[[float], None]
 ) -> Result:
-    """Compute points in a thread of the process that waits for them."""
+    """Compute points in a thread of the main process."""
     with nullcontext() if study.threaded else _alone:
         watch(0.0)
         return _computed(study, first, last, carried, watch)
 
 
-def _there(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Result:
+def _compute_in_process(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Result:
     """Compute points in another process."""
-    _ready(packed)
+    _prepared(packed)
     study = _unpacked(packed)
     with nullcontext() if study.threaded else _alone:
         return _computed(study, first, last, carried, None)
@@ -315,14 +319,14 @@ def _there(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Re
 def _computed(
     study: Study, first: int, last: int, carried: Any, watch: Callable[[float], None] | None
 ) -> Result:
-    """Return what is computed of points, and what is told of them."""
-    with collected_warnings() as told:
+    """Compute points; return their results and warnings."""
+    with collected_warnings() as caught:
         columns, carried = study.compute(first, last, carried, watch)
-    return columns, carried, told
+    return columns, carried, caught
 
 
-def _ready(packed: bytes) -> None:
-    """Do all that is done once in a process."""
+def _prepared(packed: bytes) -> None:
+    """Prepare a process, once."""
     _end_with_parent(os.getpid())
     with _preparing:
         _unpacked(packed)
@@ -338,7 +342,7 @@ def _unpacked(packed: bytes) -> Study:
 
 @cache
 def _end_with_parent(_process: int) -> None:
-    """Let this process end when its parent does: a pool's would wait for work forever."""
+    """End this process with its parent; otherwise a worker of a pool would wait forever."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

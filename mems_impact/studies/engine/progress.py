@@ -20,17 +20,17 @@ StudyProgress = Callable[[float, int], None]  # points done so far, and those of
 def study_progress(
     progress: Progress, kind: str, before: int, total: int
 ) -> Iterator[StudyProgress | None]:
-    """Give what is called now and then with what is done; None where nobody listens.
+    """Yield the progress callback of a study; None without progress.
 
     Parameters
     ----------
     progress : bool or callable
-        True: on a terminal a bar, elsewhere a line now and then, where the work takes over a
-        second, or three. A function is called with the points done so far.
+        True: a bar on a terminal, lines elsewhere, if the work takes more than one second, or
+        three. A function is called with the points done so far.
     kind : str
-        What runs.
+        Kind of the study.
     before, total : int
-        How many points were done by earlier runs, and how many there are.
+        Number of points completed by earlier runs, and of all points.
     """
     if callable(progress):
         yield lambda done, failed: progress(done)
@@ -58,17 +58,17 @@ def _bar(kind: str, before: int, total: int) -> Iterator[StudyProgress]:
 
 @contextmanager
 def warned(study: Study) -> Iterator[list[CollectedWarning]]:
-    """Give a list for what is told of points; each subject is told once, with where it is met."""
-    told: list[CollectedWarning] = []
+    """Yield a list for warnings of points; each subject is reported once, with its first point."""
+    caught: list[CollectedWarning] = []
     try:
-        yield told
+        yield caught
     finally:
-        told.sort(key=lambda each: each.point)
-        for first in first_of_each(told):
+        caught.sort(key=lambda each: each.point)
+        for first in first_of_each(caught):
             alike = (first.category, first.subject)
-            points = {each.point for each in told if (each.category, each.subject) == alike}
+            points = {each.point for each in caught if (each.category, each.subject) == alike}
             where = study.place(first.point)
-            if first.category is StartWarning:  # all starts are looked at, jumps but now and then
+            if first.category is StartWarning:  # all starts are checked, jumps only occasionally
                 count = f"{len(points)} of {study.points} points"
                 where = f"{count}, first {where}" if len(points) > 1 else f"{count}, {where}"
             message = f"{study.kind} ({where}): {first.message}"

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 __all__ = ["run_study"]
 
-TICK = 0.25  # s between two looks at what is done
-BREAKING = 10.0  # s within which all that a broken executor has is given up by it
-DEATHS = 3  # of workers, after which a chunk is given up
-PER_WORKER = 4  # chunks that each worker has at least, so that none is idle for long at the end
+POLL_SECONDS = 0.25  # s between two checks for completed parts
+RECOVERY_SECONDS = 10.0  # s in which a broken executor returns its parts
+MAX_WORKER_DEATHS = 3  # deaths of workers after which a chunk is abandoned
+MIN_CHUNKS_PER_WORKER = 4  # least number of chunks per worker, which bounds idle time at the end
 
 
 def run_study(
@@ -51,45 +51,45 @@ def run_study(
     progress: Progress = False,
     chunk: int | None = None,
 ) -> pd.DataFrame:
-    """Compute all points of a study. Nothing but `study` makes a difference to any number.
+    """Compute all points of a study. The numbers depend on `study` only.
 
     Parameters
     ----------
     study : Study
     store : str or os.PathLike, optional
-        A directory in which chunks are kept as they are done: a study that was interrupted or
-        killed goes on from there. Needs pyarrow.
+        A directory for completed chunks, from which a study that was interrupted or killed
+        continues. It requires pyarrow.
     executor : concurrent.futures.Executor or callable, optional
         Threads by default. A function that makes an executor is called again if its workers die.
     workers : int, optional
-        How many threads; with an executor, how many workers it has, where it does not tell.
+        Number of threads; with an executor, its number of workers, if it does not provide it.
     progress : bool or callable, optional
-        Show how far it is: a bar on a terminal, else a line every 10 % or 30 s. A function is
+        Show the progress: a bar on a terminal, else a line every 10 % or 30 s. A function is
         called several times a second with the points done.
     chunk : int, optional
-        How many points are computed together. A store goes on with the chunks it has.
+        Number of points computed together. A store keeps the size of its chunks.
 
     Returns
     -------
     DataFrame
-        The rows of the points in their order. A point that failed has its reason in ``status``.
+        The rows of the points in order. A failed point has its reason in ``status``.
 
     Raises
     ------
     InvalidParameter
         If an argument is out of range, or pyarrow is missing.
     InvalidFile, FileNotWritten
-        If the store is another study's, in use, damaged, or cannot be written.
+        If the store belongs to another study, is in use or damaged, or cannot be written.
     StudyInterrupted
-        On Ctrl-C, which is heard at once; its ``table`` holds the chunks done.
+        At once on Ctrl-C; its ``table`` holds the completed chunks.
     WorkersLost
-        If the workers died and no others can be had; its ``table`` holds the chunks done.
+        If the workers died and cannot be replaced; its ``table`` holds the completed chunks.
 
     Notes
     -----
-    A chunk whose worker dies is tried again, at last by itself. One that has killed three workers
-    is given up: its points are rows that say so. Any other exception of a point comes as it
-    is, with the table of what was done as its attribute ``table``.
+    A chunk whose worker dies is computed again, finally without others beside it. After three
+    deaths of workers its points become failed rows. Any other exception of a point is raised
+    unchanged, with the completed table as its attribute ``table``.
     """
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
@@ -112,19 +112,19 @@ def _keeping(
 def _default(study: Study, workers: int | None) -> int:
     if study.chains:
         return study.chunk
-    share = math.ceil(study.points / (PER_WORKER * (workers or cores())))
+    share = math.ceil(study.points / (MIN_CHUNKS_PER_WORKER * (workers or cores())))
     return max(1, min(study.chunk, share))
 
 
 def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progress) -> None:
-    """Compute what is missing; whatever ends it early says what is done."""
+    """Compute the missing parts; an exception holds the completed table."""
     try:
         with (
-            warned(study) as told,
+            warned(study) as caught,
             crew,
             study_progress(progress, study.kind, kept.done, study.points) as notice,
         ):
-            Scheduler(study, kept, crew, notice, told).run()
+            Scheduler(study, kept, crew, notice, caught).run()
     except KeyboardInterrupt:
         kept.scan_completed()
         raise StudyInterrupted(kept.table(), kept.done, study.points) from None
@@ -137,11 +137,11 @@ def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progres
 
 
 class Scheduler:
-    """Gives out the parts that are missing, a bounded number at a time, and takes what comes back.
+    """Scheduler of the missing parts of a study, with a bounded number of pending parts.
 
-    Of a chain one part is under way at most. When a worker dies, its executor cannot say of which
-    part: so all that were under way count one death, and from the second on a part is tried by
-    itself. If the worker dies then, it was that part which killed it.
+    At most one part of a chain is pending. When a worker dies, its executor does not report the
+    part, so each pending part counts one death. From the second death on a part is computed alone;
+    if the worker dies again, this part is the cause.
     """
 
     def __init__(
@@ -150,38 +150,38 @@ class Scheduler:
         kept: ChunkStore,
         crew: WorkerPool,
         notice: StudyProgress | None,
-        told: list[CollectedWarning],
+        caught: list[CollectedWarning],
     ) -> None:
         self.study, self.kept, self.crew, self.notice = study, kept, crew, notice
-        self.told = told
+        self.caught = caught
         self.ready = deque(number for number in kept.missing if kept.is_ready(number))
         self.quarantined: deque[int] = deque()
-        self.trial: int | None = None  # the suspect that is under way, with nothing beside it
+        self.trial: int | None = None  # the suspect that is computed alone
         self.worker_deaths: Counter[int] = Counter()
-        self.under_way: dict[Future[Result], int] = {}
-        self.broken = ""  # why the executor is of no use any more
+        self.pending: dict[Future[Result], int] = {}
+        self.broken = ""  # reason for which the executor is unusable
 
     def run(self) -> None:
         """Compute all parts."""
         try:
-            while self.ready or self.quarantined or self.under_way:
-                self.give_out()
-                self.take(wait(self.under_way, TICK, FIRST_COMPLETED).done)
+            while self.ready or self.quarantined or self.pending:
+                self.submit_parts()
+                self.take(wait(self.pending, POLL_SECONDS, FIRST_COMPLETED).done)
                 if self.broken:
                     self.recover()
-                self.crew.say_if_nobody_comes()
+                self.crew.warn_of_missing_workers()
                 if self.notice is not None:
                     self.notice(self.kept.done + self.crew.part_done, self.kept.failed)
         finally:
-            for future in self.under_way:
+            for future in self.pending:
                 future.cancel()
 
-    def give_out(self) -> None:
-        """Give out parts, as many as keep all workers busy; a suspect by itself."""
+    def submit_parts(self) -> None:
+        """Submit enough parts to keep all workers busy; a suspect alone."""
         while not self.broken and self.trial is None:
-            if self.quarantined and not self.under_way:
+            if self.quarantined and not self.pending:
                 number = self.trial = self.quarantined.popleft()
-            elif self.ready and not self.quarantined and len(self.under_way) < self.crew.window:
+            elif self.ready and not self.quarantined and len(self.pending) < self.crew.window:
                 number = self.ready.popleft()
             else:
                 return
@@ -193,64 +193,64 @@ class Scheduler:
                 self.again(number)
                 self.broken = str(error) or "the executor takes no work"
             else:
-                self.under_way[future] = number
+                self.pending[future] = number
 
     def take(self, done: set[Future[Result]]) -> None:
-        """Keep what is done, and only then say what has failed."""
+        """Store completed parts, then raise errors of failed ones."""
         failed: BaseException | None = None
-        for future in sorted(done, key=self.under_way.__getitem__):
-            number = self.under_way.pop(future)
+        for future in sorted(done, key=self.pending.__getitem__):
+            number = self.pending.pop(future)
             self.crew.forget(number)
             error = _error_of(future)
             if error is None:
                 self.trial = None
-                columns, carried, told = future.result()
-                self.told += told
+                columns, carried, caught = future.result()
+                self.caught += caught
                 self.keep(number, columns, carried)
             elif self.crew.is_lost(error):
-                self.lose(number, error)
+                self.handle_worker_loss(number, error)
             else:
                 failed = failed or error
         if failed is not None:
             raise failed
 
     def keep(self, number: int, columns: Columns, carried: Any) -> None:
-        """Keep a part; the next one of its chain may go on."""
+        """Store a part; the next one of its chain becomes ready."""
         self.kept.put(number, columns, carried)
         after = number + 1
         if self.kept.is_missing(after) and self.kept.parts[after].follows:
             self.ready.appendleft(after)
 
-    def lose(self, number: int, error: BaseException) -> None:
-        """Try a part again whose worker may have died of it; give up one that has killed three."""
+    def handle_worker_loss(self, number: int, error: BaseException) -> None:
+        """Repeat a part whose worker died; abandon it after three deaths."""
         alone = number == self.trial
-        # Dask has tried such a part on several workers already, but with others beside it.
-        self.worker_deaths[number] += DEATHS - 1 if killed_by_its_chunk(error) else 1
+        # Dask has computed such a part on several workers, but together with other parts.
+        self.worker_deaths[number] += MAX_WORKER_DEATHS - 1 if killed_by_its_chunk(error) else 1
         if isinstance(error, BrokenExecutor | CancelledError):
             self.broken = _one_line(error)
-        if alone and self.worker_deaths[number] >= DEATHS:
+        if alone and self.worker_deaths[number] >= MAX_WORKER_DEATHS:
             self.trial = None
             part, carried = self.kept.parts[number], self.kept.carried(number)
-            reason = f"its chunk killed {DEATHS} workers ({_one_line(error)})"
+            reason = f"its chunk killed {MAX_WORKER_DEATHS} workers ({_one_line(error)})"
             self.keep(number, self.study.failed(part.first, part.last, reason), carried)
         else:
             self.again(number)
 
     def again(self, number: int) -> None:
-        """Let a part be given out again."""
+        """Queue a part again."""
         self.trial = None if number == self.trial else self.trial
-        if self.worker_deaths[number] >= DEATHS - 1:
+        if self.worker_deaths[number] >= MAX_WORKER_DEATHS - 1:
             self.quarantined.append(number)
         else:
             self.ready.appendleft(number)
 
     def recover(self) -> None:
-        """Take what the broken executor has done, and have it made anew."""
-        self.take(wait(self.under_way, BREAKING).done)
-        for future, number in self.under_way.items():
+        """Store the completed parts of a broken executor, and replace it."""
+        self.take(wait(self.pending, RECOVERY_SECONDS).done)
+        for future, number in self.pending.items():
             future.cancel()
             self.again(number)
-        self.under_way.clear()
+        self.pending.clear()
         self.crew.renew(self.broken)
         self.broken = ""
 

@@ -4,8 +4,8 @@
     lock                                held by the process that computes
     points/000000064-000000128.parquet  points 64 to 127
 
-Every file appears whole or not at all, and none changes once it stands. So readers need no lock,
-and what a process that was killed leaves behind is at most a hidden temporary file.
+Files are written atomically and never changed. So readers need no lock, and a killed process leaves
+at most a hidden temporary file.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ from mems_impact.systems.serialization.file import check_format, versions
 
 __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study"]
 
-# --- How two studies differ, in words for one line.
+# --- Differences of two studies
 
 CONTAINER_KINDS = (
     "dict",
     "list",
-)  # what `serialization.codec` says beside parts: not names that users know
+)  # internal names of `serialization.codec`, unknown to users
 _NONE = "nothing"
 
 
 def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Return where two descriptions differ, with both values; nothing if they are the same.
+    """Describe the difference of two descriptions, with both values; empty if they are equal.
 
     Parameters
     ----------
     there, here : mapping of str to JSON value
-        What is stored, and what is wanted.
+        The stored and the requested description.
     """
     there, here = plain(dict(there)), plain(dict(here))
     names = _differing(there, here)
@@ -81,7 +81,7 @@ def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
 
 
 def _first(name: str, there: Any, here: Any) -> tuple[str, Any, Any]:
-    """Return the innermost place at which values differ, within lists and tables."""
+    """Return the innermost path at which values differ, within lists and tables."""
     place, its, mine = label(name), there.get(name, _NONE), here.get(name, _NONE)
     while True:
         if isinstance(its, dict) and isinstance(mine, dict):
@@ -97,28 +97,28 @@ def _first(name: str, there: Any, here: Any) -> tuple[str, Any, Any]:
 
 
 def _text(value: Any) -> str:
-    return json.dumps(value, sort_keys=True)  # nan is nan here
+    return json.dumps(value, sort_keys=True)  # equal for NaN
 
 
-# --- Where the chunks of a study are kept while it runs: in memory, or, by `store`, on disk.
+# --- Stores of chunks
 
 
 class ChunkStore(ABC):
-    """The chunks that are done.
+    """Store of completed chunks.
 
     Parameters
     ----------
     study : Study
     chunk : int
-        How many points a part has.
+        Number of points of a part.
 
     Attributes
     ----------
     parts : list of Chunk
     done : int
-        Points whose chunks are kept.
+        Number of points of stored chunks.
     failed : int
-        Those among them that have no numbers.
+        Number of failed points among them.
     """
 
     def __init__(self, study: Study, chunk: int) -> None:
@@ -129,32 +129,32 @@ class ChunkStore(ABC):
 
     @property
     def missing(self) -> list[int]:
-        """The numbers of the parts that are not kept yet, in order."""
+        """The numbers of the missing parts, in order."""
         return list(self._missing)
 
     def is_missing(self, number: int) -> bool:
-        """Return whether there is such a part, and it is not kept yet."""
+        """Return whether a part exists and is not stored."""
         return number in self._missing
 
     def is_ready(self, number: int) -> bool:
-        """Return whether a part may be computed: what it goes on from is kept."""
+        """Return whether a part can be computed: its predecessor in a chain is stored."""
         return not self.parts[number].follows or number - 1 not in self._missing
 
     def put(self, number: int, columns: Columns, carried: Any) -> None:
-        """Keep the columns of a part, and what the next part of its chain goes on from."""
+        """Store the columns of a part, and the initial data of the next part of its chain."""
         columns, carried = arranged(columns, self.study.schema), plain(carried)
         bad = failures(columns)
         self.keep(number, columns, carried, bad)
         self.count(number, bad)
 
     def count(self, number: int, failed: int) -> None:
-        """Count a part that is kept."""
+        """Count a stored part."""
         del self._missing[number]
         self.done += self.parts[number].points
         self.failed += failed
 
     def scan_completed(self) -> None:
-        """Count what is kept and not counted: of an earlier run, or where Ctrl-C came between."""
+        """Count stored parts of an earlier run, or of an interrupted `put`."""
         for number in self.missing:
             failed = self.failed_in(number)
             if failed is not None:
@@ -162,19 +162,19 @@ class ChunkStore(ABC):
 
     @abstractmethod
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
-        """Keep a part."""
+        """Store a part."""
 
     @abstractmethod
     def failed_in(self, number: int) -> int | None:
-        """Return how many points of a part have no numbers; None if it is not kept."""
+        """Return the number of failed points of a part; None if it is not stored."""
 
     @abstractmethod
     def carried(self, number: int) -> Any:
-        """Return what a part of a chain goes on from; None at its beginning."""
+        """Return the initial data of a part of a chain; None for the first."""
 
     @abstractmethod
     def table(self) -> pd.DataFrame:
-        """Return the table of all parts that are kept, in the order of the points."""
+        """Return the table of all stored parts, in the order of the points."""
 
 
 class MemoryStore(ChunkStore):
@@ -186,45 +186,45 @@ class MemoryStore(ChunkStore):
         self._carried: dict[int, Any] = {}
 
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
-        """Keep a part."""
+        """Store a part."""
         self._columns[number], self._carried[number] = columns, carried
 
     def failed_in(self, number: int) -> int | None:
-        """Return how many points of a part have no numbers."""
+        """Return the number of failed points of a part."""
         return failures(self._columns[number]) if number in self._columns else None
 
     def carried(self, number: int) -> Any:
-        """Return what a part goes on from."""
+        """Return the initial data of a part."""
         return self._carried[number - 1] if self.parts[number].follows else None
 
     def table(self) -> pd.DataFrame:
-        """Return the table of all parts that are kept."""
+        """Return the table of all stored parts."""
         chunks = [self._columns[number] for number in sorted(self._columns)]
         return frame(chunks, self.study.schema, attributes(self.study))
 
 
 def attributes(study: Study) -> dict[str, Any]:
-    """Return ``attrs`` of the table of a study: its own, and where the numbers come from."""
-    told: dict[str, Any] = plain({**study.attrs, "study": study.kind, "versions": provenance()})
-    return told
+    """Return ``attrs`` of the table of a study: its own, and the provenance."""
+    attrs: dict[str, Any] = plain({**study.attrs, "study": study.kind, "versions": provenance()})
+    return attrs
 
 
 def provenance() -> dict[str, str]:
-    """Return the versions of what makes the numbers."""
+    """Return the versions of the software that determines the numbers."""
     return {**versions(), "python": platform.python_version()}
 
 
-# --- One process at a time: a lock that goes with the process that holds it.
+# --- Lock of a store
 
 _log = logging.getLogger("mems_impact")
 
 
 @contextmanager
 def locked(path: Path) -> Iterator[bool]:
-    """Hold the lock file `path` in the block; gives False where the file system knows no locks.
+    """Hold the lock file `path` in the block; yield False if the file system has no locks.
 
-    The system itself ends the lock of a process that is killed, also where workers that it has
-    forked live on for a while.
+    The operating system releases the lock of a killed process, even while forked workers are still
+    running.
 
     Raises
     ------
@@ -243,8 +243,8 @@ def locked(path: Path) -> Iterator[bool]:
     except Timeout:
         raise _in_use(path, _holder(real)) from None
     except OSError as error:
-        # Some file systems of clusters have no locks. Chunks are whole and the same whoever writes
-        # them, so that two processes lose time there and nothing else.
+        # Some file systems of clusters have no locks. Chunks are atomic and independent of the
+        # writer, so that two processes only waste time there.
         _log.warning("%s: cannot be locked (%s)", path, (error.strerror or str(error)).lower())
         alone = False
     try:
@@ -258,16 +258,16 @@ def _signature() -> str:
 
 
 def _sign(file: int) -> None:
-    """Write into the lock file who holds it."""
+    """Write the holder into the lock file."""
     os.ftruncate(file, 0)
     os.write(file, _signature().encode())
 
 
 def _holder(path: Path) -> str:
-    """Return who holds a lock, in words that follow "in use"."""
+    """Return the holder of a lock, worded to follow "in use"."""
     try:
         holder = path.read_bytes()[:200].decode(errors="replace").strip()
-    except OSError:  # a file that is locked cannot be read on Windows
+    except OSError:  # Windows does not allow reading a locked file
         holder = ""
     if holder == _signature():
         return "by another study in this process"
@@ -278,33 +278,33 @@ def _in_use(path: Path, holder: str) -> InvalidFile:
     return InvalidFile(path.parent, f"is in use {holder}", "wait for it, or give another directory")
 
 
-# --- Chunks as Parquet files, with where they come from in their metadata.
+# --- Chunks as Parquet files
 
 KEY, CHECKSUM = b"mems_impact", b"mems_impact crc32"
 
 
 def check() -> None:
-    """Raise InvalidParameter unless there is pyarrow."""
+    """Raise InvalidParameter without pyarrow."""
     if find_spec("pyarrow") is None:
         problem = "needs pyarrow, which is not installed: pip install 'mems-impact[parquet]'"
         raise InvalidParameter("store", None, "", problem=problem)
 
 
-def packed(columns: Columns, schema: Mapping[str, str], told: Mapping[str, Any]) -> bytes:
+def packed(columns: Columns, schema: Mapping[str, str], metadata: Mapping[str, Any]) -> bytes:
     """Return the content of the file of a chunk.
 
     Parameters
     ----------
     columns : dict of array
     schema : mapping of str to str
-        Of the study.
-    told : mapping
-        What stands in the metadata, as JSON.
+        Schema of the study.
+    metadata : mapping
+        Metadata, stored as JSON.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    text = json.dumps(told).encode()
+    text = json.dumps(metadata).encode()
     kinds = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "str": pa.string()}
     fields = pa.schema(
         [pa.field(name, kinds[kind], nullable=False) for name, kind in schema.items()],
@@ -318,10 +318,10 @@ def packed(columns: Columns, schema: Mapping[str, str], told: Mapping[str, Any])
 
 
 def read_footer(path: Path) -> dict[str, Any] | None:
-    """Return what the metadata of a chunk say; None if there is no such file, or half of it.
+    """Return the metadata of a chunk; None if its file is missing or truncated.
 
-    A file that was cut off, as by a machine that went down, is as good as none: its points can be
-    computed again.
+    The points of a file that was truncated, for example by a crash of the machine, are computed
+    again.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -330,19 +330,19 @@ def read_footer(path: Path) -> dict[str, Any] | None:
         found = pq.read_metadata(path).metadata
         if found[CHECKSUM] != b"%08x" % crc32(found[KEY]):
             return None
-        told: dict[str, Any] = json.loads(found[KEY])
+        metadata: dict[str, Any] = json.loads(found[KEY])
     except (FileNotFoundError, pa.ArrowException, LookupError, TypeError):
         return None
     except OSError as error:
-        if error.errno is None:  # not of the system: metadata that make no sense
+        if error.errno is None:  # invalid metadata, not an error of the operating system
             return None
         reason = (error.strerror or str(error)).lower()
-        raise InvalidFile(path, f"cannot be read ({reason})", "let it be read") from None
-    return told
+        raise InvalidFile(path, f"cannot be read ({reason})", "make it readable") from None
+    return metadata
 
 
 def columns(path: Path, schema: Mapping[str, str]) -> Columns:
-    """Return the columns of a chunk; InvalidFile if it is damaged, which checksums tell."""
+    """Return the columns of a chunk; InvalidFile if it is damaged, by its checksums."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -364,24 +364,23 @@ def _array(column: Any) -> Any:
 def damaged(path: Path, error: Exception | None = None) -> InvalidFile:
     """Return the error of a chunk that cannot be read."""
     reason = f"is damaged ({' '.join(str(error).split())[:200]})" if error else "is damaged"
-    return InvalidFile(path, reason, "remove it, and run the study again: the others are kept")
+    return InvalidFile(path, reason, "remove it, and run the study again: other chunks are kept")
 
 
-# --- A study in a directory: what it is in ``study.json``, its chunks as Parquet files beside
-# that.
+# --- Directory of a study
 
-# Raised by every change of what is written; no other format is read.
+# Incremented with every change of the format; other formats are rejected.
 STORE_FORMAT = 2
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
 ANOTHER = "give another directory for this one"
-MAX_IDENTITY_CHARACTERS = 2000  # characters of what each chunk says of the identity, by name
+MAX_IDENTITY_CHARACTERS = 2000  # per entry of the identity in the metadata of a chunk
 
 
 @contextmanager
 def open_store(
     directory: str | os.PathLike[str], study: Study, chunk: int
 ) -> Iterator[DirectoryStore]:
-    """Give the store of a study in a directory, which is made if there is none.
+    """Yield the store of a study in a directory, which is created if missing.
 
     Raises
     ------
@@ -414,9 +413,9 @@ class DirectoryStore(ChunkStore):
     directory : Path
     study : Study
     manifest : mapping
-        What ``study.json`` says: its chunks are those of the process that began the study.
+        Content of ``study.json``, which determines the chunks.
     alone : bool
-        Whether no other process can be writing there.
+        Whether the process holds the lock, so that no other process writes.
     """
 
     def __init__(
@@ -426,8 +425,8 @@ class DirectoryStore(ChunkStore):
         self.directory = directory
         self.attrs = manifest["attrs"]
         made = provenance()
-        self._told = {"study": study.kind, "versions": made, "identity": _brief(study)}
-        _tell_of_versions(directory, manifest["versions"], made)
+        self._metadata = {"study": study.kind, "versions": made, "identity": _brief(study)}
+        _warn_of_versions(directory, manifest["versions"], made)
         if alone:
             _tidy(directory)
         self.scan_completed()
@@ -435,17 +434,17 @@ class DirectoryStore(ChunkStore):
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Write the file of a part."""
         part = self.parts[number]
-        told = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
-        content = packed(columns, self.study.schema, {**self._told, **told})
+        own = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
+        content = packed(columns, self.study.schema, {**self._metadata, **own})
         _write(path_of(self.directory, part), content)
 
     def failed_in(self, number: int) -> int | None:
-        """Return how many points of a part have no numbers, as its file says."""
+        """Return the number of failed points of a part, from its file."""
         footer = read_footer(path_of(self.directory, self.parts[number]))
         return None if footer is None else footer["failed"]
 
     def carried(self, number: int) -> Any:
-        """Return what a part goes on from, as the file of the part before says."""
+        """Return the initial data of a part, from the file of the previous part."""
         if not self.parts[number].follows:
             return None
         before = path_of(self.directory, self.parts[number - 1])
@@ -455,7 +454,7 @@ class DirectoryStore(ChunkStore):
         return footer["carried"]
 
     def table(self) -> pd.DataFrame:
-        """Return the table of all parts whose files stand; InvalidFile if one is damaged."""
+        """Return the table of all stored parts; InvalidFile if a file is damaged."""
         schema = self.study.schema
         kept = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
         chunks = [columns(path_of(self.directory, part), schema) for part in kept]
@@ -463,12 +462,12 @@ class DirectoryStore(ChunkStore):
 
 
 def manifest_of(directory: Path) -> dict[str, Any]:
-    """Return what ``study.json`` says.
+    """Return the content of ``study.json``.
 
     Raises
     ------
     InvalidFile
-        If there is none, or it is of another format.
+        If it is missing or has another format.
     """
     path = directory / MANIFEST
     remedy = "give the directory that was a study's store"
@@ -486,7 +485,7 @@ def manifest_of(directory: Path) -> dict[str, Any]:
 
 
 def chunks_of(manifest: Mapping[str, Any]) -> list[Chunk]:
-    """Return the parts of a study that is told by its manifest."""
+    """Return the parts of a study from its manifest."""
     chains = [range(*ends) for ends in manifest["chains"]]
     return layout(manifest["points"], chains, manifest["chunk"])
 
@@ -509,25 +508,25 @@ def _described(study: Study, chunk: int) -> dict[str, Any]:
 
 
 def _form(study: Study) -> dict[str, Any]:
-    """Return what follows from the identity, unless the package has changed."""
+    """Return the entries that depend on the identity and on the version of the package."""
     chains = [[each.start, each.stop] for each in study.chains]
     return {"points": study.points, "chains": chains, "schema": dict(study.schema)}
 
 
 def _check_same(place: Path, manifest: Mapping[str, Any], study: Study) -> None:
-    """Refuse another study."""
+    """Raise InvalidFile if the directory holds another study."""
     form = _form(study)
-    told = (
+    differing = (
         difference({"kind": manifest["kind"]}, {"kind": study.kind})
         or difference(manifest["identity"], study.identity())
         or difference({name: manifest[name] for name in form}, form)
     )
-    if told:
-        raise InvalidFile(place, f"holds another study: {told}", ANOTHER)
+    if differing:
+        raise InvalidFile(place, f"holds another study: {differing}", ANOTHER)
 
 
 def _check_empty(place: Path) -> None:
-    """Refuse a directory that holds something else, which is not to be mixed with a study."""
+    """Raise InvalidFile if the directory holds other files."""
     strange = [each.name for each in place.iterdir() if not _is_ours(each.name)]
     if strange:
         reason = f"holds no study, but {', '.join(sorted(strange)[:3])}"
@@ -535,22 +534,22 @@ def _check_empty(place: Path) -> None:
 
 
 def _is_ours(name: str) -> bool:
-    # A study that was killed before it could say what it is leaves these.
+    # Files of a study that was killed before it wrote its manifest.
     return name in (LOCK, POINTS) or name.startswith(f".{Path(MANIFEST).stem}-")
 
 
-def _tell_of_versions(place: Path, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
-    told = difference(there, here)
-    if told:
-        _log.warning("%s: %s; last bits may differ between old and new points", place, told)
+def _warn_of_versions(place: Path, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
+    differing = difference(there, here)
+    if differing:
+        _log.warning("%s: %s; last bits may differ between old and new points", place, differing)
 
 
 def _brief(study: Study) -> dict[str, Any]:
-    """Return the identity for the metadata of each chunk, where its parts are not too long."""
-    told = study.identity()
+    """Return the identity for the metadata of each chunk, without long entries."""
+    identity = study.identity()
     return {
         name: value
-        for name, value in told.items()
+        for name, value in identity.items()
         if len(json.dumps(value)) <= MAX_IDENTITY_CHARACTERS
     }
 
@@ -573,7 +572,7 @@ def _tidy(directory: Path) -> None:
         left.unlink(missing_ok=True)
 
 
-# --- What stands in the store of a study, read at any time: while it runs, too.
+# --- Reading of a store, also while the study runs
 
 FIGURE_FORMATS = {
     "basins": "mems_impact.plotting.maps:plot_basins",
@@ -581,12 +580,12 @@ FIGURE_FORMATS = {
     "tolerances": "mems_impact.plotting.uncertainty:plot_tolerance_analysis",
     "sweep": "mems_impact.plotting.bifurcation:plot_sweep",
 }
-"""Who draws what is stored of a kind of study, ``module:function``: of a StoredStudy, to axes."""
+"""Plotting function of a StoredStudy by kind of study, as ``module:function``."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredStudy(SummaryRepr):
-    """What a store held when it was read.
+    """Content of a store at the time of reading.
 
     Attributes
     ----------
@@ -594,13 +593,13 @@ class StoredStudy(SummaryRepr):
     kind : str
         The verb of the study, such as ``"sweep"``.
     done, total : int
-        Number of points that are done, and of all.
+        Number of completed points, and of all points.
     failed : int
-        Those that are done, but have no numbers.
+        Number of failed points among the completed ones.
     identity : dict
-        What the numbers depend on: system, values, options, seeds.
+        Inputs of the numbers: system, values, options, seeds.
     attrs : dict
-        Of its table: units, versions.
+        ``attrs`` of its table: units, versions.
 
     See Also
     --------
@@ -631,7 +630,7 @@ class StoredStudy(SummaryRepr):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """The rows of the points that are done, in their order.
+        """The rows of the completed points, in order.
 
         Raises
         ------
@@ -644,21 +643,21 @@ class StoredStudy(SummaryRepr):
         return frame(chunks, self._schema, self.attrs)
 
     def summary(self) -> dict[str, Any]:
-        """Return how far the study is."""
+        """Return the progress of the study."""
         return {name: getattr(self, name) for name in ("path", "kind", "done", "total", "failed")}
 
     @property
     def figure(self) -> str:
-        """Who draws it; nobody of a kind that has no figure."""
+        """The plotting function; empty for a kind without a figure."""
         return FIGURE_FORMATS.get(self.kind, "")
 
     def draw(self) -> Any:
-        """Draw the points that are done; return the axes.
+        """Draw the completed points; return the axes.
 
         Raises
         ------
         InvalidParameter
-            If there is no figure of its kind.
+            If its kind has no figure.
         """
         if not self.figure:
             raise InvalidParameter(
@@ -671,12 +670,12 @@ class StoredStudy(SummaryRepr):
 
 
 def read_study(path: str | os.PathLike[str]) -> StoredStudy:
-    """Read what is done of a study from its store, be it finished, running or broken off.
+    """Read the completed points of a study from its store, at any time.
 
     Parameters
     ----------
     path : str or os.PathLike
-        The directory that was given as ``store``.
+        The directory given as ``store``.
 
     Returns
     -------
@@ -711,13 +710,13 @@ def read_study(path: str | os.PathLike[str]) -> StoredStudy:
     directory = Path(path)
     manifest = manifest_of(directory)
     found = {part: read_footer(path_of(directory, part)) for part in chunks_of(manifest)}
-    kept = {part: told for part, told in found.items() if told is not None}
+    kept = {part: footer for part, footer in found.items() if footer is not None}
     return StoredStudy(
         path=os.fspath(path),
         kind=manifest["kind"],
         done=sum(part.points for part in kept),
         total=manifest["points"],
-        failed=sum(told["failed"] for told in kept.values()),
+        failed=sum(footer["failed"] for footer in kept.values()),
         identity=manifest["identity"],
         attrs=manifest["attrs"],
         _schema=manifest["schema"],

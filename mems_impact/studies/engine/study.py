@@ -25,32 +25,31 @@ __all__ = [
     "plain",
 ]
 
-# --- What a study is to those who run it: points with numbers, and how some of them are computed.
+# --- Interface of studies
 
-Columns = dict[str, NDArray[Any]]  # by heading; all of one length, one row after the other
-STATUS = "status"  # the column that says `OK`, or why a point has no numbers
+Columns = dict[str, NDArray[Any]]  # columns of equal length by heading
+STATUS = "status"  # column with `OK`, or the reason for which a point failed
 OK = "ok"
 
 
 class Study(ABC):
     """Points of a study, numbered from 0, each a pure function of the study and its number.
 
-    A study is a value: it pickles, for it goes to other processes as it stands, and it does not
-    change. How many points are computed together, by how many workers and in which order, makes no
-    difference to any number in the table.
+    A study is immutable and can be pickled for other processes. The table does not depend on the
+    number of points computed together, on the number of workers, or on the order.
     """
 
     kind: ClassVar[str]
-    """Its verb, such as ``"operating_map"``: what messages and stores call it."""
+    """Its verb, such as ``"operating_map"``, which names it in messages and stores."""
 
     @property
     @abstractmethod
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
 
     @property
     def chunk(self) -> int:
-        """How many points are computed together where nobody says it: some seconds of work."""
+        """Number of points computed together by default: some seconds of work."""
         return 64
 
     @property
@@ -60,35 +59,35 @@ class Study(ABC):
 
     @property
     def chains(self) -> tuple[range, ...]:
-        """Ranges of points each of which goes on from the point before; none by default.
+        """Ranges of points in which each point depends on the previous one; none by default.
 
-        They cover all points where there are any. A chain is computed in order, by one worker at a
-        time, and what `compute` carries from one part of it to the next is kept with that part.
+        If there are any, they cover all points. A chain is computed in order, by one worker at a
+        time, and the data that `compute` carries to the next part are stored with each part.
         """
         return ()
 
     @abstractmethod
     def identity(self) -> Mapping[str, Any]:
-        """Return all that its numbers depend on, by name, as values that JSON can hold exactly.
+        """Return all inputs of its numbers by name, as values that JSON represents exactly.
 
-        Two studies are the same if these are equal. Each top-level name is one that a user knows
-        ("system", "x", "options", "seed"): messages name those that differ.
+        Two studies are the same if these are equal. Messages name the top-level entries that
+        differ, so these have names that a user knows ("system", "x", "options", "seed").
         """
 
     @property
     @abstractmethod
     def schema(self) -> Mapping[str, str]:
-        """Headings of the table in order, each with its kind: "float", "int", "bool" or "str"."""
+        """Headings of the table in order, each with its type: "float", "int", "bool" or "str"."""
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """What stands in ``attrs`` of the table: units, system, version; JSON values."""
+        """``attrs`` of the table: units, system, version; JSON values."""
         return {}
 
     def prepare(self) -> None:
-        """Do what is to be done once in each process that computes points: compile the loop.
+        """Prepare a process that computes points, by compilation of the event loop.
 
-        Called before the first of them. An error is left to the points, which say it as theirs.
+        It is called before the first point. Errors are ignored here, since points raise them again.
         """
         return
 
@@ -106,7 +105,7 @@ class Study(ABC):
         ----------
         first, last : int
         carried : JSON value
-            Of a chain: what the part before it has returned; None at its beginning.
+            For a chain, the data returned by the previous part; None for the first.
         watch : callable, optional
             Called several times a second with the points done so far; an exception that it raises
             ends the work.
@@ -115,46 +114,45 @@ class Study(ABC):
         -------
         columns : dict of array
             Those of `schema`: the rows of each point, one or several, in the order of the points.
-            A point that fails is one row with its reason in `STATUS` rather than `OK`, and what
-            cannot be told is NaN.
+            A failed point is one row with its reason in `STATUS` and NaN for unknown values.
         carried : JSON value
-            What the next part of the chain goes on from; None without chains.
+            Data for the next part of the chain; None without chains.
         """
 
     def place(self, number: int) -> str:
-        """Return what a point is called in messages."""
+        """Return the name of a point in messages."""
         return f"point {number}"
 
     @abstractmethod
     def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return one row for each of points that could not be computed, `reason` in `STATUS`."""
+        """Return one row per point that could not be computed, with `reason` in `STATUS`."""
 
 
 def places_of(columns: Columns) -> str:
-    """Return the columns that tell a point apart, of one row, as words of a message."""
+    """Return the identifying columns of one row, as text for a message."""
     numbers = {name: values[0] for name, values in columns.items() if values.dtype != object}
     return ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())
 
 
-# --- Columns of chunks: brought into the form of their schema, and put together as a table.
+# --- Columns of chunks
 
 DTYPES = {"float": np.float64, "int": np.int64, "bool": np.bool_, "str": object}
 
 
 def arranged(columns: Mapping[str, Any], schema: Mapping[str, str]) -> Columns:
-    """Return columns in the order and of the kinds of the schema, the same wherever computed."""
+    """Return columns in the order and with the types of the schema."""
     return {name: np.asarray(columns[name], dtype=DTYPES[kind]) for name, kind in schema.items()}
 
 
 def failures(columns: Columns) -> int:
-    """Return how many points have failed."""
+    """Return the number of failed points."""
     return int(np.count_nonzero(columns[STATUS] != OK))
 
 
 def frame(
     chunks: Sequence[Columns], schema: Mapping[str, str], attrs: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """Return the table of chunks, in their order."""
+    """Return the table of chunks, in order."""
     columns = {
         name: np.concatenate([np.empty(0, DTYPES[kind]), *(chunk[name] for chunk in chunks)])
         for name, kind in schema.items()
@@ -165,11 +163,11 @@ def frame(
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON gives it back, so that what was stored is what was not."""
+    """Return a value after a JSON round trip, so that it equals a stored one."""
     return json.loads(json.dumps(value))
 
 
-# --- Chunks: the contiguous ranges of points in which a study is computed and kept.
+# --- Chunks: contiguous ranges of points
 
 
 class Chunk(NamedTuple):
@@ -178,11 +176,11 @@ class Chunk(NamedTuple):
     first: int
     last: int
     follows: bool
-    """Whether it goes on, within a chain, from the part before."""
+    """Whether it continues the previous part of a chain."""
 
     @property
     def points(self) -> int:
-        """How many points it has."""
+        """Number of points."""
         return self.last - self.first
 
 
@@ -193,9 +191,9 @@ def layout(points: int, chains: Sequence[range], chunk: int) -> list[Chunk]:
     ----------
     points : int
     chains : sequence of range
-        Those of the study; none if its points are independent.
+        Chains of the study; none if its points are independent.
     chunk : int
-        How many points a part has; the last one, and that of each chain, may have fewer.
+        Number of points of a part; the last part, also of each chain, may have fewer.
     """
     return list(_parts(chains or (range(points),), chunk, follow=bool(chains)))
 

@@ -44,7 +44,7 @@ from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDI
 
 __all__ = ["assemble"]
 
-# --- Source code of the assembled flow and of the selection of modes.
+# --- Source code of the flow and of the selection of modes
 
 LESS = "0.999999999"  # relative difference of motions that differ
 
@@ -313,7 +313,7 @@ class FlowWriter:
             for words, part in zip(self.words, self.parts, strict=True)
         ]
         lines += self.together()
-        # The mode after an event fits but for rounding, so this test comes last.
+        # The mode after an event fits up to rounding, so this test is the last.
         lines += [
             f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",
             "    led = own if turn > 0 else 0",
@@ -394,7 +394,7 @@ class FlowWriter:
         return lines
 
 
-# --- Assembly of parts and a flow into the arguments of a system.
+# --- Assembly
 
 
 class AssembledSystem(NamedTuple):

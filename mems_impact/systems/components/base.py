@@ -29,7 +29,7 @@ __all__ = [
     "Quantity",
 ]
 
-# --- Parts: modes, guards and contributions to the flow, as source code.
+# --- Parts
 
 Quantity = float | str | Callable[..., float]
 """A number, the name of a parameter, or a function."""
@@ -256,7 +256,7 @@ class Part:
         return []
 
 
-# --- Contacts between bodies: relative speed, force and holding mode.
+# --- Contacts between bodies
 
 ZERO_SPEED_RATIO = "1e-13"  # of the speeds: smaller relative speeds are zero
 ZERO_FORCE_RATIO = "1e-13"  # of forces and accelerations: smaller ones have no sign

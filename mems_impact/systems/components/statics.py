@@ -25,7 +25,7 @@ from mems_impact.systems.components.base import CodeNames, Contact, ContactSides
 
 __all__ = ["Holding"]
 
-# --- Graph of bodies and contacts: connected groups and their cuts.
+# --- Graph of bodies and contacts
 
 _Node = int | None  # a body, by its velocity; None for the ground
 
@@ -171,7 +171,7 @@ def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
     return rings
 
 
-# --- Source code of holding contacts: common accelerations and speeds, and distances from limits.
+# --- Source code of holding contacts
 
 _Contact = tuple[CodeNames, Contact, ContactSides]
 FAR = 2  # in place of a direction: not at rest
@@ -311,7 +311,7 @@ class Holding:
         return lines
 
     def room(self, words: CodeNames) -> list[str]:
-        """Return the lines that compute how far the force of a contact is from its limits.
+        """Return the lines that compute the distances of a contact's force from its limits.
 
         `CodeNames.back` and `CodeNames.front` are the distances from the lower and upper limit,
         with any share that other contacts can bear; `CodeNames.needed` is the part of a one-sided

@@ -69,17 +69,21 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
     }
 
 
-def check_same_system(given: HybridSystem, told: Mapping[str, Any], path: str) -> None:
+def check_same_system(given: HybridSystem, description: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system matches a description."""
-    if _fits(given, told):
-        given = given.restored(told["parameters"], told["scales"], told.get("typical"))
+    if _fits(given, description):
+        given = given.restored(
+            description["parameters"], description["scales"], description.get("typical")
+        )
     own = describe(given, {})
     for what in COMPARED:
-        mine, its = _names(own[what]), _names(told[what])
+        mine, its = _names(own[what]), _names(description[what])
         if mine != its:
             _refuse(what, mine, its, path)
     for what in ("period", "time_scale", "switches"):
-        times, others = (np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, told))
+        times, others = (
+            np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, description)
+        )
         alike = times.shape == others.shape and np.allclose(
             times, others, TIME_RTOL, 0.0, equal_nan=True
         )
@@ -87,8 +91,8 @@ def check_same_system(given: HybridSystem, told: Mapping[str, Any], path: str) -
             _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)
 
 
-def _fits(given: HybridSystem, told: Mapping[str, Any]) -> bool:
-    return tuple(given.parameters) == tuple(told["parameters"])
+def _fits(given: HybridSystem, description: Mapping[str, Any]) -> bool:
+    return tuple(given.parameters) == tuple(description["parameters"])
 
 
 def _names(parts: Iterable[Any]) -> list[Any]:
@@ -114,12 +118,12 @@ class DetachedSystem(HybridSystem):
     It has names, units and numbers. Operations that need the functions raise `FunctionsMissing`.
     """
 
-    def __init__(self, told: Mapping[str, Any], path: str) -> None:
-        self._told, self._path, self._moved = dict(told), path, False
-        self.name = told["name"]
-        self._parameters = dict(told["parameters"])
-        self.typical = told.get("typical")
-        observables = told["observables"]
+    def __init__(self, description: Mapping[str, Any], path: str) -> None:
+        self._description, self._path, self._moved = dict(description), path, False
+        self.name = description["name"]
+        self._parameters = dict(description["parameters"])
+        self.typical = description.get("typical")
+        observables = description["observables"]
         self.observables = tuple(
             Observable(function=_missing_function, **each) for each in observables
         )
@@ -128,17 +132,17 @@ class DetachedSystem(HybridSystem):
         return f"{self._path} does not hold the functions of its system"
 
     def _key(self) -> tuple[Any, ...]:
-        return self._told, self._parameters
+        return self._description, self._parameters
 
     @property
     def description(self) -> dict[str, Any]:
         """The description of the system in the file."""
-        return dict(self._told)
+        return dict(self._description)
 
     @property
     def functions(self) -> dict[str, str]:
         """Where its functions were defined, as ``module:name``."""
-        return dict(self._told["functions"])
+        return dict(self._description["functions"])
 
     def summary(self) -> dict[str, Any]:
         """Return names and numbers, and the missing functions."""
@@ -148,12 +152,12 @@ class DetachedSystem(HybridSystem):
     @property
     def automaton(self) -> Automaton:
         """States, modes and guards by name, without functions."""
-        told = self._told
+        description = self._description
         return Automaton(
-            states=told["states"],
-            modes=told["modes"],
-            guards=tuple(Guard(**each) for each in told["guards"]),
-            cyclic=told["cyclic"],
+            states=description["states"],
+            modes=description["modes"],
+            guards=tuple(Guard(**each) for each in description["guards"]),
+            cyclic=description["cyclic"],
             flow=_missing_function,
             margins=_missing_function,
             transition=_missing_function,
@@ -162,43 +166,43 @@ class DetachedSystem(HybridSystem):
     @property
     def units(self) -> Mapping[str, str]:
         """Units of states, parameters, observables and times."""
-        units: dict[str, str] = self._told["units"]
+        units: dict[str, str] = self._description["units"]
         return units
 
     @property
     def scales(self) -> Scales:
         """The units of the scaled variables."""
-        scales: Scales = self._told["scales"]
+        scales: Scales = self._description["scales"]
         return scales
 
     @property
     def initial(self) -> State:
         """Initial state of runs by default."""
-        initial: State = self._told["initial"]
+        initial: State = self._description["initial"]
         return initial
 
     @property
     def section(self) -> Section | None:
         """The Poincaré section."""
-        section: Section | None = self._told["section"]
+        section: Section | None = self._description["section"]
         return section
 
     @property
     def displayed_states(self) -> tuple[str, ...]:
         """The states by which sweeps and branches display an orbit."""
-        names: tuple[str, ...] = self._told["displayed_states"]
+        names: tuple[str, ...] = self._description["displayed_states"]
         return names
 
     @property
     def sweep_statistics(self) -> tuple[str, ...]:
         """The statistics in the table of a sweep."""
-        names: tuple[str, ...] = self._told["sweep_statistics"]
+        names: tuple[str, ...] = self._description["sweep_statistics"]
         return names
 
     @property
     def forcing_period(self) -> float | None:
         """The forcing period at the parameters of the file."""
-        period: float | None = self._told["forcing_period"]
+        period: float | None = self._description["forcing_period"]
         return period
 
     def shifted(self, values: Mapping[str, float]) -> DetachedSystem:
@@ -212,13 +216,13 @@ class DetachedSystem(HybridSystem):
         """Return the problem of the result, which cannot be integrated again."""
         if self._moved:
             raise FunctionsMissing(self._refusal())
-        told = self._told
+        description = self._description
         return Problem(
             automaton=self.automaton,
             parameters=np.array(list(self._parameters.values())),
-            period=told["period"],
-            switches=told["switches"],
-            time_scale=told["time_scale"],
+            period=description["period"],
+            switches=description["switches"],
+            time_scale=description["time_scale"],
             section=self.section,
             options=options,
             unavailable_reason=self._refusal(),

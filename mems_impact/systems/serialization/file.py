@@ -35,7 +35,7 @@ __all__ = [
     "versions",
 ]
 
-# --- Result files: a zip archive of ``header.json`` and one ``.npy`` per array.
+# --- Result files: a zip archive of ``header.json`` and one ``.npy`` per array
 
 # Incremented with every change of the format; no other format is read.
 FILE_FORMAT = 4
@@ -234,7 +234,7 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
-# --- Identity of systems, states and options, as JSON.
+# --- Identity of systems, states and options
 
 
 def identity(system: HybridSystem) -> dict[str, Any]:

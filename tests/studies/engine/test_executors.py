@@ -222,4 +222,4 @@ def test_that_no_worker_comes_is_said_once(monkeypatch, caplog):
 
     with pytest.raises(mi.StudyInterrupted):
         run_study(STUDY, executor=Deserted(), progress=stop)
-    assert caplog.messages == ["waiting for workers: the cluster has none; its own log tells why"]
+    assert caplog.messages == ["waiting for workers: the cluster has none; see its log"]

@@ -151,7 +151,7 @@ def test_a_wrong_bit_is_found(store):
     assert len(refusals) > 1
     for refusal in refusals:
         assert refusal.startswith(f"{path}: is damaged")
-        assert refusal.endswith("; remove it, and run the study again: the others are kept")
+        assert refusal.endswith("; remove it, and run the study again: other chunks are kept")
     path.unlink()
     assert bits(run_study(STUDY, store=store)) == expected
 
