@@ -27,7 +27,14 @@ if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.system import ActuatorSystem
 
-__all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
+__all__ = [
+    "PARAMETER_MEANINGS",
+    "PARAMETER_NAMES",
+    "PARAMETER_UNITS",
+    "Actuator",
+    "load_actuator",
+    "preset_names",
+]
 
 _DEVICES = files("mems_impact.actuator") / "devices"
 MAX_DEVICE_FILE_BYTES = (
@@ -284,6 +291,22 @@ PARAMETER_UNITS = {
     "g": "m/s^2",
 }
 """The SI unit of each parameter that is not dimensionless."""
+
+PARAMETER_MEANINGS = {
+    "m1": "mass of the frame",
+    "m2": "mass of the block",
+    "k": "stiffness",
+    "c": "damping",
+    "d": "gap",
+    "delta": "stopper distance",
+    "e": "restitution",
+    "mu_s": "static friction",
+    "mu_d": "dynamic friction",
+    "alpha": "electrode constant",
+    "g": "gravity",
+    "omega": "angular frequency",
+}
+"""Short names of the parameters whose symbols are not words, for displays; omega is a drive's."""
 
 PARAMETER_NAMES: tuple[str, ...] = tuple(
     name for name in Actuator.model_fields if name not in ("units", "terms")

@@ -13,7 +13,7 @@ from mems_impact._util.formatting import label
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.parameters import Actuator, load_actuator
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, Actuator, load_actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked_state
 from mems_impact.actuator.system_files import load_system
 from mems_impact.analysis.simulate import simulate
@@ -24,6 +24,7 @@ from mems_impact.systems.state import State
 
 __all__ = [
     "LONGEST",
+    "SHORTEST",
     "PageSetting",
     "SliderSpec",
     "Subject",
@@ -101,6 +102,8 @@ class Subject:
         Where runs may start, by name: ``start(system)`` is the state, None for the system's own.
     groups : mapping of str to tuple of str
         The parameters, by the heading under which their sliders stand.
+    meanings : mapping of str to str
+        Short names of parameters whose symbols are not words.
     sizes : mapping of str to float
         How far the slider of a parameter goes that is 0, where 1 in the units of the numerics is
         not a good guess.
@@ -113,6 +116,7 @@ class Subject:
     making: Callable[[HybridSystem], str] = field(repr=False)
     starts: Mapping[str, Callable[[HybridSystem], State | None]] = field(repr=False)
     groups: Mapping[str, tuple[str, ...]]
+    meanings: Mapping[str, str] = field(default_factory=dict)
     sizes: Mapping[str, float] = field(default_factory=dict)
     options: Options = EXPLORER_OPTIONS
 
@@ -188,6 +192,7 @@ def of_device(
         system=system,
         title=Path(name).stem,
         groups=groups,
+        meanings=PARAMETER_MEANINGS,
         making=making,
         starts={"rest": lambda system: None, "kicked": kick},
         sizes={
@@ -273,6 +278,8 @@ SLIDER_PARTS = (
     100  # of the way from a value to an end; where the end is not allowed, one of them is
 )
 MIN_SLIDER_STEPS = 500  # of a slider, at least
+DIGITS = 15  # significant digits that survive a change of the unit
+ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,6 +289,10 @@ class SliderSpec:
     Attributes
     ----------
     name : str
+    symbol : str
+        Symbol of the displayed quantity: the name of the parameter, or that over 2π.
+    meaning : str
+        Name of the displayed quantity; empty if the symbol is a word, or nothing is known of it.
     unit : str
         In which it is told, empty for a pure number.
     factor : float
@@ -291,6 +302,8 @@ class SliderSpec:
     """
 
     name: str
+    symbol: str
+    meaning: str
     unit: str
     factor: float
     low: float
@@ -299,8 +312,26 @@ class SliderSpec:
 
     @property
     def label(self) -> str:
-        """The name with the unit."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
+        """The symbol with the unit."""
+        return f"{self.symbol} [{self.unit}]" if self.unit else self.symbol
+
+    @property
+    def title(self) -> str:
+        """The meaning, the symbol and the unit."""
+        return f"{self.meaning} {self.label}".strip()
+
+    def displayed(self, value: float) -> float:
+        """Return a value of the parameter in the unit of the slider."""
+        return float(f"{value / self.factor:.{DIGITS}g}")
+
+    def nearest(self, displayed: float, low: float, high: float) -> float:
+        """Return the value at a step of the slider, between two others, nearest a displayed one."""
+        value = round(displayed * self.factor / self.step) * self.step
+        return float(f"{min(max(value, low), high):.{DIGITS}g}")
+
+    def value(self, displayed: float) -> float:
+        """Return the parameter of a displayed value, without the last digits of the division."""
+        return float(f"{displayed * self.factor:.{DIGITS}g}")
 
 
 def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
@@ -325,9 +356,22 @@ def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
     size = subject.sizes.get(name) or abs(float(system.out(name, 1.0)))
     low, high = (min(0.0, 2.0 * value), max(0.0, 2.0 * value)) if value else (-size, size)
     low, high = (float(f"{end:.6g}") for end in allowed_range(system, name, low, high))
-    factor, unit = best_si_prefix(system.unit(name), abs(value) or size)
+    unit, turn, symbol = system.unit(name), 1.0, name
+    meaning = subject.meanings.get(name, "")
+    if unit == ANGULAR:
+        unit, turn, symbol = "Hz", TURN, f"{name}/2π"
+        meaning = meaning.removeprefix("angular ")
+    factor, unit = best_si_prefix(unit, (abs(value) or size) / turn)
+    factor *= turn
     return SliderSpec(
-        name=name, unit=unit, factor=factor, low=low, high=high, step=_round_step(high - low)
+        name=name,
+        symbol=symbol,
+        meaning=meaning,
+        unit=unit,
+        factor=factor,
+        low=low,
+        high=high,
+        step=_round_step((high - low) / factor) * factor,
     )
 
 

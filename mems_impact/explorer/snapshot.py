@@ -6,6 +6,7 @@ thirds of the time from a slider to its picture.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -41,6 +42,7 @@ __all__ = [
     "Asked",
     "BifurcationDiagram",
     "Floquet",
+    "Headline",
     "RunSnapshot",
     "diagram_of",
     "floquet_of",
@@ -263,9 +265,9 @@ def _stretches(
 # --- What a page shows of one run: arrays, ready to be drawn.
 
 DISPLAYED_PERIODS = 6.0  # forcing periods of the motion over time
-SAMPLES_PER_PERIOD = 200
 UNFORCED_DURATION = 5.0  # units of time that are shown like a forcing period, where nothing forces
-PER_UNIT = round(SAMPLES_PER_PERIOD / UNFORCED_DURATION)
+MIN_SAMPLES, MAX_SAMPLES = 1_200, 24_000  # of the motion that is shown
+SAMPLES_PER_STEP = 6  # of the integrator: a free oscillation takes some ten steps
 TRANSIENT_SHARE = 0.5  # part of a run after which its crossings of the section are shown
 
 
@@ -301,6 +303,24 @@ class Cycles:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Headline:
+    """A number that sums up a run.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+        NaN where it is not defined.
+    quantity : str
+        The state, column or parameter whose unit it has.
+    """
+
+    name: str
+    value: float
+    quantity: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunSnapshot:
     """What a page shows of a run.
 
@@ -316,6 +336,7 @@ class RunSnapshot:
         ``t`` and the states at crossings of the Poincaré section, or where forcing periods begin,
         in the settled part of the run.
     cycles : Cycles
+    headlines : tuple of Headline
     unit : float
         What the axis of time counts in.
     seconds : float
@@ -330,6 +351,7 @@ class RunSnapshot:
     voltages: tuple[Floats, ...] = field(repr=False)
     section: Mapping[str, Floats] = field(repr=False)
     cycles: Cycles = field(repr=False)
+    headlines: tuple[Headline, ...]
     unit: float
     seconds: float
     warnings: tuple[str, ...] = ()
@@ -379,12 +401,10 @@ def take_snapshot(
             progress=watch or False,
         )
     begin_of, end_of = run.extent
-    shown, samples = (
-        (DISPLAYED_PERIODS, SAMPLES_PER_PERIOD)
-        if system.forced
-        else (DISPLAYED_PERIODS * UNFORCED_DURATION, PER_UNIT)
+    shown = DISPLAYED_PERIODS * (1.0 if system.forced else UNFORCED_DURATION)
+    motion = motion_of(
+        run, states_shown(system, setting), _per_period(run, shown), max(begin_of, end_of - shown)
     )
-    motion = motion_of(run, states_shown(system, setting), samples, max(begin_of, end_of - shown))
     return RunSnapshot(
         setting=setting,
         run=run,
@@ -392,10 +412,19 @@ def take_snapshot(
         voltages=_voltages(system, motion),
         section=_section(run),
         cycles=_cycles(run, unit),
+        headlines=_headlines(run),
         unit=unit if system.forced else 1.0,
         seconds=time.perf_counter() - begin,
         warnings=tuple(dict.fromkeys(warned)),
     )
+
+
+def _per_period(run: Run, shown: float) -> int:
+    """Return how many samples of a period show a smooth curve, however fast the motion is."""
+    begin, end = run.extent
+    steps = run.trajectory.steps / (end - begin)
+    samples = min(max(MIN_SAMPLES, SAMPLES_PER_STEP * steps * shown), MAX_SAMPLES)
+    return math.ceil(samples / shown)
 
 
 def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[str, Any]:
@@ -468,6 +497,39 @@ def _cycles(run: Run, unit: float) -> Cycles:
         events=events,
         counted=counted,
     )
+
+
+ACTUATOR_HEADLINES = {
+    "speed": ("mean speed", "mean speed"),
+    "step": ("displacement per period", "displacement per period"),
+    "impact speed": ("impact speed mean", "impact speed"),
+}
+"""Statistic and quantity of each headline of an actuator's run."""
+
+
+def _headlines(run: Run) -> tuple[Headline, ...]:
+    """Return speed, step, impact speed and pull-in of an actuator; of others rate and observables.
+
+    They are those of the second half of the run, as its statistics are.
+    """
+    system, statistics = run.system, run.statistics
+    if not isinstance(system, ActuatorSystem):
+        rates = [f"impacts per {each}" for each in ("period", "time")]
+        names = [*rates, *(each.name for each in system.observables)]
+        return tuple(
+            Headline(name=name, value=float(statistics[name]), quantity=name)
+            for name in names
+            if name in statistics
+        )
+    found = [
+        Headline(name=name, value=float(statistics[statistic]), quantity=quantity)
+        for name, (statistic, quantity) in ACTUATOR_HEADLINES.items()
+    ]
+    try:
+        pull_in = mi.pull_in_voltage(system.actuator)
+    except mi.InvalidParameter:
+        pull_in = math.nan
+    return (*found, Headline(name="pull-in voltage", value=pull_in, quantity="voltage"))
 
 
 # --- The multipliers of the orbit that a run has come to.

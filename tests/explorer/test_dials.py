@@ -3,6 +3,7 @@ import math
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES
 from mems_impact.explorer.session import allowed_range, best_si_prefix, slider_specs
 from tests.explorer.subjects import dial, mita, own, zhao
 
@@ -50,6 +51,39 @@ def test_a_device_in_si_has_units_that_fit_its_numbers():
     assert labels["c"] == "c [µN s/m]"
     assert labels["e"] == "e"
     assert dial(mita(), "d").factor == 1e-6
+
+
+def test_an_angular_frequency_with_a_unit_is_told_in_hertz():
+    omega = dial(mita(), "omega")
+    assert omega.title == "frequency omega/2π [Hz]"
+    assert omega.displayed(750.0) == pytest.approx(750.0 / (2.0 * math.pi), rel=1e-14)
+    assert omega.value(119.366) == pytest.approx(119.366 * 2.0 * math.pi, rel=1e-14)
+    steps = omega.step / omega.factor
+    assert math.log10(steps / 5.0) == pytest.approx(round(math.log10(steps / 5.0)))
+    assert dial(zhao(), "omega").title == "angular frequency omega"  # has no unit
+
+
+def test_names_stand_beside_symbols():
+    assert dial(mita(), "k").title == "stiffness k [N/m]"
+    assert dial(zhao(), "delta").title == "stopper distance delta"
+    assert dial(zhao(), "amplitude").title == "amplitude"
+    assert dial(own(), "zeta").title == "zeta"
+    assert set(PARAMETER_NAMES) < set(PARAMETER_MEANINGS)
+
+
+def test_what_is_typed_into_a_field_is_the_parameter():
+    mass = dial(mita(), "m1")
+    for number in (2.097, 0.3, 7.0):
+        assert mass.value(number) == float(f"{number}e-6")
+        assert mass.displayed(mass.value(number)) == number
+
+
+def test_a_place_on_the_diagram_is_a_step_of_the_slider():
+    omega = dial(zhao(), "omega")
+    value = omega.nearest(0.43217, 0.0, 1.0)
+    assert value == pytest.approx(0.43217, abs=0.5 * omega.step)
+    assert value / omega.step == pytest.approx(round(value / omega.step))
+    assert omega.nearest(7.0, 0.1, 0.9) == 0.9
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+import math
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -72,6 +73,38 @@ def test_a_device_in_si_is_shown_in_si():
     steps = picture.cycles.value[50:]
     assert steps.mean() == pytest.approx(picture.run.statistics["displacement per period"])
     assert picture.motion.frames["t"][-1] == pytest.approx(100 * np.pi / 750.0)
+
+
+def turns(motion, x, y):
+    """Return the angles between successive segments of a curve drawn in a square."""
+    x, y = (motion.frames[name] / np.ptp(motion.frames[name]) for name in (x, y))
+    headings = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+    return np.abs(np.diff(headings))
+
+
+def test_the_phase_portrait_is_smooth_at_low_frequency():
+    first = replace(first_setting(zhao()), length=12.0)
+    for omega in (0.5, 0.05, 0.02):
+        motion = take_snapshot(zhao(), first.with_value("omega", omega)).motion
+        assert np.quantile(turns(motion, "x2", "v2"), 0.99) < math.radians(12.0)
+        assert len(motion.frames["t"]) <= 24_006
+
+
+def test_headlines_are_statistics_of_the_run(picture):
+    found = {each.name: each.value for each in picture.headlines}
+    statistics = picture.run.statistics
+    assert found == {
+        "speed": statistics["mean speed"],
+        "step": statistics["displacement per period"],
+        "impact speed": statistics["impact speed mean"],
+        "pull-in voltage": mi.pull_in_voltage(picture.system.actuator),
+    }
+    system = mita().system
+    units = {each.name: system.unit(each.quantity) for each in take_snapshot(
+        mita(), first_setting(mita())).headlines}  # fmt: skip
+    assert units == {"speed": "m/s", "step": "m", "impact speed": "m/s", "pull-in voltage": "V"}
+    others = take_snapshot(own(), first_setting(own()))
+    assert [each.name for each in others.headlines] == ["impacts per period", "speed", "energy"]
 
 
 def test_any_system_is_shown():

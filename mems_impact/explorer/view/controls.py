@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, CustomJS, Div, PrintfTickFormatter, Select, Slider
+from bokeh.models import (
+    Button,
+    CustomJS,
+    Div,
+    NumericInput,
+    PrintfTickFormatter,
+    Select,
+    Slider,
+)
 
 from mems_impact.explorer.session import (
     LONGEST,
+    SHORTEST,
     PageSetting,
     SliderSpec,
     Subject,
@@ -24,10 +35,20 @@ STRETCH_WIDTH = "stretch_width"
 LENGTHS = 10.0  # least and step of the slider of the length
 MAX_PERIODS = 300.0
 MOVED = "window.slider_moved = performance.now()"
+FIELD_WIDTH_PX = 84
+FIELD_DIGITS = "%.8g"
+SAME_RTOL = 1e-12  # of a value that a slider has and is to have
+SAVES = {
+    "device": "Save device",
+    "picture": "Save picture",
+    "python": "Save script",
+    "copy": "Copy script",
+}
+"""The buttons that export, by what they export."""
 
 
 class Controls:
-    """Sliders and choices (``layout``), and the buttons that save files (``files``).
+    """Sliders, number fields and choices (``layout``), and the buttons (``buttons``).
 
     Parameters
     ----------
@@ -37,8 +58,10 @@ class Controls:
         That they begin with.
     changed : callable
         ``changed(change)`` is called with a function from the setting to the one that is wanted.
+    reset : callable
+        Called without arguments.
     save : callable
-        ``save(what)`` is called with "device", "picture" or "python".
+        ``save(what)`` is called with a key of `SAVES`.
     """
 
     def __init__(
@@ -47,66 +70,118 @@ class Controls:
         dials: tuple[SliderSpec, ...],
         setting: PageSetting,
         changed: Callable[[Callable[[PageSetting], PageSetting]], None],
+        reset: Callable[[], None],
         save: Callable[[str], None],
     ) -> None:
         self._changed = changed
+        self._updates: list[Callable[[PageSetting], None]] = []
+        self._updating = False
         by_name = {dial.name: dial for dial in dials}
         parts: list[Any] = []
         for heading, names in subject.groups.items():
             parts.append(_heading(heading))
-            parts += [self._slider(by_name[name], setting.values[name]) for name in names]
+            parts += [self._parameter(by_name[name], setting) for name in names]
         system = subject.system
         planar = list(planes(system))
         shown = [
             self._length(setting, length_word(system)),
-            self._choice("start", "start", list(subject.starts), setting.start),
-            self._choice("x", "phase portrait, x axis", planar, setting.x),
-            self._choice("y", "phase portrait, y axis", planar, setting.y),
+            self._choice("start", "start", list(subject.starts), setting),
+            self._choice("x", "phase portrait, x axis", planar, setting),
+            self._choice("y", "phase portrait, y axis", planar, setting),
         ]
         if system.parameters:
             known = list(system.parameters)
-            shown.append(self._choice("parameter", "diagram parameter", known, setting.parameter))
-        files = {"device": "Save device", "picture": "Save picture", "python": "Save Python"}
+            shown.append(self._choice("parameter", "diagram parameter", known, setting))
+        exports = dict(SAVES)
         if "device" not in subject.groups:
-            del files["device"]
-        buttons = [self._button(save, what, label) for what, label in files.items()]
-        self.files = row(*buttons, sizing_mode=STRETCH_WIDTH)
+            del exports["device"]
+        buttons = [_button("reset", "Reset", reset)]
+        buttons += [
+            _button(f"save {what}", label, partial(save, what)) for what, label in exports.items()
+        ]
+        self.buttons = row(*buttons, sizing_mode=STRETCH_WIDTH, styles={"flex-wrap": "wrap"})
         self.layout = column(*parts, _heading("shown"), *shown, sizing_mode=STRETCH_WIDTH)
 
-    def _slider(self, dial: SliderSpec, value: float) -> Slider:
-        low, high = min(dial.low, value), max(dial.high, value)
-        made = Slider(
-            title=dial.label, value=value / dial.factor, start=low / dial.factor,
-            end=high / dial.factor, step=dial.step / dial.factor, sizing_mode=STRETCH_WIDTH,
-            format=PrintfTickFormatter(format="%.5g"), name=f"slider {dial.name}",
+    def show(self, setting: PageSetting) -> None:
+        """Show the values of another setting."""
+        self._updating = True
+        for update in self._updates:
+            update(setting)
+        self._updating = False
+
+    def _change(self, change: Callable[[PageSetting], PageSetting]) -> None:
+        if not self._updating:
+            self._changed(change)
+
+    def _parameter(self, dial: SliderSpec, setting: PageSetting) -> Any:
+        def read(setting: PageSetting) -> float:
+            return dial.displayed(setting.values[dial.name])
+
+        def changed(setting: PageSetting, new: float) -> PageSetting:
+            return setting.with_value(dial.name, dial.value(new))
+
+        bounds = (each / dial.factor for each in (dial.low, dial.high, dial.step))
+        return self._number(dial.name, dial.title, setting, read, changed, *bounds)
+
+    def _length(self, setting: PageSetting, word: str) -> Any:
+        def changed(setting: PageSetting, new: float) -> PageSetting:
+            return replace(setting, length=min(max(new, SHORTEST), LONGEST))
+
+        return self._number(
+            "length", word, setting, lambda setting: setting.length, changed,
+            LENGTHS, MAX_PERIODS, LENGTHS,
         )  # fmt: skip
 
-        def moved(_attr: str, _old: float, new: float) -> None:
-            self._changed(lambda setting: setting.with_value(dial.name, new * dial.factor))
+    def _number(
+        self,
+        name: str,
+        title: str,
+        setting: PageSetting,
+        read: Callable[[PageSetting], float],
+        changed: Callable[[PageSetting, float], PageSetting],
+        low: float,
+        high: float,
+        step: float,
+    ) -> Any:
+        """Return a slider and a number field of the same value; the field goes beyond the slider.
 
-        made.on_change("value", moved)
-        made.js_on_change("value", CustomJS(code=MOVED))
-        return made
-
-    def _length(self, setting: PageSetting, word: str) -> Slider:
-        made = Slider(
-            title=word, value=setting.length, start=min(LENGTHS, setting.length),
-            end=max(MAX_PERIODS, min(setting.length, LONGEST)), step=LENGTHS,
-            sizing_mode=STRETCH_WIDTH,
-            name="slider length",
+        `read` returns the value of a setting, `changed` the setting with another value.
+        """
+        value = read(setting)
+        slider = Slider(
+            value=value, start=min(low, value), end=max(high, value), step=step, title=None,
+            sizing_mode=STRETCH_WIDTH, align="center", name=f"slider {name}",
+        )  # fmt: skip
+        field = NumericInput(
+            value=value, mode="float", format=PrintfTickFormatter(format=FIELD_DIGITS),
+            width=FIELD_WIDTH_PX, name=f"field {name}",
         )  # fmt: skip
 
-        def moved(_attr: str, _old: float, new: float) -> None:
-            self._changed(lambda setting: replace(setting, length=float(new)))
+        def moved(_attr: str, _old: Any, new: float | None) -> None:
+            if new is not None and math.isfinite(new):
+                self._change(lambda setting: changed(setting, float(new)))
 
-        made.on_change("value", moved)
-        return made
+        def update(setting: PageSetting) -> None:
+            value = read(setting)
+            if not math.isclose(slider.value, value, rel_tol=SAME_RTOL):
+                slider.update(
+                    start=min(slider.start, value), end=max(slider.end, value), value=value
+                )
+            field.value = value
 
-    def _choice(self, field: str, title: str, options: list[str], value: str) -> Select:
+        self._updates.append(update)
+        for each in (slider, field):
+            each.on_change("value", moved)
+        slider.js_on_change("value", CustomJS(code=MOVED))
+        label = Div(text=title, render_as_text=True, margin=(5, 5, 0, 5))
+        inputs = row(slider, field, sizing_mode=STRETCH_WIDTH)
+        return column(label, inputs, spacing=-4, sizing_mode=STRETCH_WIDTH)
+
+    def _choice(self, field: str, title: str, options: list[str], setting: PageSetting) -> Select:
         made = Select(
             title=title,
             options=options,
-            value=value,
+            value=getattr(setting, field),
             sizing_mode=STRETCH_WIDTH,
             name=f"choice {field}",
         )
@@ -114,15 +189,20 @@ class Controls:
         def chosen(_attr: str, _old: str, new: str) -> None:
             if new in options:  # the page may say anything
                 change: dict[str, Any] = {field: new}
-                self._changed(lambda setting: replace(setting, **change))
+                self._change(lambda setting: replace(setting, **change))
 
+        def update(setting: PageSetting) -> None:
+            made.value = getattr(setting, field)
+
+        self._updates.append(update)
         made.on_change("value", chosen)
         return made
 
-    def _button(self, save: Callable[[str], None], what: str, label: str) -> Button:
-        made = Button(label=label, sizing_mode=STRETCH_WIDTH, name=f"save {what}")
-        made.on_click(lambda: save(what))
-        return made
+
+def _button(name: str, label: str, clicked: Callable[[], None]) -> Button:
+    made = Button(label=label, name=name)
+    made.on_click(clicked)
+    return made
 
 
 def _heading(text: str) -> Div:

@@ -13,7 +13,7 @@ from typing import Any
 
 from bokeh.document import Document
 from bokeh.events import DocumentReady
-from bokeh.models import ColumnDataSource, CustomJS, Div
+from bokeh.models import CustomJS, Div
 
 from mems_impact._util.progress import Watch
 from mems_impact.actuator.system import ActuatorSystem
@@ -21,7 +21,6 @@ from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.explorer.background import LatestOnlyWorker
 from mems_impact.explorer.export import device_file, python_of, run_picture
 from mems_impact.explorer.session import (
-    TIME,
     PageSetting,
     SliderSpec,
     Subject,
@@ -32,7 +31,6 @@ from mems_impact.explorer.session import (
 )
 from mems_impact.explorer.snapshot import (
     COARSE,
-    SAMPLES_PER_PERIOD,
     Asked,
     BifurcationDiagram,
     Floquet,
@@ -44,14 +42,15 @@ from mems_impact.explorer.snapshot import (
 )
 from mems_impact.explorer.view.controls import Controls
 from mems_impact.explorer.view.panels import (
-    EVERY,
+    Animation,
     BifurcationPanel,
     CyclesPanel,
     DevicePanel,
+    HeadlinePanel,
     MultiplierPanel,
+    Panel,
     PortraitPanel,
     TimeSeriesPanel,
-    frames_of,
 )
 
 __all__ = ["Page"]
@@ -111,7 +110,12 @@ class Page:
         """Compute the picture of a changed setting."""
         self.setting = change(self.setting)
         self._refused = False
+        self.controls.show(self.setting)
         self.pictures.ask(self.setting)
+
+    def reset(self) -> None:
+        """Compute the picture with which the command opens."""
+        self.change(lambda _: first_setting(self.subject))
 
     def save(self, what: str) -> None:
         """Save a file of the shown run in the browser."""
@@ -120,23 +124,33 @@ class Page:
             return
         if what == "picture":
             self.drawings.ask(picture)
-        elif what == "python":
+        elif what in ("python", "copy"):
             dial = self.dials.get(picture.setting.parameter)
-            self._send("py", python_of(self.subject, picture.setting, dial).encode())
+            script = python_of(self.subject, picture.setting, dial)
+            self._send("py", script.encode(), copied=what == "copy")
         elif isinstance(picture.system, ActuatorSystem):
             self._send("toml", device_file(self.subject, picture.system).encode())
 
     def _draw_first(self, dials: tuple[SliderSpec, ...]) -> None:
         subject, setting = self.subject, self.setting
         actuator = isinstance(subject.system, ActuatorSystem)
-        self.frames = ColumnDataSource({"t": []})
-        self.about = ColumnDataSource({"per_period": [1]})
-        count = len(series_shown(subject.system, setting))
-        self.series = TimeSeriesPanel(count)
-        self.portrait = PortraitPanel()
-        self.cycles, self.multipliers = CyclesPanel(), MultiplierPanel()
-        self.bifurcation = BifurcationPanel() if self.dials else None
-        self.device = DevicePanel() if actuator else None
+        self.multipliers = MultiplierPanel()
+        self.bifurcation = BifurcationPanel(self.dials, self._select) if self.dials else None
+        series = TimeSeriesPanel(len(series_shown(subject.system, setting)))
+        portrait, device = PortraitPanel(), DevicePanel() if actuator else None
+        animation = Animation(series, portrait, device)
+        self.controls = Controls(subject, dials, setting, self.change, self.reset, self.save)
+        panels: dict[str, Panel | None] = {
+            "headlines": HeadlinePanel(),
+            "device": device,
+            "series": series,
+            "portrait": portrait,
+            "multipliers": self.multipliers,
+            "bifurcation": self.bifurcation,
+            "cycles": CyclesPanel(),
+            "frames": animation,  # after those in which it moves something
+        }
+        self.panels = {name: panel for name, panel in panels.items() if panel is not None}
         self.title = _text(subject.title, **{"font-size": "20px", "font-weight": "600"})
         self.status = _text(FIRST_STATUS, color="#555")
         self.message = _text("", color="#a33b00")
@@ -145,37 +159,26 @@ class Page:
         self.address.js_on_change("text", told)
         self.document.js_on_event(DocumentReady, told)  # the first picture may be there before
         self.parcel.js_on_change("text", CustomJS(code=_asset("download.js")))
-        controls = Controls(subject, dials, setting, self.change, self.save)
         roots = {
             "title": self.title,
             "status": self.status,
             "message": self.message,
-            "controls": controls.layout,
-            "files": controls.files,
-            "series": self.series.layout,
-            "portrait": self.portrait.layout,
-            "cycles": self.cycles.layout,
-            "multipliers": self.multipliers.layout,
+            "controls": self.controls.layout,
+            "buttons": self.controls.buttons,
             "address": self.address,
             "parcel": self.parcel,
+            **{name: panel.layout for name, panel in self.panels.items()},
         }
-        if self.bifurcation is not None:
-            roots["bifurcation"] = self.bifurcation.layout
-        if self.device is not None:
-            roots["device"] = self.device.layout
         for name, root in roots.items():
             root.name = name
             self.document.add_root(root)
-        drawing = ("block", "spring", "plates", "ground", "caption")
-        moving = {name: getattr(self.device, name, None) for name in drawing}
-        known: dict[str, Any] = {"frames": self.frames, "about": self.about, **moving}
-        known |= {"series": self.series.figures, "portrait": self.portrait.layout}
-        self.document.js_on_event(DocumentReady, CustomJS(args=known, code=_asset("play.js")))
+        play = CustomJS(args=animation.parts, code=_asset("play.js"))
+        self.document.js_on_event(DocumentReady, play)
         self.document.title = f"{subject.title} – mems-impact"
         self.document.template = _asset("page.html")
         self.document.template_variables["style"] = _asset("style.css")
         self.document.template_variables["panels"] = tuple(
-            (name, caption) for name, caption in PANEL_CAPTIONS.items() if name in roots
+            (name, caption) for name, caption in PANEL_CAPTIONS.items() if name in self.panels
         )
         self.document.on_session_destroyed(lambda _context: self.stop())
 
@@ -201,7 +204,7 @@ class Page:
             text = f"{type(error).__name__}: {error} (a bug; see the traceback in the terminal)"
         if isinstance(asked, Asked):
             if self.bifurcation is not None:
-                self.bifurcation.say(text)
+                self.bifurcation.say(text, stale=True)
             return
         self.message.text = text
 
@@ -209,12 +212,8 @@ class Page:
         """Draw a run."""
         self.picture = picture
         self.document.hold("combine")
-        self.series.show(picture)
-        self.portrait.show(picture)
-        self.cycles.show(picture)
-        if self.bifurcation is not None:
-            self.bifurcation.show(picture)
-        self._show_frames(picture)
+        for panel in self.panels.values():
+            panel.show(picture)
         length = f"{setting.length:g} {length_word(picture.system)}"
         if not picture.system.forced:
             length = f"{length_word(picture.system)} {setting.length:g}"
@@ -229,28 +228,15 @@ class Page:
         asked = Asked(setting=setting, points=COARSE)
         if self.bifurcation is not None and self._diagram_asked != asked.key:
             self._diagram_asked = asked.key
-            self.bifurcation.say("computing …")
+            self.bifurcation.say("computing …", stale=True)
             self.diagrams.ask(asked)
 
-    def _show_frames(self, picture: RunSnapshot) -> None:
-        """Send the frames of the animation to the browser."""
-        frames, setting = picture.motion.frames, picture.setting
-        if self.device is not None:
-            self.device.show(picture)
-        names = series_shown(picture.system, setting)
-        scales = {**self.portrait.factors, TIME: picture.unit}
-        data: dict[str, Any] = {"t": frames["t"][::EVERY] / picture.unit}
-        for place in range(2):
-            name = names[min(place, len(names) - 1)]
-            data[f"series {place}"] = frames[name][::EVERY] / self.series.factors[name]
-        for axis, name in (("x", setting.x), ("y", setting.y)):
-            data[axis] = frames[name][::EVERY] / scales[name]
-        more = self.device.about(picture) if self.device is not None else {}
-        self.about.data = {"per_period": [SAMPLES_PER_PERIOD / EVERY], **more}
-        self.frames.data = data | (frames_of(picture) if self.device is not None else {})
-
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
-        self.multipliers.show(floquet)
+        if picture is self.picture:
+            self.multipliers.show_orbit(floquet)
+
+    def _select(self, name: str, value: float) -> None:
+        self.change(lambda setting: setting.with_value(name, value))
 
     def _diagram(self, asked: Asked, watch: Watch) -> BifurcationDiagram:
         return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
@@ -262,11 +248,11 @@ class Page:
         if asked.points == COARSE:
             self.diagrams.ask(asked.finer())
 
-    def _send(self, ending: str, content: bytes) -> None:
-        """Let the browser save a file."""
+    def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
+        """Let the browser save a file, or copy it to the clipboard."""
         name = "".join(letter if letter.isalnum() else "_" for letter in self.subject.title)
         self._saved += 1  # so that the same file may be saved twice
-        told = {"name": f"{name}.{ending}", "number": self._saved}
+        told = {"name": f"{name}.{ending}", "number": self._saved, "copied": copied}
         self.parcel.text = json.dumps(told | {"content": base64.b64encode(content).decode()})
 
 

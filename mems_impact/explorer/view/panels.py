@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from html import escape
 from typing import Any, Protocol, cast
 
 import numpy as np
+from bokeh.events import Tap
 from bokeh.layouts import column
-from bokeh.models import BasicTickFormatter, ColumnDataSource, LinearAxis, Range1d, Span, VStrip
+from bokeh.models import (
+    BasicTickFormatter,
+    ColumnDataSource,
+    Div,
+    LinearAxis,
+    Range1d,
+    Span,
+    VStrip,
+)
 from bokeh.plotting import figure
 
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.explorer.session import TIME, best_si_prefix
+from mems_impact.explorer.session import TIME, SliderSpec, best_si_prefix
 from mems_impact.explorer.snapshot import (
-    SAMPLES_PER_PERIOD,
     BifurcationDiagram,
     Floquet,
+    Headline,
     RunSnapshot,
     series_shown,
 )
@@ -23,13 +34,15 @@ from mems_impact.plotting.style import color, wearing
 from mems_impact.systems.base import HybridSystem
 
 __all__ = [
+    "Animation",
     "BifurcationPanel",
     "CyclesPanel",
     "DevicePanel",
+    "HeadlinePanel",
     "MultiplierPanel",
+    "Panel",
     "PortraitPanel",
     "TimeSeriesPanel",
-    "frames_of",
 ]
 
 # --- What the panels of the page share: a figure, colours, units.
@@ -41,14 +54,24 @@ with wearing():  # what the colours of figures mean, they mean here
 LEFT_BORDER_PX = (
     62  # room for numbers of any length, lest the page is laid out anew for each picture
 )
+STALE_ALPHA = 0.15  # of dots that belong to other values than those of the sliders
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
 
 class Panel(Protocol):
-    """A part of the page that shows a picture."""
+    """A part of the page that shows a run.
+
+    Attributes
+    ----------
+    layout : Model
+        A root of the document, which holds all that the panel draws: the browser learns of
+        changes of such models only.
+    """
+
+    layout: Any
 
     def show(self, picture: RunSnapshot) -> None:
-        """Show another picture."""
+        """Show another run."""
 
 
 def new_figure(height: int, **given: Any) -> Any:
@@ -73,9 +96,9 @@ def plain_numbers() -> BasicTickFormatter:
     return BasicTickFormatter(power_limit_low=-6)
 
 
-def source(*columns: str) -> ColumnDataSource:
+def source(called: str, *columns: str) -> ColumnDataSource:
     """Return a source of those columns, empty as yet."""
-    return ColumnDataSource({name: [] for name in columns})
+    return ColumnDataSource({name: [] for name in columns}, name=called)
 
 
 def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
@@ -104,63 +127,87 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
 
 
 class BifurcationPanel:
-    """Crossings of the section over a parameter, varied up and down; the run's own in black."""
+    """Crossings of the section over a parameter, varied up and down; the run's own in black.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    dials : mapping of str to SliderSpec
+        Of the parameters.
+    selected : callable
+        ``selected(name, value)`` is called with the parameter and its value where the user clicks.
+    """
+
+    def __init__(
+        self, dials: Mapping[str, SliderSpec], selected: Callable[[str, float], None]
+    ) -> None:
+        self._dials, self._selected = dials, selected
         made = self.layout = new_figure(330, title=" ")
-        self.up, self.down = source("x", "y"), source("x", "y")
-        self.here = source("x", "y")
-        look = {"size": 5, "alpha": 0.7, "fill_color": None}
-        made.scatter("x", "y", source=self.up, color=UP, legend_label="up", **look)
-        made.scatter(
-            "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", size=5,
-            alpha=0.7,
-        )  # fmt: skip
+        self.up, self.down = source("up", "x", "y"), source("down", "x", "y")
+        self.here = source("here", "x", "y")
+        look = {"size": 5, "alpha": 0.7, "muted_alpha": STALE_ALPHA}
+        self.dots = (
+            made.scatter(
+                "x", "y", source=self.up, color=UP, fill_color=None, legend_label="up", **look
+            ),
+            made.scatter(
+                "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", **look
+            ),
+        )
         made.scatter("x", "y", source=self.here, marker="diamond", color="black", size=9)
-        self.place = Span(dimension="height", line_color="black", line_width=1)
+        self.place = Span(dimension="height", line_color="black", line_width=1, visible=False)
         made.renderers.append(self.place)
-        made.legend.orientation = "horizontal"
-        made.legend.location = "top_left"
-        made.legend.background_fill_alpha = 0.6
+        legend = made.legend[0]
+        legend.update(orientation="horizontal", border_line_color=None, padding=0, margin=0)
+        made.add_layout(legend, "above")
         made.title.text_font_style = "normal"
+        made.on_event(Tap, self._tapped)
         self.diagram: BifurcationDiagram | None = None
-        self.units = 1.0, 1.0
+        self.state_factor = 1.0
 
     def show(self, picture: RunSnapshot) -> None:
         """Show where another run stands."""
-        system, name = picture.system, picture.setting.parameter
-        if self.diagram is None or self.diagram.asked.setting.parameter != name:
-            return  # the axes are those of the diagram
-        value = system.value(name)
+        name = picture.setting.parameter
+        known = self.diagram is not None and self.diagram.asked.setting.parameter == name
+        self.place.visible = known
+        if self.diagram is None or not known:  # the axes are those of another parameter
+            self.here.data = {"x": [], "y": []}
+            return
+        value = self._dials[name].displayed(picture.setting.values[name])
         column = picture.section.get(self.diagram.state, np.empty(0))
-        at, size = self.units
-        self.here.data = {"x": np.full(len(column), value / at), "y": column / size}
-        self.place.location = value / at
+        self.here.data = {"x": np.full(len(column), value), "y": column / self.state_factor}
+        self.place.location = value
 
     def show_diagram(self, diagram: BifurcationDiagram, picture: RunSnapshot) -> None:
         """Show another diagram, and where the run stands in it."""
         self.diagram = diagram
-        system, name = picture.system, diagram.asked.setting.parameter
+        system, dial = picture.system, self._dials[diagram.asked.setting.parameter]
         column = diagram.table[diagram.state].to_numpy()
-        size, told = unit_for(system, diagram.state, column)
-        at, unit = best_si_prefix(system.unit(name), float(diagram.table[name].abs().max()))
-        self.units = at, size
+        self.state_factor, told = unit_for(system, diagram.state, column)
         for direction, data in (("up", self.up), ("down", self.down)):
             x, y = diagram.dots(direction)
-            data.data = {"x": x / at, "y": y / size}
-        self.layout.xaxis.axis_label = f"{name} [{unit}]" if unit else name
+            data.data = {"x": x / dial.factor, "y": y / self.state_factor}
+        self.layout.xaxis.axis_label = dial.title
         section = system.section
         where = "where periods begin" if system.forced else "maxima"
         if section is not None:
             crossed = system.states[section[0]]
             where = f"at {crossed} = {system.out(crossed, section[1]):g}"
         self.layout.yaxis.axis_label = f"{diagram.state}{told} {where}"
-        self.say(diagram.failed)
+        self.say(diagram.failed, stale=False)
         self.show(picture)
 
-    def say(self, text: str) -> None:
-        """Say above the diagram what it is at, or why it is none."""
+    def say(self, text: str, *, stale: bool) -> None:
+        """Say above the diagram what it is at, or why it is none; pale dots are of other values."""
         self.layout.title.text = text or " "
+        for dots in self.dots:
+            dots.muted = stale
+
+    def _tapped(self, event: Any) -> None:
+        if self.diagram is None:
+            return
+        name = self.diagram.asked.setting.parameter
+        values = self.diagram.table[name]
+        self._selected(name, self._dials[name].nearest(event.x, values.min(), values.max()))
 
 
 # --- Cycle by cycle: step and speed of the frame, or the section; and the impacts.
@@ -185,7 +232,8 @@ class CyclesPanel:
         self.speed.axis_label_text_font_style = "normal"
         self.speed.minor_tick_line_color = None
         values.add_layout(self.speed, "right")
-        self.data, self.counts = source("number", "value"), source("number", "count")
+        self.data = source("cycles", "number", "value")
+        self.counts = source("counts", "number", "count")
         values.line("number", "value", source=self.data, color=MOTION, alpha=0.4)
         values.scatter("number", "value", source=self.data, color=MOTION, size=4)
         events.vbar(x="number", top="count", source=self.counts, width=0.8, color=IMPACT)
@@ -249,22 +297,21 @@ class DevicePanel:
         )  # fmt: skip
         made.axis.visible = made.grid.visible = False
         made.outline_line_color = None
-        self.walls = source("left", "right", "bottom", "top", "color")
-        self.plates = ColumnDataSource({"x": [0.0, 0.0], "charge": [0.0, 0.0]})
-        self.block = ColumnDataSource({"x": [0.0]})
-        self.spring = ColumnDataSource(
-            {"x": [0.0] * (TEETH + 2), "y": [0.5 + 0.14 * _tooth(i) for i in range(TEETH + 2)]}
-        )
-        self.end = end
-        ticks = [-1.6 * end + CENTER_DISTANCE * i for i in range(TICKS)]
-        self.ground = ColumnDataSource({"x0": ticks, "x1": [each - 0.12 for each in ticks]})
+        self.walls = source("walls", "left", "right", "bottom", "top", "color")
+        self.plates = _moving("plates", x=[0.0, 0.0], charge=[0.0, 0.0])
+        self.block = _moving("block", x=[0.0])
+        teeth = [0.5 + 0.14 * _tooth(i) for i in range(TEETH + 2)]
+        self.spring = _moving("spring", x=[0.0] * (TEETH + 2), y=teeth)
+        self.first = -1.6 * end
+        ticks = [self.first + CENTER_DISTANCE * i for i in range(TICKS)]
+        self.ground = _moving("ground", x0=ticks, x1=[each - 0.12 for each in ticks])
         made.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
         made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
         made.quad("left", "right", "top", "bottom", source=self.walls, fill_color="color",
                   line_color=None)  # fmt: skip
         made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
                   fill_alpha="charge")  # fmt: skip
-        self.caption = ColumnDataSource({"text": [" "]})
+        self.caption = _moving("caption", text=[" "], unit=[""], magnified=[1.0])
         made.text(-1.45 * end, 1.32, "text", source=self.caption, text_font_size="13px",
                   text_baseline="middle")  # fmt: skip
         made.line("x", "y", source=self.spring, color="black", line_width=1.2)
@@ -294,47 +341,54 @@ class DevicePanel:
         self.walls.data = dict(zip(names, map(list, columns), strict=True))
         two = system.drive.left_voltage is not None
         self.plates.data = {"x": [inner - 0.04, 0.04 - inner if two else 9.0], "charge": [0.0] * 2}
+        factor, unit = unit_for(system, "x1", picture.motion.frames["x1"])
+        self.caption.data = {
+            "text": [" "], "unit": [unit.strip(" []")], "magnified": [magnified(picture)],
+        }  # fmt: skip
+        self.x1_factor = factor
 
-    def about(self, picture: RunSnapshot) -> dict[str, list[Any]]:
-        """Return what the browser has to know to move the drawing."""
-        factor, unit = unit_for(picture.system, "x1", picture.motion.frames["x1"])
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What the browser has to know to move the drawing: its sources and its lengths."""
         return {
-            "inner": [BLOCK_HALF_WIDTH_GAPS + 1.0],
-            "half": [BLOCK_HALF_WIDTH_GAPS],
-            "apart": [CENTER_DISTANCE],
-            "first": [-1.6 * self.end],
-            "magnified": [magnified(picture)],
-            "factor": [factor],
-            "unit": [f" {told}" if (told := unit.strip(" []")) else ""],
+            "block": self.block, "spring": self.spring, "plates": self.plates,
+            "ground": self.ground, "caption": self.caption,
+            "inner": BLOCK_HALF_WIDTH_GAPS + 1.0, "half": BLOCK_HALF_WIDTH_GAPS,
+            "apart": CENTER_DISTANCE, "first": self.first,
+        }  # fmt: skip
+
+    def frames(self, picture: RunSnapshot) -> dict[str, np.ndarray]:
+        """Return what the browser plays: block, walk of the ground, charges, x1."""
+        system, frames = picture.system, picture.motion.frames
+        assert isinstance(system, ActuatorSystem)
+        gap, x1 = system.actuator.d, frames["x1"][::EVERY]
+        largest = max(float(np.abs(each).max()) for each in picture.voltages) or 1.0
+        charges = [(each[::EVERY] / largest) ** 2 for each in picture.voltages]
+        return {
+            "block": frames["x2"][::EVERY] / gap,
+            "walk": (x1 - x1[0]) / gap,
+            "x1": x1 / self.x1_factor,
+            "right": charges[0],
+            "left": charges[-1] if len(charges) > 1 else np.zeros(len(x1)),
         }
-
-
-def frames_of(picture: RunSnapshot) -> dict[str, np.ndarray]:
-    """Return what the browser plays of the device: block, walk of the ground, charge, x1."""
-    system, frames = picture.system, picture.motion.frames
-    assert isinstance(system, ActuatorSystem)
-    gap, x1 = system.actuator.d, frames["x1"][::EVERY]
-    largest = max(float(np.abs(each).max()) for each in picture.voltages) or 1.0
-    charges = [(each[::EVERY] / largest) ** 2 for each in picture.voltages]
-    return {
-        "block": frames["x2"][::EVERY] / gap,
-        "walk": (x1 - x1[0]) / gap,
-        "x1": x1,
-        "right": charges[0],
-        "left": charges[-1] if len(charges) > 1 else np.zeros(len(x1)),
-    }
 
 
 def magnified(picture: RunSnapshot) -> float:
     """Return how many times faster the ground is to pass by: 1, 2 or 5 times a power of ten."""
     system, x1 = picture.system, picture.motion.frames["x1"]
     assert isinstance(system, ActuatorSystem)
-    periods = max(1.0, len(x1) / SAMPLES_PER_PERIOD)
+    time = picture.motion.frames["t"]
+    periods = max(1.0, (time[-1] - time[0]) / system.forcing_period)
     walked = abs(x1[-1] - x1[0]) / system.actuator.d / periods
     if not walked > 1e-12:
         return 1.0
     power = 10.0 ** math.floor(math.log10(WALKED / walked))
     return max(1.0, power * max(m for m in (1.0, 2.0, 5.0) if m * power <= WALKED / walked))
+
+
+def _moving(called: str, **columns: list[Any]) -> ColumnDataSource:
+    """Return a source that the browser changes."""
+    return ColumnDataSource(columns, name=f"moving {called}")
 
 
 def _tooth(place: int) -> float:
@@ -344,6 +398,7 @@ def _tooth(place: int) -> float:
 # --- The Floquet multipliers of the orbit, and the unit circle.
 
 LEAST, MOST = 1.3, 50.0  # how far the axes go
+SEARCHING = "searching for the orbit …"
 TITLE_CHARACTERS = 64  # of a line of the title, in characters
 
 
@@ -351,24 +406,36 @@ class MultiplierPanel:
     """Multipliers in the complex plane: inside the circle the orbit is stable."""
 
     def __init__(self) -> None:
-        made = self.layout = new_figure(330, match_aspect=True, title="searching for the orbit …")
-        made.x_range, made.y_range = Range1d(-LEAST, LEAST), Range1d(-LEAST, LEAST)
+        made = self.layout = new_figure(330, match_aspect=True, title=SEARCHING)
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
-        self.dots = source("re", "im", "color")
-        made.scatter("re", "im", source=self.dots, size=9, color="color", line_color="white")
+        self.data = source("multipliers", "re", "im", "color")
+        self.dots = made.scatter(
+            "re", "im", source=self.data, size=9, color="color", line_color="white",
+            muted_alpha=STALE_ALPHA,
+        )  # fmt: skip
+        # The aspect is kept for ranges that follow data.
+        self.corners = ColumnDataSource({"re": [-LEAST, LEAST], "im": [-LEAST, LEAST]})
+        corners = made.scatter("re", "im", source=self.corners, alpha=0.0)
+        for axis in (made.x_range, made.y_range):
+            axis.update(renderers=[corners], range_padding=0.0)
         made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
         made.title.text_font_style = "normal"
 
-    def show(self, floquet: Floquet) -> None:
+    def show(self, picture: RunSnapshot) -> None:
+        """Show that the orbit of another run is searched for; pale dots are of the former."""
+        self.layout.title.text = SEARCHING
+        self.dots.muted = True
+
+    def show_orbit(self, floquet: Floquet) -> None:
         """Show the multipliers of another orbit, or why there is none."""
         values = floquet.multipliers
         colors = np.where(np.abs(values) < 1.0, MOTION, UNSTABLE)
-        self.dots.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
+        self.data.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
+        self.dots.muted = False
         largest = float(np.abs(values).max()) if values.size else 0.0
         end = min(MOST, max(LEAST, 1.15 * largest))
-        for axis in (self.layout.x_range, self.layout.y_range):
-            axis.update(start=-end, end=end)
+        self.corners.data = {"re": [-end, end], "im": [-end, end]}
         told = floquet.told
         self.layout.title.text = (
             told if len(told) <= TITLE_CHARACTERS else told[: TITLE_CHARACTERS - 1] + "…"
@@ -383,7 +450,8 @@ class PortraitPanel:
 
     def __init__(self) -> None:
         made = self.layout = new_figure(330)
-        self.line, self.dots, self.jumps = source("x", "y"), source("x", "y"), source("x", "y")
+        self.line, self.dots = source("portrait", "x", "y"), source("section", "x", "y")
+        self.jumps = source("jumps", "x", "y")
         made.line("x", "y", source=self.line, color=MOTION, line_width=1.4)
         made.multi_line("x", "y", source=self.jumps, color=IMPACT, line_dash="dotted")
         made.scatter(
@@ -452,9 +520,9 @@ class TimeSeriesPanel:
             self.figures.append(new_figure(HEIGHTS[1], x_range=first.x_range))
             self.figures[1].toolbar_location = None
         self.factors: dict[str, float] = {}
-        self.lines = [source("t", "value") for _ in self.figures]
-        self.hits = source("t", "value")
-        self.strips = source("start", "end")
+        self.lines = [source(f"series {k}", "t", "value") for k in range(count)]
+        self.hits = source("hits", "t", "value")
+        self.strips = source("slips", "start", "end")
         look = {"fill_color": FRAME, "fill_alpha": 0.3, "line_color": FRAME, "line_alpha": 0.3}
         for made, data in zip(self.figures, self.lines, strict=True):
             made.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
@@ -486,3 +554,72 @@ class TimeSeriesPanel:
         for wall, sign in zip(self.walls, (-1.0, 1.0), strict=True):
             if isinstance(system, ActuatorSystem):
                 wall.location, wall.visible = sign * system.actuator.delta / factor, True
+
+
+# --- The animation: a point on each curve, and the device in motion.
+
+
+class Animation:
+    """The frames that the browser plays, as ``layout``: a source without a view of its own.
+
+    Parameters
+    ----------
+    series : TimeSeriesPanel
+    portrait : PortraitPanel
+    device : DevicePanel or None
+        The panels in which something moves; each shows a run before this one does.
+    """
+
+    def __init__(
+        self, series: TimeSeriesPanel, portrait: PortraitPanel, device: DevicePanel | None
+    ) -> None:
+        self._series, self._portrait, self._device = series, portrait, device
+        self.layout = source("frames", "t")
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What the browser has to know."""
+        return {
+            "frames": self.layout,
+            "series": self._series.figures,
+            "portrait": self._portrait.layout,
+            "device": self._device.parts if self._device is not None else None,
+        }
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Play another run."""
+        frames, setting = picture.motion.frames, picture.setting
+        scales = {**self._portrait.factors, TIME: picture.unit}
+        data = {"t": frames["t"][::EVERY] / picture.unit}
+        names = series_shown(picture.system, setting)
+        for place, name in enumerate(names[: len(self._series.figures)]):
+            data[f"series {place}"] = frames[name][::EVERY] / self._series.factors[name]
+        for axis, name in (("x", setting.x), ("y", setting.y)):
+            data[axis] = frames[name][::EVERY] / scales[name]
+        if self._device is not None:
+            data |= self._device.frames(picture)
+        self.layout.data = data
+
+
+# --- Numbers that sum up the run.
+
+
+class HeadlinePanel:
+    """The headlines of a run, side by side."""
+
+    def __init__(self) -> None:
+        self.layout = Div(text="", sizing_mode="stretch_width", name="headlines")
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show those of another run."""
+        self.layout.text = "".join(_headline(picture.system, each) for each in picture.headlines)
+
+
+def _headline(system: HybridSystem, headline: Headline) -> str:
+    factor, unit = unit_for(system, headline.quantity, headline.value)
+    number = f"{headline.value / factor:.4g}" if math.isfinite(headline.value) else "–"
+    told = f"{number} {unit.strip(' []')}".strip()
+    return (
+        '<span style="display: inline-block; margin-right: 28px">'
+        f'{escape(headline.name)} <b style="font-size: 17px">{escape(told)}</b></span>'
+    )

@@ -1,8 +1,8 @@
 // Plays the frames: moves a point along the curves, and the device. The points are elements above
 // the figures, which need not be painted again for them. Of the device arrays are changed in place and
 // only the view is told, so that nothing goes back to the server.
-const SECONDS_A_PERIOD = 1.8
-const MOST_A_SECOND = 25
+const FRAMES_A_SECOND = 56
+const MOST_A_SECOND = 25 // that are drawn
 const REST = 300 // ms in which a slider may move on: drawing the next picture goes before playing
 let begun = null
 let last = 0
@@ -33,26 +33,25 @@ function put(point, model, x, y) {
 
 function move(data, i, loops) {
   const count = data.t.length
-  const known = about.data
-  const inner = known.inner[0]
+  const {block, spring, plates, ground, caption, inner, half, apart, first} = device
   const x2 = data.block[i]
   block.data.x[0] = x2
   const teeth = spring.data.x.length
   for (let k = 0; k < teeth; k++) {
-    spring.data.x[k] = -inner + (x2 - known.half[0] + inner) * k / (teeth - 1)
+    spring.data.x[k] = -inner + (x2 - half + inner) * k / (teeth - 1)
   }
   plates.data.charge[0] = data.right[i]
   plates.data.charge[1] = data.left[i]
-  const apart = known.apart[0]
-  const walked = known.magnified[0] * (data.walk[i] + loops * (data.walk[count - 1] - data.walk[0]))
+  const magnified = caption.data.magnified[0]
+  const walked = magnified * (data.walk[i] + loops * (data.walk[count - 1] - data.walk[0]))
   const shift = ((walked % apart) + apart) % apart
   for (let k = 0; k < ground.data.x0.length; k++) {
-    ground.data.x0[k] = known.first[0] + apart * k - shift
+    ground.data.x0[k] = first + apart * k - shift
     ground.data.x1[k] = ground.data.x0[k] - 0.12
   }
-  const x1 = (data.x1[i] + loops * (data.x1[count - 1] - data.x1[0])) / known.factor[0]
-  caption.data.text[0] = `frame at x1 = ${x1.toPrecision(5)}${known.unit[0]}, ` +
-    `its walk over the ground drawn ×${known.magnified[0]}`
+  const x1 = data.x1[i] + loops * (data.x1[count - 1] - data.x1[0])
+  caption.data.text[0] = `frame at x1 = ${x1.toPrecision(5)} ${caption.data.unit[0]}`.trimEnd() +
+    `, its walk over the ground drawn ×${magnified}`
   for (const part of [block, spring, plates, ground, caption]) part.change.emit()
 }
 
@@ -75,10 +74,10 @@ function step(now) {
     begun += passed
     return
   }
-  const played = Math.max(0, now - begun) / 1000 / SECONDS_A_PERIOD * about.data.per_period[0]
+  const played = Math.max(0, now - begun) / 1000 * FRAMES_A_SECOND
   const i = Math.floor(played) % data.t.length
   series.forEach((model, k) => put(dots[k], model, data.t[i], data[`series ${k}`][i]))
   put(dots[series.length], portrait, data.x[i], data.y[i])
-  if (block !== null) move(data, i, Math.floor(played / data.t.length))
+  if (device !== null) move(data, i, Math.floor(played / data.t.length))
 }
 requestAnimationFrame(step)
