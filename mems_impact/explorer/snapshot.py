@@ -48,6 +48,7 @@ __all__ = [
     "floquet_of",
     "sweep_arguments",
     "take_snapshot",
+    "with_special_points",
 ]
 
 # --- The bifurcation diagram around an operating point: coarse at first, then fine.
@@ -70,12 +71,24 @@ class BifurcationDiagram:
         The shown column.
     failed : str
         Why some values failed; empty if none did.
+    special_points : DataFrame
+        Label, parameter and state of the special points of the branch through the orbit of the run.
+    continued : bool
+        Whether they have been computed.
     """
 
     asked: Asked
     table: pd.DataFrame
     state: str
     failed: str
+    special_points: pd.DataFrame
+    continued: bool = False
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value of the parameter."""
+        values = self.table[self.asked.setting.parameter]
+        return float(values.min()), float(values.max())
 
     def dots(self, direction: str) -> tuple[Any, Any]:
         """Return parameter and state of the crossings of one chain."""
@@ -145,7 +158,46 @@ def diagram_of(
     reasons = table.loc[table["status"] != "ok", "status"]
     failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""
     states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
-    return BifurcationDiagram(asked=asked, table=table, state=states[0], failed=failed)
+    numbers = np.empty(0)
+    none = {"label": np.empty(0, str), asked.setting.parameter: numbers, states[0]: numbers}
+    return BifurcationDiagram(
+        asked=asked,
+        table=table,
+        state=states[0],
+        failed=failed,
+        special_points=pd.DataFrame(none),
+    )
+
+
+def with_special_points(
+    subject: Subject, diagram: BifurcationDiagram, watch: Watch | None = None
+) -> BifurcationDiagram:
+    """Continue the orbit of the run over the range of a diagram; add its special points.
+
+    A motion that is not periodic has none.
+
+    Parameters
+    ----------
+    subject : Subject
+    diagram : BifurcationDiagram
+    watch : callable, optional
+        Called while the continuation goes on; what it raises ends it.
+    """
+    setting = diagram.asked.setting
+    name, value = setting.parameter, setting.values[setting.parameter]
+    low, high = diagram.range
+    columns = list(diagram.special_points)
+    tables = [diagram.special_points]
+    try:
+        orbit = mi.find_orbit(take_snapshot(subject, setting, watch).run)
+        for stop, back in ((high, low), (low, high)):
+            if stop != value:
+                branch = mi.continue_orbit(orbit, name, stop, back=back, progress=watch or False)
+                tables.append(branch.special_table.reindex(columns=columns))
+    except mi.MemsImpactError:
+        pass  # the points found so far are shown
+    found = pd.concat(tables, ignore_index=True).dropna()
+    return replace(diagram, special_points=found, continued=True)
 
 
 # --- The last part of a run as arrays: exact at transitions, broken where it jumps.

@@ -11,8 +11,9 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.explorer.session import address_of, first_setting, setting_at
-from mems_impact.explorer.snapshot import take_snapshot
+from mems_impact.explorer.snapshot import series_shown, take_snapshot
 from tests.explorer.conftest import LONG
+from tests.explorer.subjects import own
 from tests.explorer.subjects import zhao as zhao2004
 
 pytestmark = pytest.mark.slow
@@ -200,7 +201,8 @@ def assert_shows_its_run(page, subject):
     page.wait(lambda: None not in page.points() and max(page.points()) < 1.0)
     here, address = settled_sources(page), page.browser.current_url
     picture = take_snapshot(subject, setting_at(subject, page.query))
-    for source, column, name in (("series 0", "value", "x2"), ("portrait", "y", "v2")):
+    first, setting = series_shown(picture.system, picture.setting)[0], picture.setting
+    for source, column, name in (("series 0", "value", first), ("portrait", "y", setting.y)):
         values = np.array(json.loads(here[source][column]), dtype=float)
         np.testing.assert_array_equal(values, picture.motion.curve[name])
     page.browser.switch_to.new_window("tab")
@@ -210,7 +212,8 @@ def assert_shows_its_run(page, subject):
     assert here.keys() == there.keys()
     assert {"frames", "hits", "section", "cycles", "counts", "multipliers"} <= here.keys()
     # The diagram may be coarse still.
-    assert {name for name in here if here[name] != there[name]} <= {"up", "down"}
+    later = {"up", "down", "special points"}
+    assert {name for name in here if here[name] != there[name]} <= later
 
 
 def test_every_panel_shows_the_run_of_the_sliders(page):
@@ -255,6 +258,13 @@ def test_a_click_on_the_diagram_sets_its_parameter(page):
     page.wait(lambda: float(page.query["amplitude"][0]) == pytest.approx(0.36, abs=0.002))
     assert page.get("slider amplitude", "value") == float(page.query["amplitude"][0])
     assert_shows_its_run(page, zhao2004())
+
+
+def test_a_click_on_a_special_point_sets_its_value(page):
+    page.wait(lambda: (page.get("special points", "data.label") or []) == ["CF", "G"])
+    value = page.get("special points", "data.x[0]")
+    page.tap("bifurcation", value + 0.002, 0.464)
+    page.wait(lambda: page.query["amplitude"] == [repr(value)])
 
 
 def test_the_script_is_copied(page):
@@ -358,3 +368,18 @@ def test_the_unit_circle_is_round_at_every_width(page):
 def test_the_browser_has_nothing_to_complain_of(page):
     complaints = [each for each in page.browser.get_log("browser") if each["level"] == "SEVERE"]
     assert [each for each in complaints if "favicon" not in each["message"]] == []
+
+
+def test_the_page_of_another_system_shows_the_run_of_its_sliders(served, browser):
+    page = Page(browser, served("tests.analysis.systems:oscillator").address)
+    page.wait(lambda: "impacts per period" in shown_text(page, "headlines"))
+    assert page.get("device", "name") is None
+    for name, value in (("A", 0.4), ("omega", 0.9)):
+        page.set(f"slider {name}", value)
+        page.wait(lambda name=name, value=value: page.query.get(name) == [str(value)])
+        assert_shows_its_run(page, own())
+    page.tap("bifurcation", 0.7, 0.0)
+    page.wait(lambda: float(page.query["A"][0]) == pytest.approx(0.7, abs=0.01))
+    page.click("reset")
+    page.wait(lambda: page.query["A"] == ["0.6"])
+    assert page.query["omega"] == ["0.8"]

@@ -9,7 +9,13 @@ import pytest
 import mems_impact as mi
 from mems_impact.explorer.background import route_warnings
 from mems_impact.explorer.session import first_setting
-from mems_impact.explorer.snapshot import Asked, diagram_of, floquet_of, take_snapshot
+from mems_impact.explorer.snapshot import (
+    Asked,
+    diagram_of,
+    floquet_of,
+    take_snapshot,
+    with_special_points,
+)
 from mems_impact.plotting.trajectories import between, line, spans
 from tests.explorer.subjects import dial, mita, own, zhao
 
@@ -146,6 +152,27 @@ def test_the_diagram_is_a_sweep_over_the_slider():
         options=zhao().options,
     )  # fmt: skip
     assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
+
+
+def test_the_special_points_of_a_diagram_are_those_of_the_branch():
+    asked = Asked(setting=first_setting(zhao()), points=5)
+    diagram = diagram_of(zhao(), asked, dial(zhao(), "amplitude"))
+    assert not diagram.continued
+    assert diagram.range == (0.0, pytest.approx(0.48))
+    found = with_special_points(zhao(), diagram).special_points
+    assert found["label"].tolist() == ["CF", "G"]
+    np.testing.assert_allclose(found["amplitude"], [0.1765154, 0.2271776], atol=1e-6)
+    assert found["v2"].between(0.4, 0.5).all()
+
+
+def test_a_motion_without_an_orbit_has_no_special_points():
+    setting = first_setting(zhao()).with_value("amplitude", 0.2357).with_value("omega", 0.45)
+    setting = replace(setting, start="rest")  # chaotic
+    assert floquet_of(take_snapshot(zhao(), setting)).multipliers.size == 0
+    diagram = diagram_of(zhao(), Asked(setting=setting, points=3), dial(zhao(), "amplitude"))
+    found = with_special_points(zhao(), diagram)
+    assert found.continued
+    assert found.special_points.empty
 
 
 def test_a_diagram_hangs_on_what_is_not_its_parameter():

@@ -35,8 +35,9 @@ STRETCH_WIDTH = "stretch_width"
 LENGTHS = 10.0  # least and step of the slider of the length
 MAX_PERIODS = 300.0
 MOVED = "window.slider_moved = performance.now()"
-FIELD_WIDTH_PX = 84
-FIELD_DIGITS = "%.8g"
+FIELD_WIDTH_PX = 80
+FIELD_STYLE = ".bk-input { height: 24px; min-height: 0; padding: 0 8px; }"
+FIELD_DIGITS = "%.6g"
 SAME_RTOL = 1e-12  # of a value that a slider has and is to have
 SAVES = {
     "device": "Save device",
@@ -150,11 +151,12 @@ class Controls:
         value = read(setting)
         slider = Slider(
             value=value, start=min(low, value), end=max(high, value), step=step, title=None,
-            sizing_mode=STRETCH_WIDTH, align="center", name=f"slider {name}",
+            sizing_mode=STRETCH_WIDTH, align="center", margin=(0, 5, 0, 5), name=f"slider {name}",
         )  # fmt: skip
         field = NumericInput(
             value=value, mode="float", format=PrintfTickFormatter(format=FIELD_DIGITS),
-            width=FIELD_WIDTH_PX, name=f"field {name}",
+            width=FIELD_WIDTH_PX, margin=(0, 5, 0, 5), stylesheets=[FIELD_STYLE],
+            name=f"field {name}",
         )  # fmt: skip
 
         def moved(_attr: str, _old: Any, new: float | None) -> None:
@@ -173,9 +175,9 @@ class Controls:
         for each in (slider, field):
             each.on_change("value", moved)
         slider.js_on_change("value", CustomJS(code=MOVED))
-        label = Div(text=title, render_as_text=True, margin=(5, 5, 0, 5))
+        label = Div(text=title, render_as_text=True, margin=(4, 5, 0, 5))
         inputs = row(slider, field, sizing_mode=STRETCH_WIDTH)
-        return column(label, inputs, spacing=-4, sizing_mode=STRETCH_WIDTH)
+        return column(label, inputs, sizing_mode=STRETCH_WIDTH)
 
     def _choice(self, field: str, title: str, options: list[str], setting: PageSetting) -> Select:
         made = Select(

@@ -39,6 +39,7 @@ from mems_impact.explorer.snapshot import (
     floquet_of,
     series_shown,
     take_snapshot,
+    with_special_points,
 )
 from mems_impact.explorer.view.controls import Controls
 from mems_impact.explorer.view.panels import (
@@ -202,7 +203,7 @@ class Page:
         else:
             print("".join(traceback.format_exception(error)), file=sys.stderr)  # noqa: T201
             text = f"{type(error).__name__}: {error} (a bug; see the traceback in the terminal)"
-        if isinstance(asked, Asked):
+        if isinstance(asked, Asked | BifurcationDiagram):
             if self.bifurcation is not None:
                 self.bifurcation.say(text, stale=True)
             return
@@ -238,15 +239,21 @@ class Page:
     def _select(self, name: str, value: float) -> None:
         self.change(lambda setting: setting.with_value(name, value))
 
-    def _diagram(self, asked: Asked, watch: Watch) -> BifurcationDiagram:
+    def _diagram(self, asked: Asked | BifurcationDiagram, watch: Watch) -> BifurcationDiagram:
+        """Compute a diagram, or the special points of one."""
+        if isinstance(asked, BifurcationDiagram):
+            return with_special_points(self.subject, asked, watch)
         return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
 
-    def _show_diagram(self, asked: Asked, diagram: BifurcationDiagram) -> None:
+    def _show_diagram(self, _: Asked | BifurcationDiagram, diagram: BifurcationDiagram) -> None:
+        asked = diagram.asked
         if self.bifurcation is None or self.picture is None or asked.key != self._diagram_asked:
             return
         self.bifurcation.show_diagram(diagram, self.picture)
         if asked.points == COARSE:
             self.diagrams.ask(asked.finer())
+        elif not diagram.continued:
+            self.diagrams.ask(diagram)
 
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""

@@ -126,8 +126,14 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
 # --- The bifurcation diagram, and where the run stands in it.
 
 
+ROOM = 0.2  # of the range of the states, for labels
+SNAP = 0.012  # part of the range within which a click means a special point
+
+
 class BifurcationPanel:
     """Crossings of the section over a parameter, varied up and down; the run's own in black.
+
+    A click selects the value of the parameter, near a special point that of the point.
 
     Parameters
     ----------
@@ -145,7 +151,7 @@ class BifurcationPanel:
         self.up, self.down = source("up", "x", "y"), source("down", "x", "y")
         self.here = source("here", "x", "y")
         look = {"size": 5, "alpha": 0.7, "muted_alpha": STALE_ALPHA}
-        self.dots = (
+        self.dots: tuple[Any, ...] = (
             made.scatter(
                 "x", "y", source=self.up, color=UP, fill_color=None, legend_label="up", **look
             ),
@@ -153,12 +159,23 @@ class BifurcationPanel:
                 "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", **look
             ),
         )
+        self.special = source("special points", "x", "y", "label")
+        special = made.scatter(
+            "x", "y", source=self.special, marker="square", size=8, color="white",
+            line_color="black", muted_alpha=STALE_ALPHA,
+        )  # fmt: skip
+        labels = made.text(
+            "x", "y", "label", source=self.special, text_font_size="12px", text_font_style="bold",
+            x_offset=7, y_offset=-5, muted_alpha=STALE_ALPHA,
+        )  # fmt: skip
+        self.dots += (special, labels)
         made.scatter("x", "y", source=self.here, marker="diamond", color="black", size=9)
         self.place = Span(dimension="height", line_color="black", line_width=1, visible=False)
         made.renderers.append(self.place)
         legend = made.legend[0]
         legend.update(orientation="horizontal", border_line_color=None, padding=0, margin=0)
         made.add_layout(legend, "above")
+        made.y_range.range_padding = ROOM
         made.title.text_font_style = "normal"
         made.on_event(Tap, self._tapped)
         self.diagram: BifurcationDiagram | None = None
@@ -186,6 +203,12 @@ class BifurcationPanel:
         for direction, data in (("up", self.up), ("down", self.down)):
             x, y = diagram.dots(direction)
             data.data = {"x": x / dial.factor, "y": y / self.state_factor}
+        points = diagram.special_points
+        self.special.data = {
+            "x": points[dial.name].to_numpy(float) / dial.factor,
+            "y": points[diagram.state].to_numpy(float) / self.state_factor,
+            "label": points["label"].tolist(),
+        }
         self.layout.xaxis.axis_label = dial.title
         section = system.section
         where = "where periods begin" if system.forced else "maxima"
@@ -203,11 +226,17 @@ class BifurcationPanel:
             dots.muted = stale
 
     def _tapped(self, event: Any) -> None:
-        if self.diagram is None:
+        diagram = self.diagram
+        if diagram is None:
             return
-        name = self.diagram.asked.setting.parameter
-        values = self.diagram.table[name]
-        self._selected(name, self._dials[name].nearest(event.x, values.min(), values.max()))
+        dial = self._dials[diagram.asked.setting.parameter]
+        low, high = diagram.range
+        value = dial.nearest(event.x, low, high)
+        near = SNAP * (high - low)
+        for special in diagram.special_points[dial.name]:
+            if (away := abs(special - event.x * dial.factor)) < near:
+                value, near = float(special), away
+        self._selected(dial.name, value)
 
 
 # --- Cycle by cycle: step and speed of the frame, or the section; and the impacts.

@@ -66,18 +66,17 @@ function step(now) {
     begun = now
     dots = [...series, portrait].map(dot)
   }
-  if (data !== shown) {
+  const changed = data !== shown
+  if (changed) {
     shown = data
     paused = now
   }
-  if (now - Math.max(paused, window.slider_moved ?? 0) < REST) {
-    begun += passed
-    return
-  }
+  const resting = now - Math.max(paused, window.slider_moved ?? 0) < REST
+  if (resting) begun += passed
   const played = Math.max(0, now - begun) / 1000 * FRAMES_A_SECOND
   const i = Math.floor(played) % data.t.length
   series.forEach((model, k) => put(dots[k], model, data.t[i], data[`series ${k}`][i]))
   put(dots[series.length], portrait, data.x[i], data.y[i])
-  if (device !== null) move(data, i, Math.floor(played / data.t.length))
+  if (device !== null && (changed || !resting)) move(data, i, Math.floor(played / data.t.length))
 }
 requestAnimationFrame(step)
