@@ -65,10 +65,10 @@ def command(
       mems-impact explore zhao2004
       mems-impact explore oscillator.py:system --set A=0.5
 
-    The page has a slider for every parameter, and shows motion, phase portrait, bifurcation
-    diagram, steps and multipliers. Its address holds all settings and can be shared. Without
-    options of the drive, the drive is that of the device's file, or a sine. Ctrl-C ends the
-    server.
+    The page has a slider and a number field for every parameter, and shows motion, phase portrait,
+    bifurcation diagram, steps and multipliers. A click on the diagram sets its parameter. The
+    address holds all settings and can be shared. Without options of the drive, the drive is that of
+    the device's file, or a sine. Ctrl-C ends the server.
 
     A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run,
     or the name of a system that another package adds.

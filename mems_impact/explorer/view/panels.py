@@ -177,6 +177,7 @@ class BifurcationPanel:
         made.add_layout(legend, "above")
         made.y_range.range_padding = ROOM
         made.title.text_font_style = "normal"
+        made.toolbar_inner = False  # beside the title: within the axes it would take clicks
         made.on_event(Tap, self._tapped)
         self.diagram: BifurcationDiagram | None = None
         self.state_factor = 1.0
