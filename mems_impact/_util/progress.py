@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-__all__ = ["ProgressLog", "Watch", "is_interactive", "parameter_progress", "progress_bar"]
+__all__ = ["Progress", "Report", "Watch", "parameter_progress", "progress_bar"]
 
+Progress = bool | Callable[[float], None]
 Watch = Callable[[float], None]
 """Called by a computation with its progress; an exception that it raises ends the computation."""
 
@@ -22,39 +25,58 @@ SELDOM = 30.0  # s after which a line is due
 UPDATE_SHARE = 0.1  # share of the work after which a line is due
 
 
+class Report(Protocol):
+    """Takes the amount of finished work, and a note that is shown with it."""
+
+    def __call__(self, done: float, note: str = "") -> None:
+        """Report progress; an exception ends the computation."""
+
+
 @contextmanager
 def progress_bar(
-    progress: bool | Callable[[float], None], unit: str, total: float | None = None, work: str = ""
-) -> Iterator[Watch | None]:
+    progress: Progress, unit: str, total: float | None = None, work: str = "", before: float = 0.0
+) -> Iterator[Report | None]:
     """Yield a function to be called with the amount of finished work; None without listener.
 
     Parameters
     ----------
     progress : bool or callable
         True shows a bar after one second on a terminal, and elsewhere lines after three seconds.
-        A function is yielded itself.
+        A function is called with the amount.
     unit : str
         Unit in which work is counted.
     total : float, optional
         Amount of all work, if known.
     work : str, optional
         Name of the computation, shown with its progress.
+    before : float, optional
+        Work finished by earlier runs.
     """
-    if callable(progress) or not progress:
-        yield progress or None
+    if callable(progress):
+        yield lambda done, note="": progress(done)
+    elif not progress:
+        yield None
     elif is_interactive():
         from tqdm import tqdm
 
         total = total and round(total, 3)
-        with tqdm(desc=work or None, total=total, delay=QUIET_SECONDS, unit=f" {unit}") as bar:
-            yield lambda done: bar.update(done - bar.n) and None
+        with tqdm(
+            desc=work or None, initial=before, total=total, delay=QUIET_SECONDS, unit=f" {unit}"
+        ) as bar:
+
+            def show(done: float, note: str = "") -> None:
+                if note:
+                    bar.set_postfix_str(note, refresh=False)
+                bar.update((int(done) if isinstance(total, int) else done) - bar.n)
+
+            yield show
     else:
-        yield ProgressLog(unit, total, kind=work)
+        yield ProgressLog(unit, total, before, work)
 
 
 @contextmanager
 def parameter_progress(
-    progress: bool | Callable[[float], None], name: str, unit: str, out: Callable[[float], float]
+    progress: Progress, name: str, unit: str, out: Callable[[float], float]
 ) -> Iterator[Watch | None]:
     """Yield a function to be called with each value of a parameter that a continuation passes.
 
@@ -71,27 +93,10 @@ def parameter_progress(
     """
     if callable(progress):
         yield lambda value: progress(out(value))
-    elif not progress:
-        yield None
-    elif is_interactive():
-        from tqdm import tqdm
-
-        with tqdm(desc=f"continue in {name}", delay=QUIET_SECONDS, unit=f" {unit}") as bar:
-
-            def show(value: float) -> None:
-                bar.set_postfix_str(f"{name} = {out(value):.6g}", refresh=False)
-                bar.update()
-
-            yield show
-    else:
-        lines, passed = ProgressLog(unit), 0
-
-        def tell(value: float) -> None:
-            nonlocal passed
-            passed += 1
-            lines(passed, f"{name} = {out(value):.6g}")
-
-        yield tell
+        return
+    with progress_bar(progress, unit, work=f"continue in {name}") as report:
+        passed = itertools.count(1)
+        yield report and (lambda value: report(next(passed), f"{name} = {out(value):.6g}"))
 
 
 def is_interactive() -> bool:
@@ -125,8 +130,8 @@ class ProgressLog:
         self.told = -math.inf
         self.share = before
 
-    def __call__(self, done: float, more: str = "") -> None:
-        """Write a line if one is due; `more` is appended to it."""
+    def __call__(self, done: float, note: str = "") -> None:
+        """Write a line if one is due, with the note at its end."""
         now = time.monotonic()
         since = now - self.told
         due = since >= SELDOM
@@ -136,9 +141,9 @@ class ProgressLog:
         if now - self.begin < SOON or not due:
             return
         self.told, self.share = now, done
-        _say(self.line(done, now - self.begin, more))
+        _say(self.line(done, now - self.begin, note))
 
-    def line(self, done: float, seconds: float, more: str = "") -> str:
+    def line(self, done: float, seconds: float, note: str = "") -> str:
         """Return a progress line."""
         if self.total is None:
             parts = [f"{self.kind}{int(done)} {self.unit}"]
@@ -150,7 +155,7 @@ class ProgressLog:
             parts.append(f"{rate:.3g} {self.unit}/s")
         if self.total is not None and rate > 0.0 and done < self.total:
             parts.append(f"{_duration((self.total - done) / rate)} left")
-        return ", ".join([*parts, more] if more else parts)
+        return ", ".join([*parts, note] if note else parts)
 
 
 def _duration(seconds: float) -> str:

@@ -6,7 +6,6 @@ import logging
 import pytest
 
 from mems_impact._util import progress
-from mems_impact.studies.engine import progress as notices
 from mems_impact.studies.engine.scheduler import run_study
 from tests.studies.toys import Toy
 
@@ -24,10 +23,10 @@ def clock(monkeypatch):
 
 def told(clock, capsys, moments, before=0):
     """Return what is said at moments (seconds, points done, failed), of 1000 points."""
-    with notices.study_progress(True, "map", before, 1000) as notice:
+    with progress.progress_bar(True, "points", 1000, "map", before) as notice:
         for seconds, done, failed in moments:
             clock.now = seconds
-            notice(done, failed)
+            notice(done, f"{failed} failed")
     return capsys.readouterr().err.splitlines()
 
 
@@ -70,7 +69,7 @@ def test_a_bar_on_a_terminal(monkeypatch):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr(notices, "QUIET_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "QUIET_SECONDS", 0.0)
     run_study(Toy(size=40, failing=(3, 4)), progress=True, chunk=4)
     last = terminal.getvalue().rpartition("\r")[2]
     assert "toy: 100%" in last

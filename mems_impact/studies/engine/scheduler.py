@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -14,11 +14,12 @@ from concurrent.futures import (
     Future,
     wait,
 )
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
-from mems_impact._util.warning_scopes import CollectedWarning
-from mems_impact.errors import StudyInterrupted, WorkersLost
+from mems_impact._util.progress import Progress, Report, progress_bar
+from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
+from mems_impact.errors import StartWarning, StudyInterrupted, WorkersLost
 from mems_impact.studies.engine.executors import (
     ExecutorLost,
     Result,
@@ -26,7 +27,6 @@ from mems_impact.studies.engine.executors import (
     cores,
     killed_by_its_chunk,
 )
-from mems_impact.studies.engine.progress import Progress, StudyProgress, study_progress, warned
 from mems_impact.studies.engine.store import ChunkStore, MemoryStore
 from mems_impact.studies.engine.study import Columns, Study
 from mems_impact.systems.state import whole
@@ -122,7 +122,7 @@ def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progres
         with (
             warned(study) as caught,
             crew,
-            study_progress(progress, study.kind, kept.done, study.points) as notice,
+            progress_bar(progress, "points", study.points, study.kind, kept.done) as notice,
         ):
             Scheduler(study, kept, crew, notice, caught).run()
     except KeyboardInterrupt:
@@ -134,6 +134,25 @@ def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progres
         error.table = kept.table()  # type: ignore[attr-defined]
         error.add_note(f"{kept.done} of {study.points} points are done")
         raise
+
+
+@contextmanager
+def warned(study: Study) -> Iterator[list[CollectedWarning]]:
+    """Yield a list for warnings of points; each subject is reported once, with its first point."""
+    caught: list[CollectedWarning] = []
+    try:
+        yield caught
+    finally:
+        caught.sort(key=lambda each: each.point)
+        for first in first_of_each(caught):
+            alike = (first.category, first.subject)
+            points = {each.point for each in caught if (each.category, each.subject) == alike}
+            where = study.place(first.point)
+            if first.category is StartWarning:  # all starts are checked, jumps only occasionally
+                count = f"{len(points)} of {study.points} points"
+                where = f"{count}, first {where}" if len(points) > 1 else f"{count}, {where}"
+            message = f"{study.kind} ({where}): {first.message}"
+            warn(message, first.category, first.subject)
 
 
 class Scheduler:
@@ -149,7 +168,7 @@ class Scheduler:
         study: Study,
         kept: ChunkStore,
         crew: WorkerPool,
-        notice: StudyProgress | None,
+        notice: Report | None,
         caught: list[CollectedWarning],
     ) -> None:
         self.study, self.kept, self.crew, self.notice = study, kept, crew, notice
@@ -171,7 +190,8 @@ class Scheduler:
                     self.recover()
                 self.crew.warn_of_missing_workers()
                 if self.notice is not None:
-                    self.notice(self.kept.done + self.crew.part_done, self.kept.failed)
+                    done = self.kept.done + self.crew.part_done
+                    self.notice(done, f"{self.kept.failed} failed")
         finally:
             for future in self.pending:
                 future.cancel()
