@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
 from mems_impact.systems.statistics import closest_approach
 from mems_impact.systems.window_statistics import (
@@ -35,9 +36,6 @@ from mems_impact.systems.window_statistics import (
     TimeWindow,
     ratio,
 )
-
-if TYPE_CHECKING:
-    from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = [
     "Accumulator",
@@ -68,12 +66,12 @@ _ENERGY = ("energy in per period", "energy in per impact")  # with energy accoun
 _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 
 
-def measure_names(system: ActuatorSystem) -> tuple[str, ...]:
+def measure_names(system: HybridSystem) -> tuple[str, ...]:
     """Return the headings of `measures`."""
     return (*_MEASURES, *_ENERGY) if "energy in" in system.observed.gains else _MEASURES
 
 
-def measures(system: ActuatorSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
+def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
     """Return the statistics of an attractor by heading, with the definitions of `Statistics`.
 
     "displacement per period std" is the standard deviation over forcing periods. Compliant stoppers

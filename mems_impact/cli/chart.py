@@ -19,6 +19,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import show_table
 from mems_impact.cli.runtime import say, warn
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,10 +60,7 @@ def command(
     bias: float,
     crises: int,
     periods: int,
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     workers: int | None,
     progress: bool,
     output: str,
@@ -84,7 +82,6 @@ def command(
 
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "chart") as files:
         try:
             chart = mi.operating_chart(

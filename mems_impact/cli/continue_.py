@@ -23,6 +23,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import add_json_tables, show, unit_of
 from mems_impact.cli.runtime import warn
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,10 +69,7 @@ def command(
     periods: int | None,
     through_grazing: bool,
     doubled: bool,
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     progress: bool,
     output: str,
     figure: str | None,
@@ -97,7 +95,6 @@ def command(
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     guess = state_from(initial, actuator)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "continue") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options

@@ -23,6 +23,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import say
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
@@ -51,10 +52,7 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     port: int,
     browser: bool,
 ) -> None:
@@ -76,12 +74,10 @@ def command(
     if importlib.util.find_spec("bokeh") is None:
         missing = "explore needs Bokeh, which is not installed"
         raise click.ClickException(f"{missing}: pip install 'mems-impact[explore]'")
-    import mems_impact as mi
     from mems_impact.explorer.server import serve
     from mems_impact.explorer.session import first_setting
     from mems_impact.explorer.snapshot import take_snapshot
 
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     subject = _subject(device, changes, options)
     # This thread receives Ctrl-C while functions are compiled, and reports a failing run at once.
     take_snapshot(subject, first_setting(subject))

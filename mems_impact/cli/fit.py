@@ -24,6 +24,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import FAILED
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -64,10 +65,7 @@ def command(
     transient: int,
     periods: int,
     initial: Initial,
-    method: str | None,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     output: str,
 ) -> None:
     """Fit parameters of DEVICE to measurements.
@@ -97,7 +95,6 @@ def command(
 
     actuator = actuator_from(device, changes)
     measured = [_target(text) for text in targets]
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, None, True, "fit") as files:
         found = mi.fit(
             actuator,

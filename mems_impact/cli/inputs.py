@@ -98,10 +98,9 @@ def _recurrence_and_integrator(given: Mapping[str, Any]) -> dict[str, Any]:
     import mems_impact as mi
 
     words = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
-    integrator = ("method", "rtol", "atol", "engine")
     return {
         "recurrence": mi.RecurrenceOptions(**{name: given[name] for name in words}),
-        "options": mi.Options(**{name: given[name] for name in integrator}),
+        "options": given["options"],
     }
 
 

@@ -29,6 +29,7 @@ from mems_impact.cli.output import (
     with_units_in,
 )
 from mems_impact.cli.runtime import FAILED, say, warn
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,10 +87,7 @@ def command(
     initial: dict[str, float],
     transient: float,
     periods: int | None,
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     progress: bool,
     output: str,
     figure: str | None,
@@ -132,7 +130,7 @@ def command(
             "initial": state_from(initial, actuator),
             "transient": transient,
             "periods": periods,
-            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
+            "options": options,
         }
         given |= {"maximize": maximize, "minimize": minimize}
     with Output(output, figure, no_figure, KIND) as files:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -204,7 +205,21 @@ def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
             show_default=True,
             help="Compiled or interpreted (slower) code; auto: compiled if available.",
         ),
+        _with_options,
     )
+
+
+def _with_options(command: Any) -> Any:
+    """Return a command that gets the options of the integrator as one argument."""
+
+    @wraps(command)
+    def gathered(
+        *given: Any, method: Any, rtol: float, atol: float, engine: Any, **rest: Any
+    ) -> Any:
+        chosen = Options(method=method, rtol=rtol, atol=atol, engine=engine)
+        return command(*given, **rest, options=chosen)
+
+    return gathered
 
 
 AXIS_TYPE = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])

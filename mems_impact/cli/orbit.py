@@ -25,6 +25,7 @@ from mems_impact.cli.output import (
     show_table,
     show_values,
 )
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
@@ -45,10 +46,7 @@ def command(
     initial: Initial,
     transient: float,
     periods: int | None,
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -69,7 +67,6 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial, actuator)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "orbit") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options

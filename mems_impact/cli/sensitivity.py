@@ -26,6 +26,7 @@ from mems_impact.cli.output import (
     with_unit_column,
     with_units_in,
 )
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -58,10 +59,7 @@ def command(
     initial: dict[str, float],
     transient: float,
     periods: int | None,
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -95,7 +93,7 @@ def command(
             "initial": state_from(initial, actuator),
             "transient": transient,
             "periods": periods,
-            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
+            "options": options,
         }
     shown = {each.name: each for each in chosen_quantities(system, named)}
     shown |= {each.name: each for each in chosen_quantities(system, [quantity])}

@@ -19,6 +19,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import OutputValue, add_json_values, show, show_table, show_values
 from mems_impact.cli.runtime import FAILED
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,10 +70,7 @@ def command(
     duration: float | None,
     initial: Initial,
     window: tuple[float, float] | None,
-    method: str | None,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     verify: bool,
     animate: str | None,
     progress: bool,
@@ -100,7 +98,6 @@ def command(
     from mems_impact.cli.output import Output
 
     system, state = load_subject(device, changes, initial)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         files.moving(animate)
         try:

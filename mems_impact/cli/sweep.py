@@ -23,6 +23,7 @@ from mems_impact.cli.options import (
     transient_option,
 )
 from mems_impact.cli.output import add_json_tables, show, show_table, unit_of
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,10 +72,7 @@ def command(
     direction: Literal["up", "down", "both"],
     transient: int,
     periods: int,
-    method: str | None,
-    rtol: float,
-    atol: float,
-    engine: str,
+    options: Options,
     store: str | None,
     executor: str | None,
     workers: int | None,
@@ -105,7 +103,6 @@ def command(
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     drive = drive_from({parameter: start})
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "sweep") as files:
         try:
             table = mi.sweep(

@@ -338,10 +338,6 @@ def speed_over_voltage(
     >>> bool(speeds["mean speed"].is_monotonic_increasing)
     True
     """
-    from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.studies.sweep import sweep
-    from mems_impact.tables import sweep_summary
-
     system = ActuatorSystem(actuator, drive)
     table = sweep(
         system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
