@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Equations"]
+__all__ = ["Engine", "Equations"]
 
 # --- The contract between the event loop and whatever integrates an arc.
 
@@ -175,3 +175,29 @@ class Equations:
     def crossing(self) -> tuple[int, float, int]:
         """The section, with component -1 where there is none."""
         return (-1, 0.0, 0) if self.section is None else self.section
+
+
+# --- What all engines answer to runs.
+
+
+class Engine:
+    """An engine of one method, which learns nothing of modes and has no memory of its own."""
+
+    @property
+    def implicit_arcs(self) -> int:
+        """Number of arcs begun by the second of two methods."""
+        return 0
+
+    def export_memory(self) -> tuple[int, ...]:
+        """Return what the engine has learnt of each mode."""
+        return ()
+
+    def import_memory(self, known: tuple[int, ...]) -> None:
+        """Begin with what was learnt of each mode."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps."""
+        return False
+
+    def close(self) -> None:
+        """Free the memory of the engine."""

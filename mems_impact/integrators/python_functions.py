@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.interface import Engine, Equations
 
 __all__ = [
     "FLOW",
@@ -96,7 +96,7 @@ def carry_out(
     return int(into), [float(value) for value in after]
 
 
-class Functions:
+class Functions(Engine):
     """The part of the contract of `mems_impact.integrators.interface` that no method changes.
 
     Functions get numbers of Python alone: those of NumPy are slow one by one, and not all that
@@ -114,25 +114,6 @@ class Functions:
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(equations.m)
         self._fault: Fault | None = None
-
-    @property
-    def implicit_arcs(self) -> int:
-        """Arcs begun so far by the second of two methods: 0, where there is one."""
-        return 0
-
-    def export_memory(self) -> tuple[int, ...]:
-        """Return what it has learnt of each mode: nothing."""
-        return ()
-
-    def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was learnt of each mode: it makes no difference."""
-
-    def is_stiff(self) -> bool:
-        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
-        return False
-
-    def close(self) -> None:
-        """Do nothing: the memory is Python's own."""
 
     def remembered(self, mode: int) -> int:
         """Return what has been learnt of `mode`: nothing."""

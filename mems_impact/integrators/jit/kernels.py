@@ -19,7 +19,7 @@ from numba import types
 from numba.extending import intrinsic, overload, register_jitable
 
 from mems_impact.integrators import interface
-from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.interface import Engine, Equations
 from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
 from mems_impact.integrators.jit.numba_support import (
     INNER,
@@ -276,7 +276,7 @@ def _kernel(function: Callable[..., Any], name: str, kept: str | None) -> Any:
 # --- Compiled engines: the record that compiled code takes for one, and what all methods share.
 
 
-class CompiledEngine:
+class CompiledEngine(Engine):
     """A record of addresses for compiled code, and the memory that it points to.
 
     Parameters
@@ -318,25 +318,6 @@ class CompiledEngine:
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address
         handle["transition"] = self._kernels.transition.address
-
-    @property
-    def implicit_arcs(self) -> int:
-        """Arcs begun so far by the second of two methods: 0, where there is one."""
-        return 0
-
-    def export_memory(self) -> tuple[int, ...]:
-        """Return what it has learnt of each mode: nothing."""
-        return ()
-
-    def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was learnt of each mode: it makes no difference."""
-
-    def is_stiff(self) -> bool:
-        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
-        return False
-
-    def close(self) -> None:
-        """Do nothing: the memory goes with the object."""
 
     def fault(self) -> Fault | None:
         """Return the first call of a function that failed, and forget it."""
