@@ -13,7 +13,6 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
@@ -249,13 +248,3 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
             name = automaton.guards[own].name if own >= 0 else "switch"
             found.append(AdmissibilityViolation(i, name, "mode", float(event.mode)))
     return tuple(found)
-
-
-def check_closed(orbit: PeriodicOrbit) -> float:
-    """Return the closure error of a run along the orbit."""
-    problem = orbit.problem
-    final = run(problem, orbit.instant, orbit.periods).final
-    if final.mode != orbit.instant.mode:
-        raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)
-    free = orbit.shooting.free
-    return float(np.abs(final.y[free] - orbit.state[free]).max())

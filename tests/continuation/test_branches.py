@@ -16,10 +16,10 @@ from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest,
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from mems_impact.orbits.periodic_orbit import check_closed
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import read_guess
 from tests.continuation import free_block
+from tests.orbits.audit import check_closed
 from tests.orbits.families import (
     DEVICE,
     FunctionFamily,

@@ -10,7 +10,7 @@ from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from mems_impact.orbits.periodic_orbit import check_closed
+from tests.orbits.audit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
 

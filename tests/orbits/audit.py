@@ -111,3 +111,13 @@ def _column(
         previous = row
         h /= 2.0
     return best, error
+
+
+def check_closed(orbit: PeriodicOrbit) -> float:
+    """Return the closure error of a run along the orbit."""
+    problem = orbit.problem
+    final = run(problem, orbit.instant, orbit.periods).final
+    if final.mode != orbit.instant.mode:
+        raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)
+    free = orbit.shooting.free
+    return float(np.abs(final.y[free] - orbit.state[free]).max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from mems_impact.orbits.periodic_orbit import check_closed
+from tests.orbits.audit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 

@@ -14,11 +14,12 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
-from mems_impact.orbits.periodic_orbit import check_closed, make_orbit
+from mems_impact.orbits.periodic_orbit import make_orbit
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import BOUNDARY, Segment, _transitions, read_guess
 from tests.continuation import free_block
 from tests.hybrid.systems import BALL, ball, problem
+from tests.orbits.audit import check_closed
 from tests.orbits.families import (
     FunctionFamily,
     actuator,
