@@ -26,6 +26,7 @@ from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
+from mems_impact.systems import observables
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
 from mems_impact.systems.statistics import closest_approach
@@ -338,14 +339,6 @@ def _mean_speed(orbit: Any) -> float:
     return float(orbit.step / (orbit.periods * orbit.period))
 
 
-def _impact_speed(orbit: Any) -> float:
-    return float(max(orbit.impact_speeds, default=math.nan))
-
-
-def _closest_approach(orbit: Any) -> float:
-    return float(orbit.closest_approach)
-
-
 def _energy_lost(orbit: Any) -> float:
     return float(orbit.observables["energy lost"] / orbit.periods)
 
@@ -360,8 +353,8 @@ FUNCTIONS = {
     "displacement per period": _per_period,
     "mean speed": _mean_speed,
     "displacement per impact": _per_impact,
-    "impact speed": _impact_speed,
-    "closest approach": _closest_approach,
+    "impact speed": observables.impact_speed,
+    "closest approach": observables.closest_approach,
     "energy lost per period": _energy_lost,
 }
 """Functions of an orbit by the heading of the statistic."""
