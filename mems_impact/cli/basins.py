@@ -75,15 +75,13 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     over a parameter. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     progress = options["progress"]
     beside = ("follow", "shares")
     system, given = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
     if options["follow"] is not None:
         system.check_parameter(options["follow"][0])
-    figure, bare = options["figure"], options["no_figure"]
-    with Output(options["output"], figure, bare, KIND) as files:
+    with options["output"](KIND) as files:
         found = run_saving_partial(
             lambda: mi.basins(system, **given, progress=progress),
             lambda table: files.tables({"table": table}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -17,7 +18,7 @@ from mems_impact.cli.options import (
     range_options,
     workers_option,
 )
-from mems_impact.cli.output import show_table
+from mems_impact.cli.output import Output, show_table
 from mems_impact.cli.runtime import say, warn
 from mems_impact.integrators.options import Options
 
@@ -63,9 +64,7 @@ def command(
     options: Options,
     workers: int | None,
     progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
 
@@ -78,11 +77,10 @@ def command(
     frequencies, and writes boundaries, types and points as CSV tables and the chart as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    with Output(output, figure, no_figure, "chart") as files:
+    with output("chart") as files:
         try:
             chart = mi.operating_chart(
                 actuator,

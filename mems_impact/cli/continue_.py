@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -21,7 +22,7 @@ from mems_impact.cli.options import (
     refuse_system,
     state_from,
 )
-from mems_impact.cli.output import add_json_tables, show, unit_of
+from mems_impact.cli.output import Output, add_json_tables, show, unit_of
 from mems_impact.cli.runtime import warn
 from mems_impact.integrators.options import Options
 
@@ -71,9 +72,7 @@ def command(
     doubled: bool,
     options: Options,
     progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Continue a periodic orbit of DEVICE, stable or unstable, over a parameter.
 
@@ -87,7 +86,6 @@ def command(
     as CSV tables and a bifurcation diagram.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     refuse_system(device)
     drive = drive_from({parameter: start})
@@ -95,7 +93,7 @@ def command(
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     guess = state_from(initial, actuator)
-    with Output(output, figure, no_figure, "continue") as files:
+    with output("continue") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import click
 
@@ -13,7 +14,7 @@ from mems_impact.cli.options import (
     drive_options,
     output_options,
 )
-from mems_impact.cli.output import OutputValue, show, show_values
+from mems_impact.cli.output import Output, OutputValue, show, show_values
 
 
 @click.command(short_help="Show voltage and force over a forcing period.")
@@ -24,9 +25,7 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Show forcing period, switching times and electrostatic force of a voltage on DEVICE.
 
@@ -38,7 +37,6 @@ def command(
     The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.plots import forcing_period_of, plot_drive
-    from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
     drive = drive_from()
@@ -53,7 +51,7 @@ def command(
         "switches": OutputValue(drive.switches, "s", f"{shown}{more}" if shown else "none"),
         "force at x2 = 0": OutputValue(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
     }
-    with Output(output, figure, no_figure, "drive") as files:
+    with output("drive") as files:
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)
         show_values(lines, named=actuator.scales.named)
         show("")

@@ -81,7 +81,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.cli.output import Output
 
     column, progress = options["column"], options["progress"]
     axes = {name: options[name] for name in ("x", "y")}
@@ -93,7 +92,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             raise click.UsageError("--energy: for maps of a device only")
         system = system.with_energy()
     _check_column(column, system, given)
-    with Output(options["output"], options["figure"], options["no_figure"], KIND) as files:
+    with options["output"](KIND) as files:
         chart = _chart(system, given, progress) if options["curves"] else None
         found = run_saving_partial(
             lambda: mi.operating_map(system, **given, progress=progress),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -21,6 +22,7 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.output import (
+    Output,
     OutputValue,
     show,
     show_table,
@@ -89,9 +91,7 @@ def command(
     periods: int | None,
     options: Options,
     progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Optimize a quantity of a periodic orbit of DEVICE over some parameters.
 
@@ -107,7 +107,6 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system_files import holds_study
-    from mems_impact.cli.output import Output
     from mems_impact.studies.engine.config import optimize_from
 
     given: dict[str, Any]
@@ -133,7 +132,7 @@ def command(
             "options": options,
         }
         given |= {"maximize": maximize, "minimize": minimize}
-    with Output(output, figure, no_figure, KIND) as files:
+    with output(KIND) as files:
         try:
             found: Any = optimize_from(system, progress=progress, **given)
         except mi.OptimizationInterrupted as interruption:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.shell_completion import CompletionItem
 
 from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.cli.output import Output
 from mems_impact.cli.runtime import quiet
 from mems_impact.integrators.options import ENGINES, METHODS, Options
 
@@ -344,6 +345,17 @@ progress_option = click.option(
     help="Show progress: a bar on a terminal, otherwise a line at intervals.",
 )
 
+
+def _with_output(command: Any) -> Any:
+    """Return a command that gets as `output` a function that makes its `Output`, by name."""
+
+    @wraps(command)
+    def gathered(*given: Any, output: str, figure: str | None, no_figure: bool, **rest: Any) -> Any:
+        return command(*given, **rest, output=partial(Output, output, figure, no_figure))
+
+    return gathered
+
+
 output_options = apply_decorators(
     directory_option,
     click.option(
@@ -354,6 +366,7 @@ output_options = apply_decorators(
         help="File of the figure: .png, .pdf or .svg.",
     ),
     click.option("--no-figure", is_flag=True, help="Skip the figure."),
+    _with_output,
 )
 
 

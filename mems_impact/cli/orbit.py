@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -18,6 +19,7 @@ from mems_impact.cli.options import (
     state_from,
 )
 from mems_impact.cli.output import (
+    Output,
     OutputValue,
     add_json_tables,
     add_json_values,
@@ -47,9 +49,7 @@ def command(
     transient: float,
     periods: int | None,
     options: Options,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Find a periodic orbit of DEVICE and its stability.
 
@@ -62,12 +62,11 @@ def command(
     samples as CSV tables and the motion as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial, actuator)
-    with Output(output, figure, no_figure, "orbit") as files:
+    with output("orbit") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +20,7 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.output import (
+    Output,
     OutputValue,
     show,
     show_table,
@@ -60,9 +62,7 @@ def command(
     transient: float,
     periods: int | None,
     options: Options,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Compute sensitivities of a periodic orbit of DEVICE to all parameters.
 
@@ -77,7 +77,6 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system_files import holds_study
-    from mems_impact.cli.output import Output
     from mems_impact.studies.engine.config import orbit_sensitivity_study
     from mems_impact.studies.sampling import deviations
     from mems_impact.studies.sensitivity import chosen_quantities
@@ -98,7 +97,7 @@ def command(
     shown = {each.name: each for each in chosen_quantities(system, named)}
     shown |= {each.name: each for each in chosen_quantities(system, [quantity])}
     deviations(tolerances, system)
-    with Output(output, figure, no_figure, KIND) as files:
+    with output(KIND) as files:
         found = orbit_sensitivity_study(system, quantities=tuple(shown.values()), **given)
         tables = {"table": found.table}
         if tolerances:

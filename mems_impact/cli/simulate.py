@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
@@ -17,7 +18,14 @@ from mems_impact.cli.options import (
     periods_option,
     progress_option,
 )
-from mems_impact.cli.output import OutputValue, add_json_values, show, show_table, show_values
+from mems_impact.cli.output import (
+    Output,
+    OutputValue,
+    add_json_values,
+    show,
+    show_table,
+    show_values,
+)
 from mems_impact.cli.runtime import FAILED
 from mems_impact.integrators.options import Options
 
@@ -74,9 +82,7 @@ def command(
     verify: bool,
     animate: str | None,
     progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Simulate DEVICE under a voltage.
 
@@ -95,10 +101,9 @@ def command(
     or the name of a system that another package adds.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     system, state = load_subject(device, changes, initial)
-    with Output(output, figure, no_figure, "simulate") as files:
+    with output("simulate") as files:
         files.moving(animate)
         try:
             run = mi.simulate(

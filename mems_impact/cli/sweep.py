@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -22,7 +23,7 @@ from mems_impact.cli.options import (
     study_options,
     transient_option,
 )
-from mems_impact.cli.output import add_json_tables, show, show_table, unit_of
+from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -77,9 +78,7 @@ def command(
     executor: str | None,
     workers: int | None,
     progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
+    output: Callable[[str], Output],
 ) -> None:
     """Sweep a parameter of DEVICE or its voltage slowly, up and down.
 
@@ -96,14 +95,13 @@ def command(
     import numpy as np
 
     import mems_impact as mi
-    from mems_impact.cli.output import Output
     from mems_impact.studies.engine.config import executor_named
 
     if "." in parameter:  # of a term, which the device may not have yet
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     drive = drive_from({parameter: start})
-    with Output(output, figure, no_figure, "sweep") as files:
+    with output("sweep") as files:
         try:
             table = mi.sweep(
                 actuator,

@@ -93,11 +93,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     of them as CSV tables, and a figure. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
     system, given = study_of(ctx, options, KIND, lambda: _drawn(options))
-    figure, bare = options["figure"], options["no_figure"]
-    with Output(options["output"], figure, bare, KIND) as files:
+    with options["output"](KIND) as files:
         found = run_saving_partial(
             lambda: mi.tolerance_analysis(system, **given, progress=options["progress"]),
             lambda table: files.tables({"table": table}),
