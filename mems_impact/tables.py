@@ -209,9 +209,9 @@ def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) 
     return {"period": cycle, "time": time, **running} if labels.forced else running
 
 
-def states(names: Sequence[str], y: Floats, suffix: str = "") -> dict[str, Any]:
+def states(names: Sequence[str], y: Floats) -> dict[str, Any]:
     """Return one column per component of the state."""
-    return {f"{name}{suffix}": y[:, i] for i, name in enumerate(names)}
+    return {name: y[:, i] for i, name in enumerate(names)}
 
 
 def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:

@@ -60,7 +60,7 @@ def variables(value: Any) -> Mapping[str, Any]:
     return vars(value)
 
 
-def register_object(kind: type, name: str = "") -> None:
+def register_object(kind: type) -> None:
     """Register a class whose objects consist of their attributes."""
 
     def whole(**found: Any) -> Any:
@@ -68,7 +68,7 @@ def register_object(kind: type, name: str = "") -> None:
         vars(value).update(found)
         return value
 
-    register(kind, name, parts=variables, whole=whole)
+    register(kind, parts=variables, whole=whole)
 
 
 def register_run(kind: type[run.Run]) -> None:

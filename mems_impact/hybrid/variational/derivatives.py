@@ -218,12 +218,9 @@ class Variational:
         )
         return arcs, events
 
-    def arc(
-        self, mode: int, y: Floats, start: float, end: float, motion: Floats | None = None
-    ) -> Arc:
+    def arc(self, mode: int, y: Floats, start: float, end: float) -> Arc:
         """Integrate `mode` from (start, y) to `end`, with all columns; see `propagate_segments`."""
-        motions = None if motion is None else motion[None]
-        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end), motions)
+        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end))
         return Arc(*(part[0] for part in arcs))
 
     def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
@@ -242,10 +239,9 @@ class Variational:
         code: int,
         y: Floats,
         times: tuple[float, float, float, float],
-        motions: Floats | None = None,
     ) -> tuple[Arc, Event]:
         segments = np.array([[mode, code]], dtype=np.int64)
-        return self.traverse(segments, np.asarray(y)[None], np.array([times]), motions)
+        return self.traverse(segments, np.asarray(y)[None], np.array([times]))
 
 
 def free_components(automaton: Automaton) -> tuple[int, ...]:
