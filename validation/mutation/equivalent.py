@@ -11,8 +11,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "what is remembered is computed again, to the same",
     (
         "mems_impact/continuation/equilibrium_branch.py",
-        "if len(self.branch.points) <= NODES or not 0.0 < place <= length:",
-        "if (len(self.branch.points) < NODES) or not 0.0 < place <= length:",
+        "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:",
+        "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
     ): "no branch has come round after so few steps",
     (
         "mems_impact/hybrid/diagnostics/failures.py",
