@@ -12,7 +12,9 @@ import mems_impact as mi
 
 AXES = ["--x", "amplitude", "0.2", "0.26", "3", "--y", "omega", "0.48", "0.5", "2"]
 BRIEF = ["--transient", "20", "--periods", "5"]
-ARGUMENTS = ["map", "zhao2004", *AXES, *BRIEF]
+# The fast tests compile the loops of maps and exponents for one method only.
+METHOD = ["--method", "dop853"]
+ARGUMENTS = ["map", "zhao2004", *AXES, *BRIEF, *METHOD]
 FILE = """device = "zhao2004"
 [drive]
 kind = "sine"
@@ -21,6 +23,7 @@ kind = "map"
 x = ["amplitude", 0.2, 0.26, 3]
 y = ["omega", 0.48, 0.5, 2]
 recurrence = {transient = 20, periods = 5}
+options = {method = "dop853"}
 store = "kept"
 """
 
@@ -39,6 +42,7 @@ def test_table_summary_and_figure(cli, tmp_path):
         y=("omega", [0.48, 0.5]),
         initial=mi.kicked_state(actuator),
         recurrence=mi.RecurrenceOptions(transient=20, periods=5),
+        options=mi.Options(method="dop853"),
     )
     pd.testing.assert_frame_equal(table, found.table, check_exact=True)
     summary = pd.read_csv(tmp_path / "out" / "map-summary.csv")
@@ -65,7 +69,7 @@ def test_a_study_file_goes_on_with_the_same_store(cli, tmp_path):
 
 def test_a_failed_point_is_said(cli):
     done = cli("map", "zhao2004", "--x", "e", "0.8", "1.2", "2", "--y", "omega", "0.48", "0.5", "2",
-               *BRIEF, "--amplitude", "0.2", "--no-figure")  # fmt: skip
+               *BRIEF, *METHOD, "--amplitude", "0.2", "--no-figure")  # fmt: skip
     assert done.status == 0
     assert "failed at e = 1.2, omega = 0.48: e = 1.2: must be" in done.out
 
