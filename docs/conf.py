@@ -6,7 +6,7 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for executing, formulas and scraping
+sys.path.insert(0, str(Path(__file__).parent))  # for executing, formulas, scraping and signatures
 
 import mems_impact as mi
 
@@ -18,6 +18,7 @@ extensions = [
     "formulas",
     "myst_parser",
     "numpydoc",
+    "signatures",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx_gallery.gen_gallery",
@@ -81,6 +82,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
+    "thumbnail_size": (680, 560),  # px: the width of a card of a screen with two pixels per point
     "backreferences_dir": "reference/examples",
     "doc_module": ("mems_impact",),
 }

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import mems_impact as mi
 from mems_impact.actuator.drives import WAVEFORMS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -159,3 +160,17 @@ def test_links_to_elsewhere_are_whole():
     assert [
         link for link in links if not re.fullmatch(r"https://[\w.-]+\.\w+(/[^\s<>]*)?", link)
     ] == []
+
+
+def test_signatures_show_what_a_verb_takes_and_no_defaults_of_options():
+    spec = importlib.util.spec_from_file_location("signatures", DOCS / "signatures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    of_system, of_device = module.signatures(mi.operating_map)
+    assert of_system.startswith("(system, *, x, y, initial=None, recurrence=RecurrenceOptions(), ")
+    assert of_device.startswith("(actuator, drive, *, x, y, ")
+    assert "options=Options(method='auto')," in of_system
+    assert module.signatures(mi.continue_orbit) == [
+        "(orbit, parameter, stop, *, back=None, steps=StepControl(largest=0.02), "
+        "through_grazing=True, progress=False)"
+    ]

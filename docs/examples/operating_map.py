@@ -19,8 +19,8 @@ drive = mi.Sine(amplitude=0.24, omega=0.5)
 found = mi.operating_map(
     actuator,
     drive,
-    x=("amplitude", np.linspace(0.16, 0.30, 30)),
-    y=("omega", np.linspace(0.44, 0.51, 30)),
+    x=("omega", np.linspace(0.44, 0.51, 30)),
+    y=("amplitude", np.linspace(0.16, 0.30, 30)),
     initial=mi.kicked_state(actuator),
 )
 print(mi.map_summary(found.table).round(4).to_string(index=False))
@@ -41,11 +41,11 @@ chart = mi.operating_chart(actuator, drive, omega=(0.44, 0.51), crises=0)
 mi.plot_map(found, boundaries=chart).figure.savefig("operating_map_motions.png", dpi=200)
 
 # %%
-# To the right of "switching on" there is no stable orbit without impacts: the device walks from any
-# initial state. Between "switching off" and "switching on", at high frequencies, walking and
-# standing still coexist, and the kick decides. Periodic walking has one impact per forcing period.
-# Below the diagonal walking is chaotic: the steps scatter, but their mean is constant. A thin strip
-# of period doublings lies between.
+# Above the boundary "on" there is no stable orbit without impacts: the device walks from any initial
+# state. Between "off" and "on", at high frequencies, an attractor with impacts and one without
+# coexist, and the kick decides which one a point of the map reaches. Periodic walking has one impact
+# per forcing period. At low frequencies and amplitudes walking is chaotic: the steps scatter, but
+# their mean is constant. A thin strip of period doublings lies between.
 #
 # The speed
 # ---------

@@ -166,22 +166,26 @@ with mi.style():
     for whose in ("preset", "5 Pa"):
         for boundary, line in (("on", "-"), ("off", ":")):
             part = charts[whose].table.query("boundary == @boundary").sort_values("omega")
-            label = f"{'preset' if whose == 'preset' else 'suspension alone'}, {boundary}"
-            axes.plot(part["omega"], part["amplitude"], line, color=colors[whose], label=label)
+            label = "preset" if whose == "preset" else "suspension alone"
+            axes.plot(
+                part["omega"], part["amplitude"], line, color=colors[whose],
+                label=label if boundary == "on" else None,
+            )  # fmt: skip
     for name, marker in (("air", "^"), ("5 Pa", "o")):
         part = swept.query("device == @name")
         look = {"color": colors[name], "linestyle": "none", "marker": marker}
-        axes.plot(part["omega"], part["on"], **look, label=f"{name}, on")
+        axes.plot(part["omega"], part["on"], **look, label=name)
         axes.plot(
             part["omega"],
             part["off"],
             **look,
             markersize=6.5,
             fillstyle="none",
-            label=f"{name}, off",
         )
-    axes.set(xlabel=r"$\omega$ [rad/s]", ylabel="amplitude $f$ [V]", xlim=(640, 760), ylim=(0, 45))
-    axes.figure.legend(ncols=2, loc="outside upper right")
+    axes.plot([], [], "o-", color="black", label="on")
+    axes.plot([], [], "o:", color="black", markersize=6.5, fillstyle="none", label="off")
+    axes.set(xlabel=r"$\omega$ [rad/s]", ylabel="amplitude [V]", xlim=(640, 760), ylim=(0, 45))
+    axes.figure.legend(ncols=3, loc="outside upper right")
 axes.figure.savefig("real_device_chart.png")
 
 # %%

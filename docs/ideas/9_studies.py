@@ -18,7 +18,7 @@ actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.
 store = Path(tempfile.mkdtemp()) / "map"
 found = mi.operating_map(
     actuator, drive,
-    x=("amplitude", np.linspace(0.20, 0.28, 12)), y=("omega", np.linspace(0.47, 0.5, 6)),
+    x=("omega", np.linspace(0.47, 0.5, 6)), y=("amplitude", np.linspace(0.20, 0.28, 12)),
     initial=mi.kicked_state(actuator), recurrence=mi.RecurrenceOptions(exponents="none"),
     store=store,
 )  # fmt: skip

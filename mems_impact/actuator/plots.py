@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mems_impact.actuator.automaton import slips
-from mems_impact.actuator.results import SYMBOLS
 from mems_impact.plotting.animation import Frames, Scene, caption, clock, frames_of, glow
 from mems_impact.plotting.labels import (
     Label,
@@ -19,16 +18,18 @@ from mems_impact.plotting.labels import (
     free_corner,
     label_axis,
     label_of,
-    label_points,
+    label_verticals,
     legend_above,
+    letter_panels,
+    mark_points,
     parameter_label,
     prefixed,
     symbol,
 )
 from mems_impact.plotting.style import (
     DASHES,
-    DOTS,
     LINES,
+    boundary_line,
     color,
     given_axes,
     graded,
@@ -86,7 +87,7 @@ class ChartData(Protocol):
 
 @styled
 def plot_chart(chart: ChartData, ax: Any = None) -> Any:
-    """Draw the on (solid) and off (dotted) boundaries of an operating chart over the frequency.
+    """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
     Crosses are simulated values, other points are continued. The types of the paper are shaded,
     and the points of codimension two between them marked. For a device whose frame slips before
@@ -137,7 +138,7 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
                 rows[omega], rows[amplitude], color=color("guide"), label=name, zorder=2, **DASHES,
             )  # fmt: skip
     for name, rows in boundaries.items():
-        ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
+        ax.plot(rows[omega], rows[amplitude], label=name, **boundary_line(name))
     simulated = table[table["kind"] == "crisis"]
     # The curves already end at the special points.
     simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]
@@ -158,30 +159,16 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
             row["type"], (0.5 * (low + high), 0.98), xycoords=ax.get_xaxis_transform(),
             ha="center", va="top", color="0.25",
         )  # fmt: skip
-    for _, row in chart.special_table.iterrows():
-        ax.plot(
-            row[omega], row[amplitude], marker="o", markersize=4.5, color="white",
-            linestyle="none", markeredgecolor="black", markeredgewidth=0.8, zorder=6,
-        )  # fmt: skip
-    label_axis(ax.xaxis, label_of(table, omega, symbol(omega)))
-    label_axis(ax.yaxis, label_of(table, amplitude, f"amplitude {symbol(amplitude, SYMBOLS)}"))
+    label_axis(ax.xaxis, parameter_label(table, omega))
+    label_axis(ax.yaxis, parameter_label(table, amplitude))
     legend_above(ax)
     marks = [
         Mark(f"{row['kind']}\n({row[omega]:.5g}, {row[amplitude]:.5g})", row[omega], row[amplitude])
         for _, row in chart.special_table.iterrows()
     ]
-    label_points(ax, marks)
+    mark_points(ax, marks)
     _inset(ax, boundaries)
     return ax
-
-
-def _line(boundary: str) -> dict[str, Any]:
-    """Return the line style of a boundary."""
-    if boundary == "on":
-        return {"color": color("up"), "linewidth": thickness(1.2), "zorder": 3}
-    return {
-        "color": color("down"), "linewidth": thickness(1.2), "linestyle": DOTS, "zorder": 4,
-    }  # fmt: skip
 
 
 def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
@@ -234,6 +221,7 @@ class Shapes(NamedTuple):
     plates: dict[str, Any]  # electrodes by side
     flashes: dict[str, tuple[Any, float]]  # stars by side, with their positions
     ground: Any
+    labels: list[tuple[Any, float, bool]]  # texts with their places, and whether in the block
 
 
 def device_scene(
@@ -256,17 +244,17 @@ def device_scene(
 
     figure = new_figure(1.15)
     above, below = figure.subplots(2, height_ratios=(5, 2))
+    words = caption(above)
     shapes = _draw_shapes(above, device.delta / device.d, sorted(volts))
     reach = scale * np.array([path.min(), path.max()]) / device.d
     _set_limits(above, device.delta / device.d, reach)
     line, head = _draw_path(below, run, frames, path)
-    words = caption(above)
     seconds = frames.samples["t"].to_numpy()
     sides = _sides(run, frames)
     slipping = shown["mode"].astype(str).map(slips).to_numpy()
     period = run.system.forcing_period
     sliding = color("frame")
-    magnified = f"steps × {scale:g}" if scale != 1.0 else ""
+    magnified = f"path of the frame × {scale:g}" if scale != 1.0 else ""
 
     def draw(number: int) -> None:
         here, place = shown.iloc[number], path[number * frames.every]
@@ -282,9 +270,10 @@ def device_scene(
         line.set_data(seconds[:until] / period, path[:until])
         head.set_data([here["t"] / period], [place])
         voltage = ", ".join(_volts(run, values[number]) for values in volts.values())
-        words.set_text("     ".join(filter(None, (clock(run, here["t"]), voltage, magnified))))
+        words.set_text("   ".join(filter(None, (clock(run, here["t"]), voltage, magnified))))
 
     artists = [shapes.block, shapes.ground, line, head, words]
+    artists += [text for text, _, _ in shapes.labels]
     for group in (shapes.frame, shapes.springs, shapes.flashes.values()):
         artists += [artist for artist, _ in group]
     return Scene(figure, draw, len(shown), artists)
@@ -359,7 +348,31 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
         for side, at in (("right", BLOCK_HALF_WIDTH + delta), ("left", -BLOCK_HALF_WIDTH - delta))
     }
     ground = ax.axhline(FLOOR - FRAME_THICKNESS, linewidth=thickness(1.6), zorder=1)
-    return Shapes(frame, block, springs, plates, flashes, ground)
+    return Shapes(frame, block, springs, plates, flashes, ground, _draw_labels(ax, half))
+
+
+def _draw_labels(ax: Any, right: float) -> list[tuple[Any, float, bool]]:
+    """Write the names of the parts: that of a stopper beside the wall at the `right`."""
+    places = [
+        ("block", 0.0, 0.5 * sum(BODY), "center", "white", True),
+        ("frame", 0.0, FLOOR - 0.5 * FRAME_THICKNESS, "center", "black", False),
+        (
+            "stopper",
+            right - 0.05,
+            0.5 * (FLOOR + BODY[0]),
+            "right",
+            "black",
+            False,
+        ),  # below the block
+    ]
+    return [
+        (
+            ax.text(place, height, name, color=ink, ha=side, va="center", fontsize="small",
+                    zorder=5),
+            place, moves,
+        )
+        for name, place, height, side, ink, moves in places
+    ]  # fmt: skip
 
 
 def _set_limits(ax: Any, delta: float, reach: Any) -> None:
@@ -405,6 +418,8 @@ def _move(shapes: Shapes, frame: float, block: float) -> None:
         line.set_data(place + frame + block * bent, TOP + (BODY[1] - TOP) * along)
     for star, place in shapes.flashes.values():
         star.set_xdata([place + frame])
+    for text, place, with_block in shapes.labels:
+        text.set_x(place + frame + (block if with_block else 0.0))
 
 
 # --- Voltage and force of a drive
@@ -470,7 +485,10 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     >>> voltage, force = mi.plot_drive(drive, actuator)
     >>> voltage.figure.savefig("drive.png")
     """
-    above, below = new_figure(1.2).subplots(2, sharex=True) if ax is None else ax
+    if ax is None:
+        ax = new_figure(1.2).subplots(2, sharex=True)
+        letter_panels(ax)
+    above, below = ax
     si = actuator is not None and actuator.units == "SI"
     stretches = forcing_period_of(drive, actuator)
     time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
@@ -571,6 +589,7 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
 
 # --- Mean speed over load
 
+AWAY = "runs away"
 LOAD_LINES = {
     "sliding_load": ("every slip ends", (0, (4, 3))),
     "walking_load": ("walks", (0, (4, 1.2, 1, 1.2))),
@@ -582,8 +601,8 @@ LOAD_LINES = {
 def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     """Draw the mean speed over the load.
 
-    Filled markers are periodic orbits, hollow markers runs, and crosses loads at which the frame
-    runs away.
+    Filled markers are periodic orbits, hollow markers runs. Loads at which the frame runs away, so
+    that it has no mean speed, are shaded. Vertical lines are the limits of the curve.
 
     Parameters
     ----------
@@ -620,26 +639,33 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
                 rows["load"], rows["mean speed"], linestyle="none", marker="o",
                 color=motion, fillstyle=filled, label=by, zorder=3,
             )  # fmt: skip
-    away = table.loc[table["does"] == "runs away", "load"]
-    if len(away):
-        ax.plot(
-            away, [0.0] * len(away), linestyle="none", marker="x", markersize=4.5, color=guide,
-            label="runs away", zorder=3,
-        )  # fmt: skip
     label = label_of(table, "load")
+    limits = []
     for name, (words, dashes) in LOAD_LINES.items():
         value = getattr(curve, name)
         if math.isfinite(value):
             power, unit = prefixed(label.unit, abs(value))
-            text = f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()
-            ax.axvline(
-                value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1, label=text
-            )
+            limits.append((value, f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()))
+            ax.axvline(value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1)
     ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
+    _shade_runaway(ax, table)
     label_axis(ax.xaxis, label)
     label_axis(ax.yaxis, label_of(table, "mean speed"))
     legend_above(ax)
+    label_verticals(ax, limits)
     return ax
+
+
+def _shade_runaway(ax: Any, table: pd.DataFrame) -> None:
+    """Shade the loads at which the device runs away, halfway to those at which it does not."""
+    loads, away = table["load"].to_numpy(), (table["does"] == AWAY).to_numpy()
+    limits = ax.get_xlim()
+    middles = 0.5 * (loads[1:] + loads[:-1])
+    edges = np.concatenate([[min(limits[0], loads[0])], middles, [max(limits[1], loads[-1])]])
+    look = {"facecolor": "0.9", "linewidth": 0.0, "zorder": 0}
+    for place in np.flatnonzero(away):
+        ax.axvspan(edges[place], edges[place + 1], label=AWAY, **look)
+    ax.set_xlim(limits)
 
 
 # --- Periodic orbits
@@ -689,7 +715,7 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
 
 # --- Frequency response
 
-FILLS = {"up": "full", "down": "none"}
+FILLS: dict[str, Any] = {"up": "full", "down": "none"}
 
 
 @styled
@@ -722,21 +748,36 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
     >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
     >>> mi.plot_response(table)[0].figure.savefig("response.png")
     """
-    ax = new_figure(1.6).subplots(2, sharex=True) if ax is None else ax
+    from matplotlib.lines import Line2D
+
+    if ax is None:
+        ax = new_figure(1.6).subplots(2, sharex=True)
+        letter_panels(ax)
     axes = given_axes(ax, 2, "one for the deflection, one for the speed")
     looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
-    volts = label_of(table, "amplitude", "$f$")
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
-        text = f"{volts.words} = {amplitude:g} {volts.unit}".rstrip()
         for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
             panel.plot(
-                group["omega"], group[name], linewidth=thickness(0.6), label=f"{text}, {direction}",
-                fillstyle=FILLS[direction], **looks[amplitude],
+                group["omega"], group[name], linewidth=thickness(0.6), fillstyle=FILLS[direction],
+                **looks[amplitude],
             )  # fmt: skip
     for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
         label_axis(panel.yaxis, label_of(table, name))
     label_axis(axes[1].xaxis, parameter_label(table, "omega"))
-    legend_above(axes[0])
+    unit = label_of(table, "amplitude").unit
+    sign = "" if unit else f"{symbol('amplitude', table.attrs.get('symbols', {}))} = "
+    handles = [
+        Line2D(
+            [], [], linewidth=thickness(0.6), label=f"{sign}{amplitude:g} {unit}".rstrip(), **look
+        )
+        for amplitude, look in looks.items()
+    ]
+    handles += [
+        Line2D([], [], linestyle="none", marker="o", color=color("guide"), fillstyle=FILLS[way],
+               label=way)
+        for way in FILLS if (table["direction"] == way).any()
+    ]  # fmt: skip
+    legend_above(axes[0], handles)
     return axes[0], axes[1]
 
 
@@ -781,6 +822,7 @@ def plot_run(
     left, right = time.iloc[0], time.iloc[-1]
     if ax is None:
         ax = new_figure(1.3).subplots(2, sharex=True, height_ratios=(3, 2))
+        letter_panels(ax)
     block, frame = given_axes(ax, 2, "one for the block, one for the frame")
 
     for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):

@@ -65,7 +65,7 @@ COLUMN_UNITS = {
 """The SI unit of every column and statistic that is not dimensionless."""
 
 SYMBOLS = {"amplitude": "$f$"}
-"""The paper's symbols, where they differ from the names of parameters."""
+"""The paper's symbols of a device without units, where they differ from parameters' names."""
 
 
 def impacts(
@@ -151,7 +151,7 @@ def chart(
         "type": [row["type"] for row in rows],
         "kind": [row["kind"] for row in rows],
     }
-    return table({}, labels, given=columns)
+    return table({}, labels, given=columns, symbols=dict(labels.symbols))
 
 
 def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:

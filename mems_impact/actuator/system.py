@@ -477,8 +477,8 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def symbols(self) -> Mapping[str, str]:
-        """The paper's f for the amplitude."""
-        return SYMBOLS
+        """The paper's f for the amplitude where it has no unit."""
+        return {} if self.units else SYMBOLS
 
     def with_energy(self) -> ActuatorSystem:
         """Return the system with energy accounting of the drive's input.

@@ -17,8 +17,9 @@ from mems_impact.plotting.labels import (
     crosses,
     label_axis,
     label_of,
-    label_points,
     legend_above,
+    letter_panels,
+    mark_points,
     on_section,
     parameter_label,
     symbol,
@@ -37,7 +38,7 @@ from mems_impact.plotting.style import (
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.tables import NUMBER, PERIOD, bare, sweep_summary, switches
 
-__all__ = ["plot_branch", "plot_curve", "plot_sweep"]
+__all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_sweep"]
 
 # --- Bifurcation diagrams: branches of orbits, stable and unstable, over what brute force shows.
 
@@ -127,7 +128,7 @@ def plot_branch(
     if set(over) != {parameter}:
         raise InvalidParameter("parameter", ", ".join(over), "the same of all branches and sweep")
     if ax is None:
-        ax = new_figure(1.1).subplots()
+        ax = new_figure(1.2).subplots()
     if dots is not None:
         if state not in dots:
             raise InvalidParameter("quantity", state, f"one of the sweep's {', '.join(dots)}")
@@ -140,13 +141,13 @@ def plot_branch(
     for diagram in diagrams:
         _lines(ax, diagram.table, state, drawn)
     found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
-    marks = _points(ax, pd.concat([_marks(table, state) for table in found])) if found else []
     ax.margins(x=0.02, y=0.08)
+    marks = _points(ax, pd.concat([_marks(table, state) for table in found])) if found else []
     label_axis(ax.xaxis, parameter_label(first, parameter))
     shown = state in first.attrs.get("states", ())
     label_axis(ax.yaxis, on_section(first, state) if shown else label_of(first, state))
     legend_above(ax)
-    label_points(ax, marks)
+    mark_points(ax, marks)
     return ax
 
 
@@ -183,8 +184,10 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
         if not stable:
             style = {"color": color("unstable"), "linewidth": thickness(thin)}
             style["linestyle"] = (0, (4, 1.5))
-        # Set off from the dots of chaos below.
-        style |= {"zorder": 4 + stable, "path_effects": cased(style["linewidth"])}
+        # Set off from the dots of chaos below; a rim of dashes would look like a ladder.
+        style["zorder"] = 4 + stable
+        if stable:
+            style["path_effects"] = cased(style["linewidth"])
         before = np.full(end + more - begin, np.nan)
         for column in columns:
             y = table[column].to_numpy()[rows]
@@ -203,7 +206,7 @@ def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
 
 
 def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
-    """Mark special points; of several at one place, one stands for all. Return their labels."""
+    """Return the marks of special points; of several of one kind at one place, one."""
     x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
     taken: list[Mark] = []
     for row in marks.itertuples():
@@ -214,12 +217,8 @@ def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
         if any(near):
             continue
         marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
-        ax.plot(
-            row.value, row.y, marker=marker, markersize=4.5, linestyle="none", zorder=7,
-            color=color(meaning) if meaning else MARKER_FACE,
-            markeredgecolor="black", markeredgewidth=0.6,
-        )  # fmt: skip
-        taken.append(Mark(str(row.label), row.value, row.y))
+        face = color(meaning) if meaning else MARKER_FACE
+        taken.append(Mark(str(row.label), row.value, row.y, marker, face))
     return taken
 
 
@@ -298,7 +297,7 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
             others = ", ".join(each.table.columns[:2])
             raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
     if ax is None:
-        ax = new_figure(1.1).subplots()
+        ax = new_figure(1.2).subplots()
     kinds = list(dict.fromkeys(each.kind for each in curves))
     rest = iter(MODE_COLORS * len(kinds))
     colors = {
@@ -320,12 +319,12 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     label_axis(ax.xaxis, parameter_label(first, x))
     label_axis(ax.yaxis, parameter_label(first, y))
     legend_above(ax)
-    label_points(ax, marks)
+    mark_points(ax, marks)
     return ax
 
 
 def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
-    """Mark points of codimension two; return their labels."""
+    """Return the marks of points of codimension two."""
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
     taken: list[Mark] = []
     for _, row in points.iterrows():
@@ -337,10 +336,6 @@ def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
         ):
             continue
         taken.append(Mark(row["kind"], *here))
-        ax.plot(
-            *here, marker="o", markersize=4.5, color="white", linestyle="none",
-            markeredgecolor="black", markeredgewidth=0.8, zorder=6,
-        )  # fmt: skip
     return taken
 
 
@@ -411,6 +406,8 @@ def plot_sweep(
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")
     first = next(iter(quantities))
     shown = [name for name in table.attrs.get("quantities", {}) if name in quantities]
+    # A panel without data is left out, such as that of the step of a device that never impacts.
+    shown = [name for name in shown if table[quantities[name][0]].notna().any()]
     drawn = [first, *shown] if quantity is None and ax is None else [quantity or first]
     if ax is not None:
         panels = [ax]
@@ -419,11 +416,12 @@ def plot_sweep(
         heights = [2.0 if name == first and len(drawn) > 1 else 1.0 for name in drawn]
         grid = {"height_ratios": heights}
         panels = figure.subplots(len(drawn), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
+        letter_panels(panels)
     for panel, name in zip(panels, drawn, strict=True):
         _draw_dots(panel, table, *quantities[name])
-        _draw_switches(panel, table)
-    legend_above(panels[0])
+        draw_switches(panel, table)
     label_axis(panels[-1].xaxis, parameter_label(table, table.columns[0]))
+    legend_above(panels[0])
     return panels[0]
 
 
@@ -494,7 +492,7 @@ def _symbol(table: pd.DataFrame) -> str:
     return symbol(table.columns[0], table.attrs.get("symbols", {}))
 
 
-def _draw_switches(ax: Any, table: pd.DataFrame) -> None:
+def draw_switches(ax: Any, table: pd.DataFrame) -> None:
     """Draw a line where each chain begins or ceases to impact; the legend has the value."""
     parameter = _symbol(table)
     for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
+from string import ascii_lowercase
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,7 +27,10 @@ __all__ = [
     "label_axis",
     "label_of",
     "label_points",
+    "label_verticals",
     "legend_above",
+    "letter_panels",
+    "mark_points",
     "on_section",
     "parameter_label",
     "prefixed",
@@ -47,15 +51,22 @@ SIDES = tuple(
 )
 PAD = 1.5  # pt, about a label
 DOT = 4.0  # pt: the smallest dot that is seen in a legend
+PANEL_LETTER = "panel letter"  # identifier of such texts
+COMPACT = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
+"""Spaces of a legend, in sizes of its text, that would have too many rows otherwise."""
+ROW_HEIGHT = 1.05  # of a row of a legend, in sizes of its text
+LEGEND_SHARE = 0.1  # height of a legend at most, as a part of the figure, where it can be
 TAKEN, OUTSIDE = 1e4, 1e5  # what a place costs that lies on another text, or outside the axes
 
 
 class Mark(NamedTuple):
-    """A point and its label."""
+    """A point, its label, and the shape and colour of its marker."""
 
     text: str
     x: float
     y: float
+    marker: str = "o"
+    face: str = "white"
 
 
 @lru_cache(1024)
@@ -72,7 +83,92 @@ def text_size(text: str, size: float) -> tuple[float, float]:
     return max(widths, default=0.0), 1.25 * size * len(lines)
 
 
-def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
+MARKER_SIZE, MARKER_EDGE = 4.5, 0.7  # pt: of a special point
+FAN_GAP = 0.8  # pt between markers of points that coincide
+FAN_ANGLES = 12  # directions in which such markers are placed
+
+
+def mark_points(ax: Any, marks: Sequence[Mark]) -> list[Any]:
+    """Mark and label special points; markers of points that coincide stand side by side.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        On which all else is drawn.
+    marks : sequence of Mark
+
+    Returns
+    -------
+    list of Annotation
+        The labels.
+    """
+    from matplotlib.lines import Line2D
+
+    if not marks:
+        return []
+    root = _root(ax)
+    ax.update_datalim([(mark.x, mark.y) for mark in marks])
+    ax.autoscale_view()
+    root.draw_without_rendering()  # the layout decides where points are
+    points = ax.transData.transform([(mark.x, mark.y) for mark in marks])
+    shifts = _fan(points * 72.0 / root.dpi, _dense(ax) * 72.0 / root.dpi)
+    for mark, shift in zip(marks, shifts, strict=True):
+        ax.add_artist(
+            Line2D(
+                [mark.x], [mark.y], marker=mark.marker, markersize=MARKER_SIZE, color=mark.face,
+                linestyle="none", markeredgecolor="black", markeredgewidth=MARKER_EDGE, zorder=7,
+                transform=_shifted(ax, shift),
+            )
+        )  # fmt: skip
+    return label_points(ax, marks, shifts)
+
+
+def _shifted(ax: Any, shift: Floats) -> Any:
+    """Return the transformation of data by which artists are shifted [pt]."""
+    from matplotlib.transforms import ScaledTranslation
+
+    right, up = shift / 72.0
+    return ax.transData + ScaledTranslation(right, up, _root(ax).dpi_scale_trans)
+
+
+def _fan(points: Floats, lines: Floats) -> Floats:
+    """Return the shifts in points (pt) by which markers that would overlap stand side by side.
+
+    The markers of a group form a regular polygon about its middle, turned so that they cover as few
+    lines as possible.
+    """
+    apart = MARKER_SIZE + MARKER_EDGE + FAN_GAP
+    shifts = np.zeros_like(points)
+    groups: list[list[int]] = []
+    for i, point in enumerate(points):
+        near = [g for g in groups if min(np.hypot(*(points[g] - point).T)) < apart]
+        merged = [member for group in near for member in group]
+        groups = [*(g for g in groups if g not in near), [*merged, i]]
+    for group in groups:
+        count = len(group)
+        if count < 2:
+            continue
+        radius = 0.5 * apart / math.sin(math.pi / count)
+        middle = points[group].mean(axis=0)
+
+        def corners(turn: float, count: int = count, radius: float = radius) -> Floats:
+            angles = turn + 2.0 * np.pi * np.arange(count) / count
+            return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+        def price(turn: float, group: list[int] = group, middle: Floats = middle) -> float:
+            places = middle + corners(turn)
+            covered = (np.abs(lines[:, None] - places) < 0.5 * apart).all(axis=2).sum()
+            return float(covered) + float(np.hypot(*(places - points[group]).T).sum())
+
+        turns = 2.0 * np.pi * np.arange(FAN_ANGLES) / FAN_ANGLES
+        best = min(turns, key=price)
+        shifts[group] = middle + corners(best) - points[group]
+    return shifts
+
+
+def label_points(
+    ax: Any, marks: Sequence[Mark], shifts: Floats | None = None, **options: Any
+) -> list[Any]:
     """Write labels beside points, so that they overlap neither each other nor, mostly, lines.
 
     Parameters
@@ -80,6 +176,8 @@ def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
     ax : matplotlib Axes
         On which all else is drawn.
     marks : sequence of Mark
+    shifts : float array, shape (n, 2), optional
+        By how much markers are shifted from their points [pt].
     **options
         Of the texts.
 
@@ -95,13 +193,14 @@ def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
     _root(ax).draw_without_rendering()  # the layout decides where points are
     scale = ax.figure.dpi / 72.0
     size = FontProperties(size=options.setdefault("fontsize", "small")).get_size_in_points()
-    points = ax.transData.transform([(mark.x, mark.y) for mark in marks])
+    aside = np.zeros((len(marks), 2)) if shifts is None else shifts
+    points = ax.transData.transform([(mark.x, mark.y) for mark in marks]) + scale * aside
     lines = _dense(ax)
     frame = np.array(ax.bbox.extents)
     radius = 0.8 * scale * float(rcParams["lines.markersize"]) + scale
     taken = [np.array([*(point - radius), *(point + radius)]) for point in points]
     found = []
-    for mark, point in zip(marks, points, strict=True):
+    for mark, point, move in zip(marks, points, aside, strict=True):
         extent = scale * (np.array(text_size(mark.text, size)) + PAD)
         best, cost, away = taken[0], np.inf, np.zeros(2)
         for far, side in product(LABEL_DISTANCES, SIDES):
@@ -116,8 +215,9 @@ def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
         leader = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
         found.append(
             ax.annotate(
-                mark.text, (mark.x, mark.y), xytext=tuple(middle / scale), ha="center", va="center",
-                textcoords="offset points", zorder=8,
+                mark.text, (mark.x, mark.y), xycoords=_shifted(ax, move),
+                xytext=tuple(middle / scale), textcoords="offset points", ha="center", va="center",
+                zorder=8,
                 arrowprops=leader if np.abs(away).max() > radius + scale * size else None,
                 **options,
             )
@@ -158,6 +258,56 @@ def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -
     return price + float(((lines > box[:2]) & (lines < box[2:])).all(axis=1).sum())
 
 
+def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
+    """Write labels along vertical lines, where they overlap neither each other nor curves.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        On which all else is drawn.
+    lines : sequence of tuple of float and str
+        Where each line is, and its label.
+
+    Returns
+    -------
+    list of Annotation
+    """
+    from matplotlib.font_manager import FontProperties
+
+    if not lines:
+        return []
+    _root(ax).draw_without_rendering()
+    scale = ax.figure.dpi / 72.0
+    size = FontProperties(size="small").get_size_in_points()
+    curves, frame = _dense(ax), np.array(ax.bbox.extents)
+    places = [float(ax.transData.transform((value, 0.0))[0]) for value, _ in lines]
+    taken = [np.array([x - scale, frame[1], x + scale, frame[3]]) for x in places]
+    found = []
+    for (value, text), x in zip(lines, places, strict=True):
+        length, width = (scale * (extent + PAD) for extent in text_size(text, size))
+        room = frame[3] - frame[1] - length
+        best, cost, chosen = np.zeros(4), np.inf, (1.0, 0.0)
+        for side, share in product((-1.0, 1.0), np.linspace(1.0, 0.0, 9)):
+            left = x + side * scale - (width if side < 0.0 else 0.0)
+            low = frame[1] + share * room
+            box = np.array([left, low, left + width, low + length])
+            price = _price(box, taken, curves, frame)
+            if price < cost:
+                best, cost, chosen = box, price, (side, share)
+        taken.append(best)
+        side, share = chosen
+        middle = 0.5 * (best[1] + best[3])
+        found.append(
+            ax.annotate(
+                text, (value, (middle - frame[1]) / (frame[3] - frame[1])),
+                xycoords=ax.get_xaxis_transform(), xytext=(side * (1.0 + 0.5 * width / scale), 0.0),
+                textcoords="offset points", rotation=90.0, ha="center", va="center",
+                fontsize="small", zorder=8,
+            )
+        )  # fmt: skip
+    return found
+
+
 def free_corner(
     ax: Any, width: float, height: float, top: float = 0.97
 ) -> tuple[float, float] | None:
@@ -175,14 +325,36 @@ def free_corner(
     return None
 
 
-def legend_above(ax: Any, handles: Sequence[Any] | None = None, **options: Any) -> Any:
+def letter_panels(axes: Sequence[Any]) -> None:
+    """Write (a), (b), … at the upper left of panels; nothing at a single one.
+
+    Parameters
+    ----------
+    axes : sequence of matplotlib Axes
+    """
+    for letter, ax in zip(ascii_lowercase, axes if len(axes) > 1 else (), strict=False):
+        # Above the numbers at the axis, so that neither a curve nor a title is covered.
+        ax.annotate(
+            f"({letter})", (0.0, 1.0), xycoords="axes fraction", xytext=(-4.0, 4.0),
+            textcoords="offset points", ha="right", va="bottom", annotation_clip=False,
+            gid=PANEL_LETTER,
+        )  # fmt: skip
+
+
+def legend_above(
+    ax: Any, handles: Sequence[Any] | None = None, *, by_row: bool = False, **options: Any
+) -> Any:
     """Put a legend above axes, in as many columns as fit, with visible dots.
+
+    Spaces shrink where it would be higher than a tenth of the figure.
 
     Parameters
     ----------
     ax : matplotlib Axes
     handles : sequence of Artist, optional
         What it shows; all that have labels by default.
+    by_row : bool, optional
+        Fill rows one after the other, not columns.
     **options
         Of the legend.
 
@@ -201,15 +373,32 @@ def legend_above(ax: Any, handles: Sequence[Any] | None = None, **options: Any) 
         return None
     shown = list(named.values())
     size = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
-    beside = size * (rcParams["legend.handlelength"] + rcParams["legend.handletextpad"])
-    widths = [text_size(artist.get_label(), size)[0] + beside for artist in shown]
-    room = _room(ax)
-    columns = next(
-        (n for n in range(len(shown), 0, -1) if _width(widths, n, size) <= room), 1
-    )  # fmt: skip
+    words = [text_size(artist.get_label(), size)[0] + PAD for artist in shown]
+    _root(ax).draw_without_rendering()  # the layout decides how much room there is
+    room, rows = _room(ax), _legend_rows(ax, size)
+    own = {
+        "handlelength": float(rcParams["legend.handlelength"]),
+        "handletextpad": float(rcParams["legend.handletextpad"]),
+        "columnspacing": float(rcParams["legend.columnspacing"]),
+    }
+    compact = {name: min(own[name], COMPACT[name]) for name in own}
+    if not any(_has_line(artist) for artist in shown):
+        compact["handlelength"] = 1.0
+    for look in (own, compact):
+        beside = size * (look["handlelength"] + look["handletextpad"])
+        widths, gap = np.array(words) + beside, size * look["columnspacing"]
+        for columns in range(len(shown), 0, -1):
+            order = _filled(len(shown), columns, by_row)
+            width = sum(max(widths[column]) for column in order) + gap * (columns - 1)
+            if width <= room:
+                break
+        if math.ceil(len(shown) / columns) <= rows:
+            break
     legend = ax.legend(
-        handles=shown, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, **options
-    )
+        handles=[shown[i] for column in order for i in column], ncols=columns,
+        loc="lower right", bbox_to_anchor=(1.0, 1.0),
+        **{**look, **options},
+    )  # fmt: skip
     for handle in legend.legend_handles:
         if hasattr(handle, "set_markersize"):
             handle.set_markersize(max(DOT, handle.get_markersize()))
@@ -218,27 +407,37 @@ def legend_above(ax: Any, handles: Sequence[Any] | None = None, **options: Any) 
     return legend
 
 
+def _has_line(artist: Any) -> bool:
+    """Return whether a legend shows a line of an artist, not a marker or a patch alone."""
+    return hasattr(artist, "get_marker") and artist.get_linestyle() not in ("None", "none", "")
+
+
+def _legend_rows(ax: Any, size: float) -> int:
+    """Return how many rows a legend may have."""
+    from matplotlib import rcParams
+
+    height = LEGEND_SHARE * 72.0 * _root(ax).get_figheight()
+    gap = size * rcParams["legend.labelspacing"]
+    return max(1, math.floor((height - 2.0 * size * rcParams["legend.borderpad"] + gap)
+                             / (ROW_HEIGHT * size + gap)))  # fmt: skip
+
+
 def _room(ax: Any) -> float:
     """Return the width in points that a legend above axes may take."""
     box, figure = ax.get_position(), ax.figure
     spec = ax.get_subplotspec()
     first = spec is None or spec.is_first_col()
-    # The layout, which is made later, may leave less.
-    share = 0.9 * (box.x1 - (0.0 if first else box.x0))
-    return float(share * 72.0 * figure.bbox.width / figure.dpi)
+    if any(text.get_gid() == PANEL_LETTER for text in ax.texts):
+        first = False
+    share = box.x1 - (0.0 if first else box.x0)
+    return float(share * 72.0 * figure.bbox.width / figure.dpi) - 5.0 * PAD
 
 
-def _width(widths: Sequence[float], columns: int, size: float) -> float:
-    """Return the width of a legend in so many columns, which are filled one after the other."""
-    from matplotlib import rcParams
-
-    rows, longer = divmod(len(widths), columns)
-    total, at = 0.0, 0
-    for column in range(columns):
-        count = rows + (column < longer)
-        total += max(widths[at : at + count], default=0.0)
-        at += count
-    return total + size * (rcParams["legend.columnspacing"] * (columns - 1) + 1.0)
+def _filled(count: int, columns: int, by_row: bool) -> list[list[int]]:
+    """Return which entries of a legend stand in each of its columns."""
+    if by_row:
+        return [list(range(column, count, columns)) for column in range(columns)]
+    return [[int(i) for i in part] for part in np.array_split(np.arange(count), columns)]
 
 
 # --- What stands at an axis: symbols, units with their prefixes, plain numbers without offsets.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, legend_above, parameter_label
-from mems_impact.plotting.style import DOTS, LINES, cased, new_figure, styled, thickness
+from mems_impact.plotting.style import LINES, boundary_line, new_figure, styled, thickness
 from mems_impact.studies.attractor_matching import ATTRACTOR, label_partial
 from mems_impact.studies.attractor_study import (
     MOTION,
@@ -32,6 +32,7 @@ __all__ = ["plot_basins", "plot_map"]
 # Each of a lightness of its own: distinct in grey and to the colour-blind (hues of Okabe and Ito).
 # Further attractors, with small shares, have one grey.
 MAP_COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
+TWO_ROWS = 5  # attractors whose legend has at most two rows
 OTHER_COLOR, LOST = "0.6", "white"
 MARKERS = "os^Dv<>"
 
@@ -108,7 +109,9 @@ def plot_basins(
     across = x or next(name for name in starts if name != y)
     up = y or next((name for name in starts if name != across), None)
     if ax is None:
-        ax = new_figure(1.4 if up else 0.6).subplots()
+        # A legend of many attractors has three rows.
+        many = len(basins.attractors) > TWO_ROWS
+        ax = new_figure((1.6 if many else 1.4) if up else 0.6).subplots()
     styles = _styles(basins.attractors)
     codes = table[ATTRACTOR].map({name: i for i, name in enumerate(styles)}).to_numpy()
     look = _look([color for color, _ in styles.values()])
@@ -225,6 +228,10 @@ MOTIONS = {
     UNSETTLED: Paint("#ecb0cc", "\\\\\\\\", "#94486d"),
     FAILED: Paint("black"),
 }
+SWITCHING = ("on", "off")
+"""Boundaries of a chart that are drawn as in the chart."""
+AND_MORE = " and more"
+SILENT = "no impacts"  # what a legend calls `OFF`: its boundary may be that of another attractor
 OTHER_PAINT = Paint("#009e73", "++", "#004d38")
 
 
@@ -251,8 +258,8 @@ def plot_map(
         A map; the store of one, be it still running; or the table of either. Points that are not
         there yet stay white.
     column : str, optional
-        A column of numbers; kinds of motions by default. Cells without a number, or where the
-        device is off, are grey. From the fifth on, longer periods share a colour.
+        A column of numbers; kinds of motions by default. Cells without a number, or without impacts
+        in a system with impacts, are grey. From the fifth on, longer periods share a colour.
     boundaries : Curve, OperatingChart, DataFrame, or a sequence of these, optional
         Curves over the same two parameters, or their tables, drawn over the map; inadmissible
         parts are left out. Of a chart both its boundaries: where it switches on, and off.
@@ -298,7 +305,7 @@ def plot_map(
     ax.set_ylim(edges[1][0], edges[1][-1])
     label_axis(ax.xaxis, parameter_label(table, x))
     label_axis(ax.yaxis, parameter_label(table, y))
-    legend_above(ax, handles, handleheight=1.1)
+    legend_above(ax, handles, by_row=True, handleheight=1.0)
     return ax
 
 
@@ -340,8 +347,24 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> list[Any]:
     """Draw the kinds of motions; return what the legend shows."""
     kinds = _shared(motions(table))
-    return [_fill(ax, edges, _where(cells, kinds == kind), kind, _paint(kind))
-            for kind in in_order(kinds)]  # fmt: skip
+    found = in_order(kinds)
+    first = next((kind for kind in found if period_of(kind)), "")
+    return [
+        _fill(ax, edges, _where(cells, kinds == kind), _entry(kind, kind == first), _paint(kind))
+        for kind in found
+    ]
+
+
+def _entry(kind: str, first: bool) -> str:
+    """Return what a legend calls a kind of motion; after the `first` period numbers are enough."""
+    if kind == OFF:
+        return SILENT
+    if not period_of(kind):
+        return kind
+    number = kind.removeprefix("period ")
+    if number.endswith(AND_MORE):
+        number = f"\N{GREATER-THAN OR EQUAL TO} {number.removesuffix(AND_MORE)}"
+    return f"period {number}" if first else number
 
 
 def _shared(kinds: pd.Series) -> pd.Series:
@@ -351,7 +374,7 @@ def _shared(kinds: pd.Series) -> pd.Series:
     )
     if len(long) < 2:
         return kinds
-    return kinds.mask(kinds.map(period_of) >= long[0], f"period {long[0]} and more")
+    return kinds.mask(kinds.map(period_of) >= long[0], f"period {long[0]}{AND_MORE}")
 
 
 def _paint(kind: str) -> Paint:
@@ -394,7 +417,8 @@ def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column:
     shown = np.ma.masked_where(~_where(cells, ~without), values.to_numpy()[cells.row])
     handles = []
     if without.any():
-        label = ", ".join(in_order(table[MOTION][without].astype(str)))
+        silent_kinds = in_order(table[MOTION][without].astype(str))
+        label = ", ".join(_entry(kind, first=True) for kind in silent_kinds)
         handles.append(_fill(ax, edges, _where(cells, without), label, MOTIONS["off"]))
     if shown.count():
         mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
@@ -426,7 +450,7 @@ def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
         if "boundary" in table:  # of a chart
             for name, rows in table.groupby("boundary", sort=False):
                 along = rows.sort_values(_abscissa(rows, x, y))
-                yield Line(f"switching {name}", along[[x, y]].to_numpy(dtype=float))
+                yield Line(str(name), along[[x, y]].to_numpy(dtype=float))
         else:
             points = table[[x, y]].astype(float)
             if "admissible" in table:
@@ -445,14 +469,15 @@ def _no_boundary(given: Any, x: str, y: str) -> InvalidParameter:
 
 
 def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
-    """Draw boundaries, black on white; return what the legend shows."""
-    styles = dict.fromkeys(line.kind for line in curves)
-    for i, kind in enumerate(styles):
-        styles[kind] = DOTS if kind == "switching off" else LINES[i % len(LINES)]
+    """Draw boundaries above white lines; return what the legend shows."""
+    styles: dict[str, dict[str, Any]] = {}
+    for kind, _ in curves:
+        look = {"color": "black", "linestyle": LINES[len(styles) % len(LINES)], "zorder": 4}
+        styles.setdefault(kind, boundary_line(kind) if kind in SWITCHING else look)
     drawn = {}
     for kind, points in curves:
-        (drawn[kind],) = ax.plot(
-            *points.T, color="black", linestyle=styles[kind], label=kind, zorder=4,
-            path_effects=cased(thickness(1.0)),
-        )  # fmt: skip
+        look = styles[kind]
+        # A white line below sets dashes off without rims of their own.
+        ax.plot(*points.T, color="white", linewidth=thickness(1.0) + 1.4, zorder=3)
+        (drawn[kind],) = ax.plot(*points.T, label=kind, **look)
     return list(drawn.values())

@@ -13,7 +13,15 @@ import pandas as pd
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.labels import Label, crosses, label_axis, label_of, legend_above, symbol
+from mems_impact.plotting.labels import (
+    Label,
+    crosses,
+    label_axis,
+    label_of,
+    legend_above,
+    letter_panels,
+    symbol,
+)
 from mems_impact.plotting.style import (
     LINES,
     MODE_COLORS,
@@ -370,6 +378,7 @@ def plot_run(
     if ax is None:
         figure = new_figure(0.55 * len(chosen), 2.5)
         axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
+        letter_panels(axes)
     else:
         axes = given_axes(ax, len(chosen), "one per state")
 

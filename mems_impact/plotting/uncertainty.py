@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above, symbol
+from mems_impact.plotting.labels import (
+    Label,
+    label_axis,
+    label_of,
+    legend_above,
+    letter_panels,
+    symbol,
+)
 from mems_impact.plotting.style import color, inches, new_figure, styled
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.sampling import deviations
@@ -166,22 +173,32 @@ def plot_tolerance_analysis(
     if ax is not None:
         _histogram(ax, analysis, shown[0])
         return ax
-    rows = [kind for _ in shown for kind in _panels(analysis)]
+    rows = [(name, kind) for name in shown for kind in _panels(analysis, name)]
     bars = 2.6 + len(analysis.points.attrs.get("drawn", ()))
-    figure = new_figure(0.8 * len(shown), bars * rows.count("indices"))
-    ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for kind in rows]
+    figure = new_figure(0.8 * len(shown), bars * (len(rows) - len(shown)))
+    ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for _, kind in rows]
     panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
-    for i, panel in enumerate(panels):
-        name = shown[i // len(_panels(analysis))]
-        if rows[i] == "spread":
+    letter_panels(panels)
+    for panel, (name, kind) in zip(panels, rows, strict=True):
+        if kind == "spread":
             _histogram(panel, analysis, name)
         else:
             _bars(panel, analysis, name)
     return panels[0]
 
 
-def _panels(analysis: Spread) -> tuple[str, ...]:
-    return ("spread",) if analysis.indices is None else ("spread", "indices")
+def _panels(analysis: Spread, name: str) -> tuple[str, ...]:
+    """Return the panels of a quantity; indices need a number at every point."""
+    if analysis.indices is None or _missing(analysis, name):
+        return ("spread",)
+    return ("spread", "indices")
+
+
+def _missing(analysis: Spread, name: str) -> int:
+    """Return at how many points a quantity has no number, where that leaves it without indices."""
+    if analysis.indices is None:
+        return 0
+    return int(analysis.indices.loc[analysis.indices["quantity"] == name, "missing"].max())
 
 
 def _shown(analysis: Spread, quantity: str | Sequence[str] | None) -> list[str]:
@@ -218,11 +235,14 @@ def _histogram(ax: Any, analysis: Spread, name: str) -> None:
             ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)))
     if len(values):
         ax.axvline(float(np.median(values)), color="black", linewidth=1.0)
+    titles = []
+    if missing := _missing(analysis, name):
+        titles.append(f"no indices: {missing} points have no number")
     if name in analysis.specification:
         row = analysis.yields.set_index("quantity").loc[name]
-        ax.set_title(
-            f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})",
-        )  # fmt: skip
+        titles.append(f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})")
+    if titles:
+        ax.set_title("\n".join(titles))
     ax.set_xlim(ends)
     unit = points.attrs.get("units", {}).get(name, "")
     label_axis(ax.xaxis, Label(name, unit))
@@ -261,9 +281,6 @@ def _bars(ax: Any, analysis: Spread, name: str) -> None:
             middle, places + shift, xerr=np.maximum(reach, 0.0), fmt="none",
             ecolor="black" if what == "first" else guide, **style,
         )  # fmt: skip
-    if rows["missing"].any():
-        ax.text(0.5, 0.5, f"{rows['missing'].iloc[0]} points have no number", fontsize="small",
-                ha="center", va="center", transform=ax.transAxes)  # fmt: skip
     ax.set_yticks(places, [symbol(each, symbols) for each in rows["parameter"]])
     ax.set_xlim(min(0.0, *ax.get_xlim()), max(1.0, ax.get_xlim()[1]))
     label_axis(ax.xaxis, Label("first-order (filled) and total index"))

@@ -1,12 +1,16 @@
-"""What keeps a figure from being read: texts over each other, cut off or too small; lost dots."""
+"""What keeps a figure from being read: texts or markers over each other, cut off or too small."""
 
 from itertools import combinations
+from string import ascii_lowercase
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from mems_impact.plotting.labels import PANEL_LETTER
 
 SMALLEST = 7.0  # pt
 DOT = 3.5  # pt
 SLACK = 1.0  # px by which boxes may touch
+HIGHEST_LEGEND = 0.1  # of the figure
 
 
 def texts_of(figure):
@@ -34,6 +38,30 @@ def all_axes(figure):
     return [each for ax in figure.axes for each in (ax, *ax.child_axes)]
 
 
+def letters(figure):
+    """Return what is wrong with the letters of panels, in words."""
+    panels = [ax for ax in figure.axes if ax.get_subplotspec() is not None and ax.axison]
+    panels = [ax for i, ax in enumerate(panels)
+              if all(ax.get_position().bounds != other.get_position().bounds
+                     for other in panels[:i])]  # fmt: skip
+    texts = [text.get_text() for text in texts_of(figure) if text.get_gid() == PANEL_LETTER]
+    known = [f"({letter})" for letter in ascii_lowercase[: len(panels)]]
+    expected = known if len(panels) > 1 else []
+    return [] if texts == expected else [f"panels have letters {texts}, not {expected}"]
+
+
+def overlaps(ax):
+    """Return the special points whose markers lie over each other, in words."""
+    markers = [line for line in ax.lines if line.get_zorder() == 7]
+    sizes = [line.get_markersize() * ax.figure.dpi / 72.0 for line in markers]
+    places = [line.get_transform().transform(line.get_xydata())[0] for line in markers]
+    return [
+        "special points lie over each other"
+        for (a, size), (b, other) in combinations(zip(places, sizes, strict=True), 2)
+        if ((a - b) ** 2).sum() ** 0.5 < 0.5 * (size + other)
+    ]
+
+
 def flaws(figure):
     """Return what is wrong with a figure, in words."""
     canvas = FigureCanvasAgg(figure)
@@ -56,12 +84,17 @@ def flaws(figure):
         high = min(a.y1, b.y1) - max(a.y0, b.y0)
         if wide > SLACK and high > SLACK:
             found.append(f"{one.get_text()!r} lies over {other.get_text()!r}")
+    found += letters(figure)
     for ax in all_axes(figure):
+        found += overlaps(ax)
         if ax.get_legend() is None:
             continue
         box = ax.get_legend().get_window_extent()
         if box.x0 < 0.0 or box.x1 > figure.bbox.x1 or box.y1 > figure.bbox.y1:
             found.append("a legend is cut off")
+        if box.height > HIGHEST_LEGEND * figure.bbox.height:
+            share = box.height / figure.bbox.height
+            found.append(f"a legend takes {share:.0%} of the height")
         for other in all_axes(figure):
             if other.bbox.overlaps(box.padded(-SLACK)):
                 found.append("a legend lies over what is drawn")

@@ -121,6 +121,11 @@ def test_the_device_is_true_to_scale(device):
         gap = right.get_x() - block.get_x() - block.get_width()
         assert gap == pytest.approx(0.5 - x2)  # delta - x2, in gaps d = 1
         assert block.get_x() == pytest.approx(-1.0 + x2 + factor * x1)
+        # The parts that move carry their names with them.
+        labels = {text.get_text(): text.get_position()[0] for text in above.texts[1:]}
+        assert set(labels) == {"block", "frame", "stopper"}
+        assert labels["block"] == pytest.approx(x2 + factor * x1)
+        assert labels["frame"] == pytest.approx(factor * x1)
     assert below.lines[0].get_ydata()[-1] == pytest.approx(x1)
     assert below.get_ylabel().startswith("frame $x_1$")
 

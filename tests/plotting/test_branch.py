@@ -1,5 +1,6 @@
 """Branches of any system, and curves of their special points."""
 
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -92,6 +93,31 @@ def test_own_system_over_its_sweep(branch, tmp_path):
     values = lines(ax, "stable orbit")[0].get_xydata()
     assert values[0] == pytest.approx([0.6, branch.table["x"][0]])
     ax.figure.savefig(tmp_path / "branch.png")
+
+
+def test_markers_of_points_that_coincide_stand_side_by_side():
+    found = diagram()
+    rows = found.special_table.iloc[[1]]
+    found.special_table = pd.concat([rows, rows.assign(label="PD"), rows.assign(label="CF")])
+    ax = mi.plot_branch(found)
+    ax.figure.draw_without_rendering()
+    markers = [line for line in ax.lines if line.get_marker() in ("o", "^", "s")]
+    assert {tuple(line.get_xydata()[0]) for line in markers} == {(0.2, 0.4)}
+    seen = [line.get_transform().transform(line.get_xydata())[0] for line in markers]
+    diameter = markers[0].get_markersize() * ax.figure.dpi / 72.0
+    apart = [np.hypot(*(a - b)) for a, b in combinations(seen, 2)]
+    assert len(apart) == 3
+    assert diameter < min(apart) <= max(apart) < 2.0 * diameter
+    # Their middle is where they are.
+    here = ax.transData.transform((0.2, 0.4))
+    assert np.mean(seen, axis=0) == pytest.approx(here, abs=0.1)
+
+
+def test_dashes_have_no_rim_over_dots():
+    sweep = pd.DataFrame({"amplitude": [0.1, 0.2], "v2": [0.3, 0.2]})
+    ax = mi.plot_branch(diagram(), sweep)
+    assert all(not line.get_path_effects() for line in ax.lines if line.is_dashed())
+    assert any(line.is_dashed() for line in ax.lines)
 
 
 def test_a_branch_without_special_points(orbit):

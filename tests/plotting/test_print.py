@@ -119,6 +119,8 @@ QUICK = {
 }
 LONG = {
     "plot_basins": lambda _: mi.plot_basins(made_basins(GRID, [0, 0, 0, 1, 1, -1])),
+    "plot_basins of many attractors": lambda _: mi.plot_basins(made_basins(
+        Grid(Axis("x", (0.0, 1.0, 2.0, 3.0)), Axis("v", (0.0, 1.0, 2.0))), [*range(9), 0, 1, -1])),
     "plot_curve": lambda _: mi.plot_curve(curves()),
     "plot_drive": lambda _: two_sided(),
     "plot_energy": lambda _: mi.plot_energy(energy()),
@@ -187,9 +189,16 @@ def test_what_cannot_be_read_is_found():
     ax.annotate("outside", (1.2, 0.5))
     ax.annotate("tiny", (0.1, 0.1), fontsize=5)
     ax.plot([0, 1], [0, 1], marker="o", markersize=0.5, label="dots")
+    for x in (0.7, 0.71):
+        ax.plot(x, 0.2, marker="s", markersize=4.5, zorder=7, label=f"at {x}")
     ax.legend()
     found = flaws(figure)
     for words in ("'one' lies over 'another'", "'tiny' has 5 pt"):
         assert words in found
     assert "the dot of 'dots' is not seen" in found
     assert "a legend lies over what is drawn" in found
+    assert any(words.startswith("a legend takes") for words in found)
+    assert "special points lie over each other" in found
+    two = Figure()
+    two.subplots(2)
+    assert flaws(two) == ["panels have letters [], not ['(a)', '(b)']"]

@@ -6,6 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
+from mems_impact.plotting.labels import PANEL_LETTER
 from mems_impact.tables import with_units
 from tests.analysis.systems import oscillator
 from tests.plotting.sweeps import made_table, silent_table
@@ -63,8 +64,17 @@ def test_statistics_stand_below_the_state():
         dots = [line for line in ax.lines if line.get_marker() == "o"]
         values = np.concatenate([line.get_ydata() for line in dots])
         assert sorted(values[~np.isnan(values)]) == expected
-        assert len(ax.texts) == 0
+        assert all(text.get_gid() == PANEL_LETTER for text in ax.texts)
     assert speed.get_xlabel() == "amplitude $f$"
+
+
+def test_a_panel_without_data_is_left_out():
+    table = silent_table()
+    table["displacement per impact"] = np.nan
+    axes = mi.plot_sweep(table).figure.axes
+    assert [ax.get_ylabel() for ax in axes] == ["$v_2$ at $x_2 = 0$", "mean speed\n[$10^{-5}$]"]
+    letters = [text.get_text() for ax in axes for text in ax.texts]
+    assert letters == ["(a)", "(b)"]
 
 
 def test_one_quantity():

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.actuator.automaton import CONTACT, FRICTION
-from mems_impact.plotting.bifurcation import plot_branch, plot_sweep
-from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above
+from mems_impact.plotting.bifurcation import draw_switches, plot_branch
+from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above, letter_panels
 from mems_impact.plotting.style import DASHES, color, graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:
@@ -85,7 +85,6 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
     ]
     if len(reached) < len(places):
         handles.append(Patch(label="never occurs", **_border(False)))
-    legend_above(ax, handles)
     texts = ("block on the\nleft stopper", "block free", "block on the\nright stopper")
     aside: dict[str, Any] = {"color": "0.3", "fontsize": "small"}
     for i, text in enumerate(texts):
@@ -97,6 +96,7 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
     ax.set_ylim(-2.75 * HEIGHT, 0.45 * HEIGHT)
     ax.set_aspect("equal")
     ax.set_axis_off()
+    legend_above(ax, handles)
     return ax
 
 
@@ -200,6 +200,7 @@ def plot_displacement(
     """
     if ax is None:
         ax = new_figure(2.2).subplots(3, height_ratios=(5, 3, 2))
+        letter_panels(ax)
         ax[1].sharex(ax[2])
     response, block, frame = ax
     frequency, amplitude, displacement = table.columns[:3]
@@ -211,7 +212,7 @@ def plot_displacement(
     response.axvline(pull_in, color=guide, label="pull-in", **DASHES)
     cross: dict[str, Any] = {"marker": "x", "markersize": 6, "linestyle": "none", "zorder": 5}
     response.plot(*MEASURED, color="black", label="measured, 1 Hz", **cross)
-    label_axis(response.xaxis, Label("amplitude $f$", "V"))
+    label_axis(response.xaxis, Label("amplitude", "V"))
     label_axis(response.yaxis, Label("displacement per blow", "m"))
     legend_above(response)
 
@@ -240,7 +241,7 @@ def plot_displacement(
 
 @styled
 def plot_switching(table: pd.DataFrame, branches: Sequence[Branch]) -> Any:
-    """Draw a sweep as dots and branches as lines.
+    """Draw a sweep as dots, branches as lines, and where the device switches on and off.
 
     Parameters
     ----------
@@ -253,8 +254,8 @@ def plot_switching(table: pd.DataFrame, branches: Sequence[Branch]) -> Any:
     Axes
     """
     ax = new_figure(1.2).subplots()
-    plot_sweep(table, ax)
-    plot_branch([_Lines(branch) for branch in branches], ax=ax)
+    draw_switches(ax, table)
+    plot_branch([_Lines(branch) for branch in branches], table, ax)
     return ax
 
 

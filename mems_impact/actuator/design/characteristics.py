@@ -225,7 +225,7 @@ def frequency_response(
     if system.units:
         units |= {"deflection": "m", "amplitude": "V"}
     shown = {name: unit for name, unit in units.items() if name in result}
-    result.attrs = {"units": shown, "system": repr(system)}
+    result.attrs = {"units": shown, "system": repr(system), "symbols": dict(system.symbols)}
     return result
 
 

@@ -112,7 +112,7 @@ def test_friction_that_rises_with_the_speed_holds_in_the_end():
 @pytest.mark.slow
 def test_figure_and_file(curve, tmp_path):
     ax = mi.plot_load(curve)
-    assert {line.get_label() for line in ax.lines} >= {"orbit", "runs away"}
+    assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"orbit", "runs away"}
     ax.figure.savefig(tmp_path / "load.png")
     curve.save(tmp_path / "load.zip")
     assert mi.load(tmp_path / "load.zip") == curve

@@ -24,4 +24,4 @@ def test_units_of_the_device():
     axes = mi.plot_sweep(table).figure.axes
     assert [ax.get_ylabel() for ax in axes] == [
         "$v_2$ [µm/s] at $x_2 = 0$", "step per impact\n[nm]", "mean speed\n[nm/s]"]  # fmt: skip
-    assert axes[-1].get_xlabel() == "amplitude $f$ [V]"
+    assert axes[-1].get_xlabel() == "amplitude [V]"
