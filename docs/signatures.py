@@ -42,7 +42,12 @@ def signatures(function):
 def shorten(app, what, name, obj, options, signature, returned):
     """Replace the signature of a function; the others stay."""
     if what == "function" and signature is not None:
-        return "\n".join(signatures(obj)), returned
+        import sphinx
+
+        first, *others = signatures(obj)
+        # Before version 9 Sphinx writes the name before each of several signatures itself.
+        start = name.rpartition(".")[2] if sphinx.version_info >= (9,) else ""
+        return "\n".join([first, *(start + each for each in others)]), returned
     return None
 
 
