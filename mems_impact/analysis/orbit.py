@@ -155,10 +155,11 @@ class Orbit(Result):
 
     @property
     def state(self) -> State:
-        """The state at the start of a forcing period; ``initial`` of a run along the orbit."""
-        mode = self.found.segments[0].mode
-        y = self.system.snap_to_mode(mode, self.found.state)
-        return self.system.state_of(HybridState(0, 0.0, mode, y))
+        """The state at the start of a forcing period; ``initial`` of a run along the orbit.
+
+        The state before the switch if the forcing switches there.
+        """
+        return self.system.state_of(self._start)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -284,7 +285,14 @@ class Orbit(Result):
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("cycle", "time", "mode", "y")
         )
-        return Samples(*columns)
+        grid = Samples(*columns)
+        grid.y[0], grid.mode[0] = self._start.y, self._start.mode
+        return grid
+
+    @property
+    def _start(self) -> HybridState:
+        start = self.found.instant
+        return replace(start, y=self.system.snap_to_mode(start.mode, start.y))
 
     @cached_property
     def _crossings(self) -> Events:
@@ -421,7 +429,7 @@ class Orbit(Result):
             start, end = max(float(found.point.starts[i]), 0.0), float(found.point.ends[i])
             if end > start:
                 y = self.system.snap_to_mode(segment.mode, states[i])
-                begin = HybridState(0, start, segment.mode, y)
+                begin = HybridState(0, start, segment.mode, y, switched=True)
                 length = (end - start) / problem.period
                 passed = run_with_samples(problem, begin, length, per_period)
                 yield segment.cycle, offset.copy(), *passed

@@ -553,7 +553,7 @@ def _sequence(
     problem = orbit.family.at(**{parameter: value}).problem()
     if orbit.shooting.phase is not None:
         problem = problem.with_time_unit(orbit.shooting.unit * float(unknowns[-1]))
-    begin = HybridState(0, 0.0, orbit.segments[0].mode, start)
+    begin = HybridState(0, 0.0, orbit.segments[0].mode, start, switched=True)
     return read_signature(run(problem, begin, orbit.periods), orbit.periods, problem.switches)
 
 

@@ -31,6 +31,9 @@ __all__ = ["missing_sliding_mode", "run"]
 # --- What a run returns: its events, its last state, and samples on demand.
 
 
+INSTANT_RTOL = 1e-12  # part of the period within which two instants are one
+
+
 @dataclass(frozen=True)
 class Events:
     """Rows of the event log, as columns.
@@ -95,6 +98,20 @@ class Events:
             self.kind, (workspace.APPROACH, workspace.SECTION_CROSSING, workspace.HANDOVER)
         )
 
+    def arcs_until(self, since: Floats) -> NDArray[np.bool_]:
+        """Return where the rows begin an arc that contains or precedes an instant.
+
+        The state at the time of a switch is the one before it, which belongs to the arc that the
+        switch ends.
+
+        Parameters
+        ----------
+        since : float array, shape (k,)
+            Time of each row since the instant, in periods.
+        """
+        at_switch = bool((np.abs(since[self.kind == workspace.SWITCH]) <= INSTANT_RTOL).any())
+        return self.starts_arc & (since <= (-INSTANT_RTOL if at_switch else 0.0))
+
     @property
     def handovers(self) -> Events:
         """Where the engine has gone on by another method."""
@@ -120,6 +137,20 @@ class Events:
         """Return the crossings of the section in `direction` (0: both)."""
         wanted = self.kind == workspace.SECTION_CROSSING
         return self[wanted if direction == 0 else wanted & (self.guard == direction)]
+
+    def instant(self, row: int) -> HybridState:
+        """Return the instant just after an event."""
+        cycle, time = self.cycle[row], self.time[row]
+        first = row
+        while first > 0 and self.cycle[first - 1] == cycle and self.time[first - 1] == time:
+            first -= 1
+        return HybridState(
+            int(cycle),
+            float(time),
+            int(self.mode_after[row]),
+            self.after[row].copy(),
+            switched=bool((self.kind[first : row + 1] == workspace.SWITCH).any()),
+        )
 
     def __len__(self) -> int:
         return self.cycle.size
@@ -232,16 +263,17 @@ class Trajectory:
         samples = resample(self.problem, start, final, per_period)
         if first is None:
             return samples
-        keep = samples.cycle + samples.time / self.period >= first - 1e-12
+        keep = samples.cycle + samples.time / self.period >= first - INSTANT_RTOL
         return Samples(samples.cycle[keep], samples.time[keep], samples.mode[keep], samples.y[keep])
 
     def _arc_before(self, first: float | None) -> HybridState:
         """Return the start of the last kept arc that begins before `first` periods."""
         if first is None:
             return self.start
-        events = self.events
-        begins = events.starts_arc
-        begins &= events.cycle + events.time / self.period <= first
+        events, whole = self.events, math.floor(first)
+        begins = events.arcs_until(
+            events.cycle - whole + (events.time / self.period - (first - whole))
+        )
         # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
         # within one can't be run again without all of it.
         instants = events.cycle * self.period + events.time
@@ -263,13 +295,8 @@ class Trajectory:
         if places.size == 0:
             return self.start
         i = places[-1]
-        return HybridState(
-            int(events.cycle[i]),
-            float(events.time[i]),
-            int(events.mode_after[i]),
-            events.after[i],
-            events[:i].remembered(self.start.remembered),
-        )
+        known = events[:i].remembered(self.start.remembered)
+        return replace(events.instant(int(i)), remembered=known)
 
 
 # --- Two modes that push against each other: told where a run cannot go on for it.
@@ -441,7 +468,7 @@ class Simulation:
         self.bound = create_engine(problem)
         self.bound.engine.import_memory(start.remembered)
         # The epsilon keeps a sample that falls on the start itself.
-        first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+        first = math.ceil((start.time / problem.period - INSTANT_RTOL) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
         self.memory = LoopMemory(
@@ -451,6 +478,7 @@ class Simulation:
             cycle=start.cycle,
             t=start.time,
             mode=start.mode,
+            switched=int(start.switched),
             end_cycle=end.cycle,
             end_phase=end.time,
             events_from=start.cycle,
@@ -529,6 +557,7 @@ class Simulation:
                 int(clock["mode"]),
                 self.memory.state,
                 self.bound.engine.export_memory(),
+                bool(clock["switched"]),
             ),
             events=Events.from_rows(rows),
             steps=int(clock["steps"]),

@@ -23,6 +23,9 @@ class HybridState:
     y : float array, shape (n,)
     remembered : tuple of int
         What the engine has learnt of each mode, if its method learns; empty at the start of a run.
+    switched : bool
+        Whether the switch of the forcing at this time, if there is one, has taken place. A run that
+        ends at a switching time leaves the switch to the run that continues from there.
     """
 
     cycle: int
@@ -30,3 +33,4 @@ class HybridState:
     mode: int
     y: Floats
     remembered: tuple[int, ...] = ()
+    switched: bool = False

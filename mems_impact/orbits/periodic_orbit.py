@@ -87,13 +87,18 @@ class PeriodicOrbit:
 
     @property
     def state(self) -> Floats:
-        """The state at the start of the period, shape (n,)."""
+        """The state at the start of the period, after a switch there, shape (n,)."""
         return np.asarray(self.shooting.unpack(self.point.unknowns)[0][0])
 
     @property
     def instant(self) -> HybridState:
-        """Initial state of a run along the orbit."""
-        return HybridState(0, 0.0, self.segments[0].mode, self.state)
+        """Initial state of a run along the orbit, before a switch at the start of the period."""
+        automaton, last = self.shooting.automaton, self.segments[-1]
+        if last.code != automaton.switch_code:
+            return HybridState(0, 0.0, self.segments[0].mode, self.state)
+        y, cyclic = np.array(self.point.arcs[-1].end), list(automaton.cyclic)
+        y[cyclic] = self.state[cyclic]
+        return HybridState(0, 0.0, last.mode, y)
 
     def equations(
         self,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mems_impact._util.arrays import distance_to_nearest
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
@@ -142,10 +143,7 @@ def interleaved(
         the sides before transitions, one gap for each jump and the sides after, one behind another.
     """
     # A sample at the instant of a transition may stand on either side of it.
-    place, near = np.searchsorted(instants, time), np.full(time.size, np.inf)
-    for beside in (place - 1, place):
-        inside = (beside >= 0) & (beside < instants.size)
-        near[inside] = np.minimum(near[inside], np.abs(time[inside] - instants[beside[inside]]))
+    near = distance_to_nearest(time, instants)
     kept = near > SAME_INSTANT_RATIO * (time[-1] - time[0])
     turn = 3 * np.arange(instants.size)
     ranks = [np.full(int(kept.sum()), -1), turn, turn[jumps] + 1, turn + 2]

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact._util.arrays import Floats
+from mems_impact._util.arrays import Floats, distance_to_nearest
 from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events, Samples, Trajectory
+from mems_impact.hybrid.simulation import INSTANT_RTOL, Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
 from mems_impact.systems.base import HybridSystem
@@ -94,13 +94,16 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
         np.isin(run.events.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH))
     ]
     log = log[log.cycle * run.period + log.time >= first * run.period]
-    at = [each.cycle * run.period + each.time for each in (log, log, grid)]
-    # Order at one instant: state before an event, state after it, sample.
-    kinds = np.repeat([0, 1, 2], [len(log), len(log), len(grid.y)])
+    instants, sampled = (each.cycle * run.period + each.time for each in (log, grid))
+    # A sample at the instant of an event may be the state on either side of it.
+    apart = distance_to_nearest(sampled, instants) > INSTANT_RTOL * run.period
+    at = [instants, instants, sampled[apart]]
+    # Order at one instant: state before an event, state after it.
+    kinds = np.repeat([0, 1, 2], [each.size for each in at])
     order = np.lexsort((kinds, np.concatenate(at)))
     time, kinds = np.concatenate(at)[order], kinds[order]
-    y = np.concatenate([log.before, log.after, grid.y])[order]
-    mode = np.concatenate([log.mode_before, log.mode_after, grid.mode])[order]
+    y = np.concatenate([log.before, log.after, grid.y[apart]])[order]
+    mode = np.concatenate([log.mode_before, log.mode_after, grid.mode[apart]])[order]
     arc = np.cumsum(kinds == 1)
 
     @cache

@@ -81,7 +81,8 @@ class System(HybridSystem):
         Times in (0, period], ascending, at which the flow is discontinuous; or ``switches(p)``.
     switch_transition : callable, optional
         ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; by default
-        both are unchanged.
+        both are unchanged. An initial state, a sample and the end of a run at such a time are the
+        state before the transition.
     constraints : mapping of mode to callable, optional
         Functions that are zero during a mode, such as the velocity of a body that sticks: ``{STUCK:
         speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the mode must

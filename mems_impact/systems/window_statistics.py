@@ -237,14 +237,13 @@ class StatisticsAccumulator(ABC):
             return inside
         self._take_durations(events.cycle, events.time, events.mode_after)
         for border in (0, 1):
-            begins = events.starts_arc
-            begins &= self._window.since(border, events.cycle, events.time) <= 0.0
-            places = np.flatnonzero(begins)
+            since = self._window.since(border, events.cycle, events.time) / self._window.period
+            places = np.flatnonzero(events.arcs_until(since))
             if places.size > 0:
                 row = int(places[-1])
                 known = events[:row].remembered(self._remembered)
-                self._anchors[border] = replace(instant_after(events, row), remembered=known)
-        self._last = instant_after(events, len(events) - 1)
+                self._anchors[border] = replace(events.instant(row), remembered=known)
+        self._last = events.instant(len(events) - 1)
         self._remembered = events.remembered(self._remembered)
         fired = events.guard[inside & (events.kind == workspace.TRANSITION)]
         self._counts += np.bincount(fired, minlength=self._counts.size)[: self._counts.size]
@@ -287,13 +286,3 @@ class StatisticsAccumulator(ABC):
         lengths += np.minimum(self._window.since(0, cycle, time)[:-1], 0.0)
         lengths -= np.maximum(self._window.since(1, cycle, time)[1:], 0.0)
         np.add.at(self._durations, during, np.maximum(lengths, 0.0))
-
-
-def instant_after(events: Events, row: int) -> HybridState:
-    """Return the instant just after an event."""
-    return HybridState(
-        int(events.cycle[row]),
-        float(events.time[row]),
-        int(events.mode_after[row]),
-        events.after[row].copy(),
-    )

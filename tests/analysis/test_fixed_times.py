@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import mems_impact as mi
+from mems_impact.analysis.attractor import InitialCondition, map_attractors
 
 PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
 PERIOD = 2.0 * math.pi
@@ -63,3 +64,116 @@ def test_and_so_where_only_a_run_meets_it(kind):
     with pytest.raises(mi.RunError, match=r"max_events = 50 .* depends on time alone") as caught:
         mi.simulate(system, periods=1, options=options)
     assert "restitution" not in str(caught.value)
+
+
+BLOWS = [(1.0,), (PERIOD,), (1.0, PERIOD)]  # a blow within a period, at its end, or both
+
+
+@pytest.mark.parametrize("times", BLOWS)
+def test_samples_of_a_window_are_those_of_the_run(times):
+    """The arc that holds the start of the window begins at a blow, which has taken place."""
+    run = mi.simulate(struck(switches=times, switch_transition=blow), periods=4, options=PLAIN)
+    whole = run.samples(7).set_index(["period", "time"])
+    part = run.samples(7, first=2.0, last=3.5).set_index(["period", "time"])
+    assert len(part) == 11
+    assert part["v"].to_numpy() == pytest.approx(whole.loc[part.index, "v"].to_numpy(), abs=1e-12)
+
+
+@pytest.mark.parametrize("times", BLOWS)
+def test_a_sample_at_a_switch_is_the_state_before_it(times):
+    """As the initial and the final state of a run are."""
+    start = {"x": 0.5, "v": 0.25}
+    system = struck(switches=times, switch_transition=blow)
+    run = mi.simulate(system, periods=3, initial=start, options=PLAIN)
+    samples = run.samples(1)
+    assert samples[["x", "v"]].iloc[0].tolist() == [0.5, 0.25]
+    for k in (1, 2, 3):
+        shorter = mi.simulate(system, periods=k, initial=start, options=PLAIN).final
+        assert samples[["x", "v"]].iloc[k].tolist() == pytest.approx([shorter.x, shorter.v])
+
+
+@pytest.mark.parametrize("times", BLOWS)
+def test_a_run_from_the_state_of_an_orbit_follows_it(times):
+    system = struck(switches=times, switch_transition=blow)
+    orbit = mi.find_orbit(system, options=PLAIN)
+    run = mi.simulate(system, periods=2, initial=orbit.state, options=PLAIN)
+    both = [each.samples(5, last=1.0)[["x", "v"]].to_numpy()[:5] for each in (run,)]
+    assert both[0] == pytest.approx(orbit.samples(5)[["x", "v"]].to_numpy()[:5], abs=1e-9)
+    assert [run.final.x, run.final.v] == pytest.approx([orbit.state.x, orbit.state.v], abs=1e-9)
+
+
+@pytest.mark.parametrize("times", BLOWS)
+def test_a_run_from_the_last_state_of_an_attractor_stays_on_it(times):
+    system = struck(switches=times, switch_transition=blow)
+    orbit = mi.find_orbit(system, options=PLAIN)
+    recurrence = mi.RecurrenceOptions(transient=60, periods=20)
+    (found,) = map_attractors([InitialCondition(system)], recurrence, PLAIN)
+    assert (found.motion, found.period) == ("periodic", 1)
+    run = mi.simulate(system, periods=2, initial=found.final, options=PLAIN)
+    for state in (found.final, run.final):
+        assert [state.x, state.v] == pytest.approx([orbit.state.x, orbit.state.v], abs=1e-5)
+
+
+@pytest.mark.parametrize("times", BLOWS)
+@pytest.mark.parametrize("first", [1.0, 2.0, 2.3])
+def test_statistics_of_a_window_begin_with_its_state(times, first):
+    velocity = mi.Observable("velocity", lambda y, p: y.v)
+    system = struck(switches=times, switch_transition=blow, observables=[velocity])
+    run = mi.simulate(system, periods=4, window=(first, 4.0), options=PLAIN)
+    begin = run.samples(10, first=first, last=first)["v"].iloc[0]
+    assert run.statistics["velocity"] * (4.0 - first) == pytest.approx(run.final.v - begin)
+
+
+def logistic(mode, t, y, p):
+    return mode, (p.r * y.x * (1.0 - y.x), y.w)
+
+
+def wave(mode, t, y, p):
+    return 0.0, math.cos(2.0 * math.pi * t) - 3.0 * y.w
+
+
+@pytest.mark.parametrize(
+    ("r", "period"), [(3.2, 2), (2.9999, 1), (3.0002, 2), (3.4496, 4), (3.5, 4)]
+)
+def test_the_orbit_of_a_map_at_its_switch(r, period):
+    """The guess is on the orbit to six digits; the orbit has the multiplier of the map."""
+    system = mi.System(
+        states=("x", "w"), flow=wave, switches=[0.5], switch_transition=logistic,
+        period=1.0, parameters={"r": r},
+    )  # fmt: skip
+    x = 0.4
+    for _ in range(1_000_000):
+        x = r * x * (1.0 - x)
+    orbit = mi.find_orbit(system, guess={"x": x + 1e-6, "w": 0.0618834}, options=PLAIN)
+    assert orbit.periods == period
+    assert orbit.state.x == pytest.approx(x, abs=1e-8)
+    factor = 1.0
+    for _ in range(period):
+        factor *= r * (1.0 - 2.0 * x)
+        x = r * x * (1.0 - x)
+    assert orbit.multipliers[0] == pytest.approx(factor, abs=1e-6)
+
+
+def wall(mode, t, y, p):
+    return mode, (0.0, -y.v)
+
+
+def glide(mode, t, y, p):
+    return y.v, 0.0
+
+
+@pytest.mark.parametrize("method", ["adams", "bdf", "dop853"])
+@pytest.mark.parametrize("start", [0.5, 0.5 * (1.0 - 2.0**-53), 0.5 * (1.0 + 2.0**-52)])
+def test_a_guard_that_fires_at_a_switch_fires_after_it(start, method):
+    """Whatever rounding says, neither is lost and the order is the same."""
+    system = mi.System(
+        states=("x", "v"), flow=glide, switches=[0.5], switch_transition=blow, period=1.0,
+        guards=[mi.Impact("wall", margin=lambda mode, t, y, p: y.x, transition=wall)],
+        initial={"x": start, "v": -1.0}, parameters={"J": 0.25},
+    )  # fmt: skip
+    options = mi.Options(method=method, engine="interpreted")
+    run = mi.simulate(system, periods=1.25, options=options)
+    assert run.final.v == 0.75
+    pieces = mi.simulate(system, periods=0.5, options=options)
+    pieces = mi.simulate(system, periods=0.75, initial=pieces.final, options=options)
+    assert pieces.final.v == 0.75

@@ -120,4 +120,4 @@ def check_closed(orbit: PeriodicOrbit) -> float:
     if final.mode != orbit.instant.mode:
         raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)
     free = orbit.shooting.free
-    return float(np.abs(final.y[free] - orbit.state[free]).max())
+    return float(np.abs(final.y[free] - orbit.instant.y[free]).max())

@@ -82,7 +82,7 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[EnergyA
                     length = min(length, _slip(trajectory.problem, start))
             v2 = float(log.before[row, V2]), float(log.after[row, V2])
             yield EnergyArc(start, length, v2, row)
-        begin = HybridState(cycle, time, int(log.mode_after[row]), log.after[row])
+        begin = log.instant(row)
     final = trajectory.final
     length = (final.cycle - begin.cycle) * period + (final.time - begin.time)
     yield EnergyArc(begin, length, (0.0, 0.0), -1)

@@ -355,6 +355,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     s.end_cycle = whole
     s.end_phase = s.t + (w.transient + w.length - whole) * s.period
     s.first_arc = 1
+    s.switched = 0
     s.pending_guard = NONE
     s.stop = math.inf
     s.cycle = 0

@@ -82,6 +82,7 @@ from mems_impact.integrators import interface
 __all__ = ["run_steps"]
 
 REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
+SWITCH_RTOL = 1e-14  # part of the period within which an instant is that of a switch
 # A step is very short if it is by this factor shorter than those of late, whose length is forgotten
 # by another factor from step to step: a method closes in on a jump of the flow by more than that.
 SHORT, FORGOTTEN = 1e-2, 0.7
@@ -118,11 +119,13 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             if s.failure != NONE:
                 return INADMISSIBLE
             guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
-            for i in range(s.switches):
-                # A run that ended here left the jump to this one.
+            for i in range(s.switches * int(s.switched == 0)):
+                # A run that ended here left the switch to this one.
                 since = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
-                if min(since, s.period - since) <= 1e-14 * s.period:
+                if min(since, s.period - since) <= SWITCH_RTOL * s.period:
                     guard = 2 * s.m
+            if guard == 2 * s.m and sample_due(s) and sample_time(s) <= s.t:
+                write_sample(s, y)
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
                 return status
@@ -171,9 +174,14 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.negative_by_error = any_margin_below(s)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
-        write_samples(engine, s, min(t_event, end), t_event >= end)
-        over = t_event > end or (t_event == end and guard == NONE)
+        at_switch = status == interface.STOPPED and guard == NONE
+        if s.stop - t_event <= SWITCH_RTOL * s.period:
+            at_switch, t_event = True, s.stop  # a guard that fires at a switch fires after it
+        write_samples(engine, s, min(t_event, end), at_switch or t_event >= end)
+        over = t_event > end or (t_event == end and (guard == NONE or at_switch))
         s.t = end if over else t_event
+        if s.t > before:
+            s.switched = 0
         rooted = status == interface.ROOT and s.t == t
         if over or t_event < t:
             interface.interpolate(engine, s.t, y)
@@ -194,11 +202,11 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.collapse_mode = s.mode
             quota = 0  # lest the next one be told in its place
         s.step_cut = int(status != interface.STEPPED)
-        if guard != NONE:
+        if guard != NONE and not at_switch:
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
                 return status
-        elif status == interface.STOPPED:
+        elif at_switch:
             if t > s.period:
                 # The first switch of the next period, whatever its sum with the period rounds to.
                 rebase_time(s, 1)
@@ -316,7 +324,10 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
             past[i] = y[i]
         mode = s.mode
         impact = guard < m and table_row(s, IMPACT)[guard] == 1
-        code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
+        code, kind = guard, TRANSITION
+        if guard == 2 * m:
+            kind = SWITCH
+            s.switched = 1
         if impact:
             interface.margins(engine, mode, s.t, y, looked)
             closing = certainly_decreasing(s, m + guard, looked[m + guard])
@@ -406,24 +417,40 @@ def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
 
 
 def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
-    """Write the samples due before `limit` (at it too, if it is the `last` instant)."""
-    if s.per_period == 0:
-        return
+    """Write the samples due before `limit`; at it too if the run or its arc ends there.
+
+    A sample at a switch is the state before it, as at the end of a run.
+    """
     y = table_row(s, SAMPLE)
-    while s.samples_written < s.sample_rows:
-        phase = (s.sample % s.per_period) * s.period / s.per_period
-        cycle = s.sample_cycle + s.sample // s.per_period
-        t = (cycle - s.cycle) * s.period + phase
+    while sample_due(s):
+        t = sample_time(s)
         if last and limit < t <= limit * (1.0 + 4.0 * EPS):
             t = limit  # the end of the run, rounded in another way
         if t > limit or (t == limit and not last):
             return
         interface.interpolate(engine, max(t, s.arc_start), y)
-        sample = sample_row(s)
-        sample[0] = cycle
-        sample[1] = phase
-        sample[2] = s.mode
-        for i in range(s.n):
-            sample[3 + i] = y[i] + table_row(s, OFFSET)[i]
-        s.samples_written += 1
-        s.sample += 1
+        write_sample(s, y)
+
+
+def sample_due(s: Any) -> bool:
+    """Return whether samples remain to be written."""
+    return bool(s.per_period > 0 and s.samples_written < s.sample_rows)
+
+
+def sample_time(s: Any) -> float:
+    """Return the time of the next sample since the start of the current period."""
+    cycle = s.sample_cycle + s.sample // s.per_period
+    phase = (s.sample % s.per_period) * s.period / s.per_period
+    return float((cycle - s.cycle) * s.period + phase)
+
+
+def write_sample(s: Any, y: Any) -> None:
+    """Write the next sample."""
+    sample = sample_row(s)
+    sample[0] = s.sample_cycle + s.sample // s.per_period
+    sample[1] = (s.sample % s.per_period) * s.period / s.per_period
+    sample[2] = s.mode
+    for i in range(s.n):
+        sample[3 + i] = y[i] + table_row(s, OFFSET)[i]
+    s.samples_written += 1
+    s.sample += 1

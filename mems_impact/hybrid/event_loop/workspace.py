@@ -117,6 +117,7 @@ LOOP_STATE = np.dtype(
         ("end_cycle", np.int64),  # where the run ends
         ("end_phase", np.float64),
         ("first_arc", np.int64),  # 1 before the first arc: guards may be violated at the start
+        ("switched", np.int64),  # 1 after the switch of this instant
         ("restart", np.int64),  # 1 if the next step begins an arc
         ("transitions_now", np.int64),  # transitions of this instant so far, 0 where it has settled
         ("pending_guard", np.int64),  # the guard for which there was no room in the buffer, or NONE

@@ -101,6 +101,7 @@ class LyapunovIntegrator:
             cycle=start.cycle,
             t=start.time,
             mode=start.mode,
+            switched=int(start.switched),
             end_cycle=start.cycle,
             end_phase=start.time,
             events_from=start.cycle,
