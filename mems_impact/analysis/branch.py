@@ -554,8 +554,8 @@ def continue_curve(
     Parameters
     ----------
     special : SpecialPoint
-        A grazing, fold, period doubling or Neimark-Sacker point, or a point at which another guard
-        is touched.
+        A grazing, fold, period doubling or Neimark-Sacker point, an onset of complete chatter (to
+        some 1e-7), or a point at which another guard is touched.
     parameter : str
         The second parameter; the first is that of the branch.
     stop : float

@@ -111,3 +111,14 @@ def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
     assert branch.ended.startswith("a chatter sequence reaches the start")
     assert branch.table["admissible"].all()
     assert _comes_to_rest(max(branch.table["A"]), 0.5)
+
+
+@pytest.mark.slow
+def test_the_onset_is_continued_in_two_parameters():
+    """The number of impacts that the orbit holds stays, which costs the points some digits."""
+    orbit = mi.find_orbit(_ball(1.597, 0.5), transient=20)
+    (onset,) = mi.continue_orbit(orbit, "A", stop=1.65).special_points
+    curve = mi.continue_curve(onset, "e", 0.49)
+    assert curve.ended == "e reached its bound"
+    for A, e in curve.table[["A", "e"]].iloc[::3].to_numpy():
+        assert pytest.approx(_onset(e, A - 0.01, A + 0.01), abs=1e-6) == A
