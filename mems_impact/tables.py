@@ -68,7 +68,7 @@ __all__ = [
     "words",
 ]
 
-# --- What all tables share: headings, units, provenance, running time, words for numbers.
+# --- Headings, units, provenance, categories
 
 CHATTER_ENDS = "chatter ends"
 DRIVE_SWITCHES = "drive switches"
@@ -114,7 +114,7 @@ def table(
     columns: Mapping[str, Any],
     labels: Labels,
     *,
-    given: Mapping[str, Any] = MappingProxyType({}),
+    user_columns: Mapping[str, Any] = MappingProxyType({}),
     **attributes: Any,
 ) -> pd.DataFrame:
     """Return a table in the units of the system, from columns in the units of the numerics.
@@ -123,14 +123,14 @@ def table(
     ----------
     columns : mapping of str to array
     labels : Labels
-    given : mapping of str to array, optional
-        Columns that already are in the units of the system; they come first.
+    user_columns : mapping of str to array, optional
+        Columns already in the units of the system; they come first.
     **attributes
         For ``table.attrs``, beside units and versions.
     """
-    units = {name: unit_of(name, labels.units) for name in (*given, *columns)}
+    units = {name: unit_of(name, labels.units) for name in (*user_columns, *columns)}
     shown = {name: labels.out(name, values) for name, values in columns.items()}
-    result = pd.DataFrame({**given, **shown})
+    result = pd.DataFrame({**user_columns, **shown})
     result.attrs = {
         "units": {name: unit for name, unit in units.items() if unit},
         "system": repr(labels),
@@ -148,12 +148,12 @@ def captions(labels: Labels) -> dict[str, Any]:
         name = labels.automaton.states[section[0]]
         equation = [name, float(labels.out(name, section[1]))]
     forced = {} if labels.forced else {"forced": False}
-    told = {
+    return {
         "states": list(labels.displayed_states),
         "section": equation,
         "symbols": dict(labels.symbols),
+        **forced,
     }
-    return {**told, **forced}
 
 
 @cache
@@ -215,7 +215,7 @@ def states(names: Sequence[str], y: Floats) -> dict[str, Any]:
 
 
 def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
-    """Return names for numbers, as categories: a mode is one of nine words, a million times."""
+    """Return names for numbers, as categories, which save memory."""
     return pd.Categorical.from_codes(numbers, categories=list(names))
 
 
@@ -300,8 +300,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     for name in dataset.variables:
         if name in units:
             dataset[name].attrs["units"] = units[name]
-    told = {name: value for name, value in table.attrs.items() if name != "units"}
-    dataset.attrs.update({name: str(value) for name, value in told.items()})
+    others = {name: str(value) for name, value in table.attrs.items() if name != "units"}
+    dataset.attrs.update(others)
     return dataset
 
 
@@ -315,8 +315,8 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
     ----------
     parameter : str
     rows : sequence of mapping
-        ``value`` of the parameter, what is told of the orbit, by heading, and ``states``, by name
-        the values of a state at the crossings of the section. All in the units of the system.
+        ``value`` of the parameter, quantities of the orbit by heading, and ``states``, by name the
+        values of a state at the crossings of the section. All in the units of the system.
     labels : Labels
     """
     values = np.array([row["value"] for row in rows], dtype=float)
@@ -327,12 +327,12 @@ def special_points(
     parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per special point of a branch; `rows` with ``label`` and ``kind`` as well."""
-    given = {
+    columns = {
         "label": [row["label"] for row in rows],
         "kind": [row["kind"] for row in rows],
         parameter: np.array([row["value"] for row in rows], dtype=float),
     }
-    return _table(given, rows, labels)
+    return _table(columns, rows, labels)
 
 
 def curve(
@@ -346,14 +346,14 @@ def codimension_two(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per point of codimension two; as `curve`, with ``kind``."""
-    given = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
-    return _table(given, rows, labels)
+    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    return _table(columns, rows, labels)
 
 
 def _table(
     places: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    return table({}, labels, given={**places, **_measures(rows)}, **captions(labels))
+    return table({}, labels, user_columns={**places, **_measures(rows)}, **captions(labels))
 
 
 def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -471,7 +471,7 @@ def segments(
     ends: Sequence[str],
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row per stretch of an orbit: its period, mode, start, end and what ends it."""
+    """Return one row per arc of an orbit: period, mode, start, end and final event."""
     columns = {
         "period": np.asarray(period, dtype=np.int64),
         "mode": words(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
@@ -501,18 +501,18 @@ def verification(
     Parameters
     ----------
     matched : sequence of tuple
-        Of every event that both have: its place in `event_words`, and the `differences`.
+        For every event of both runs: its index in `event_words`, and the `differences`.
     alone : sequence of int
-        Of every event that only one has: its place in `event_words`.
+        For every event of one run only: its index in `event_words`.
     differences : sequence of str
-        Their headings.
+        Headings of the differences.
     labels : Labels
     """
     names = event_words(labels.automaton)
     codes = np.array([code for code, _ in matched], dtype=np.int64)
     values = np.array([found for _, found in matched]).reshape(-1, len(differences))
     kinds = np.union1d(codes, np.array(alone, dtype=np.int64))
-    # A NaN is no difference, of what has no impact speed; all NaN stay so.
+    # Ignore NaN, the difference of events without impact speed; all NaN gives NaN.
     largest = np.array([np.fmax.reduce(values[codes == kind], initial=np.nan) for kind in kinds])
     columns = {
         "event": [names[kind] for kind in kinds],
@@ -587,21 +587,21 @@ def sweep(
     parameter : str
         Name of the parameter that was swept.
     points : sequence of mapping
-        One for each value, in order: ``value``, ``direction``, ``section`` (what is `counted`, and
-        `states`, of the crossings), ``statistics`` by name, and ``status``; in the units of the
+        One for each value, in order: ``value``, ``direction``, ``section`` (the columns `counted`
+        and `states` of the crossings), ``statistics`` by name, and ``status``; in the units of the
         system.
     states, statistics : sequence of str
-        What there is a column of.
+        States and statistics with a column.
     labels : Labels
     quantities : mapping of str to tuple, optional
-        What figures show beside the states, for ``attrs``: the column and what an axis says.
+        Other quantities of figures, for ``attrs``: column and axis label.
     """
     columns = columns_of(parameter, points, states, statistics, labels)
     shown = {**captions(labels), "states": list(states)}
     if not labels.forced and labels.section is None:
         shown["maxima"] = True
-    told = {name: list(pair) for name, pair in quantities.items()}
-    return table({}, labels, given=columns, **shown, quantities=told)
+    shown["quantities"] = {name: list(pair) for name, pair in quantities.items()}
+    return table({}, labels, user_columns=columns, **shown)
 
 
 def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -634,8 +634,8 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     """
     table = bare(table)
     parameter, count, state = table.columns[0], table.columns[2], table.columns[3]
-    # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
-    # crossing earlier than the one before it begins a new point.
+    # A sweep may contain a value twice: successive rows with the same value and direction belong
+    # together. A crossing earlier than the one before it begins a new point.
     keys = table[[parameter, DIRECTION]]
     changed = (keys != keys.shift()).any(axis=1)
     changed |= table[count] < table[count].shift()

@@ -1,6 +1,9 @@
-"""Pages use plain technical English, and the terms of the glossary (see CONTRIBUTING.md)."""
+"""Pages and modules use plain technical English, and the glossary's terms (CONTRIBUTING.md)."""
 
+import ast
+import io
 import re
+import tokenize
 import tomllib
 from pathlib import Path
 
@@ -17,7 +20,13 @@ PAGES += [
     for page in sorted((DOCS / folder).glob(ending))
 ]
 
-QUOTED = re.compile(r"^\| do not write .*?\n\n", re.MULTILINE | re.DOTALL)
+MODULES = sorted((ROOT / "mems_impact").rglob("*.py"))
+
+# Tables of phrases to avoid, in CONTRIBUTING.md.
+QUOTED = re.compile(
+    r"^\| (?:do not write|term \| rather than) .*?\n(?:\n|\Z)", re.MULTILINE | re.DOTALL
+)
+EXAMPLE = re.compile(r"^ *(?:>>>|\.\.\.) .*$", re.MULTILINE)
 
 
 def relapses(text, phrases):
@@ -32,9 +41,68 @@ def relapses(text, phrases):
     ]
 
 
+def passages(source):
+    """Yield the docstrings, messages and comments of a module, each after its first line number."""
+    tree = ast.parse(source)
+    formatted = [node for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)]
+    parts = {id(part) for node in formatted for part in ast.walk(node) if part is not node}
+    for node in formatted:
+        texts = (part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)
+        yield node.lineno, "".join(texts)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            yield node.lineno, EXAMPLE.sub("", node.value)
+    yield from comments(source)
+
+
+def comments(source):
+    """Yield the comments of a module, successive lines as one, after the first line number."""
+    first, block = 0, []
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            line, trailing = token.start[0], bool(token.line[: token.start[1]].strip())
+            if trailing or line != first + len(block):
+                yield first, "\n".join(block)
+                first, block = line, []
+            block.append(token.string.lstrip("#: "))
+            if trailing:
+                yield first, block.pop()
+                first = 0
+    yield first, "\n".join(block)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_a_page_is_in_plain_english(page):
     assert relapses(page.read_text("utf-8"), PHRASES) == []
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_module_is_in_plain_english(module):
+    source = module.read_text("utf-8")
+    found = [
+        f"text at line {line}, {relapse}"
+        for line, text in passages(source)
+        for relapse in relapses(text, PHRASES)
+        if " " in text  # not a name
+    ]
+    assert found == []
+
+
+def test_the_passages_of_a_module_are_its_texts():
+    source = """\'\'\'Add.
+
+    >>> told = 1
+    \'\'\'
+told = 1  # told
+# two
+# lines
+raise ValueError(
+    f"{told} is "
+    "a message"
+)
+"""
+    texts = [" ".join(text.split()) for _, text in passages(source)]
+    assert [text for text in texts if text] == ["{} is a message", "Add.", "told", "two lines"]
 
 
 def test_relapses_are_found_over_the_ends_of_lines():

@@ -12,7 +12,7 @@ from mems_impact.errors import FileNotWritten, InvalidFile
 
 __all__ = ["replacing", "unwritable"]
 
-# What says that the place is a wrong one; anything else, such as a full disk, is nobody's input.
+# Errors due to an invalid path; others, such as a full disk, are not errors of input.
 _WRONG_PLACE = (
     FileExistsError,
     FileNotFoundError,
@@ -24,27 +24,26 @@ _WRONG_PLACE = (
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give the path of a temporary file, which takes the place of `path` when the block is done.
+    """Yield the path of a temporary file, which replaces `path` at the end of the block.
 
-    If the block fails or is interrupted, the temporary file is removed, and what stood at `path`
-    stands there still.
+    If the block fails or is interrupted, the temporary file is removed, and `path` is unchanged.
 
     Parameters
     ----------
     path : str or os.PathLike
-        The file to be written. A link is followed.
+        The file to write. Symbolic links are followed.
 
     Yields
     ------
     Path
-        Beside the file, with the same ending.
+        A path in the same folder, with the same suffix.
 
     Raises
     ------
     InvalidFile
-        If the file cannot stand there (a directory does, or it is protected).
+        If `path` is invalid: a directory, or write-protected.
     FileNotWritten
-        If it cannot be written for another reason: the disk is full, for example.
+        If the file cannot be written for another reason, such as a full disk.
 
     Examples
     --------
@@ -57,7 +56,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         if target.is_dir():
             raise IsADirectoryError("is a directory")
         if target.exists() and not os.access(target, os.W_OK):
-            raise PermissionError("permission denied")  # renaming would not ask
+            raise PermissionError("permission denied")  # os.replace ignores it
         yield temporary
         if target.exists():
             shutil.copymode(target, temporary)
@@ -69,7 +68,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def unwritable(path: str | os.PathLike[str], error: OSError) -> InvalidFile | FileNotWritten:
-    """Return the package's own error for one of the system about a file to be written."""
+    """Return the package's error for an OSError in writing a file."""
     reason = (error.strerror or str(error)).lower()
     if isinstance(error, _WRONG_PLACE):
         return InvalidFile(path, f"cannot be written ({reason})", "give another place")

@@ -8,23 +8,23 @@ from typing import Any
 
 __all__ = ["html_table", "label", "shown"]
 
-# What a message shows of a wrong value and of a name, in characters.
+# Longest value and name in a message, in characters.
 _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
 
 
 def label(name: str) -> str:
-    """Return a name as it stands, or quoted where it is empty or would break the line."""
+    """Return a name, quoted if it is empty or not printable."""
     return _cut(name if name and name.isprintable() else repr(name), _LONGEST_NAME)
 
 
 def shown(value: object) -> str:
-    """Return a wrong value in a form that fits into a one-line message."""
+    """Return an invalid value as text for a one-line message."""
     try:
-        # str() of a NumPy number is the number alone, without its type.
+        # str() of a NumPy scalar omits its type.
         text = repr(value) if isinstance(value, str) else str(value)
     except (ValueError, RecursionError):
-        # Python refuses to print integers of more than 4300 digits, and lists within lists.
+        # Python does not print integers of more than 4300 digits, and deeply nested lists.
         text = f"a huge {type(value).__name__}"
     if isinstance(value, float):
         text = text.removesuffix(".0")

@@ -1,13 +1,12 @@
 """Entry points of other packages.
 
-A package says in its ``pyproject.toml``, for example::
+A package declares them in its ``pyproject.toml``, for example::
 
     [project.entry-points."mems_impact.drives"]
     chirp = "their_package.chirp:Chirp"
 
-Names are read from metadata; what they stand for is imported when it is asked for. What comes with
-this package goes before a name of others. A plugin that fails is a `PluginWarning`, and as if it
-were not there.
+Names are read from metadata; objects are imported on first use. Names of this package take
+precedence. A plugin that fails is ignored, with a `PluginWarning`.
 """
 
 from __future__ import annotations
@@ -30,23 +29,23 @@ COMMAND_GROUP = "mems_impact.commands"
 
 
 def names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the names of a group: those of this package, then those that others add, sorted."""
+    """Return the names of a group: those of this package, then those of other packages, sorted."""
     first = tuple(own)
     return (*first, *sorted(_found(group).keys() - first))
 
 
 def plugin(group: str, name: str, is_one: Callable[[Any], bool], what: str) -> Any:
-    """Return what another package adds under a name; None if there is none, or it fails.
+    """Return the plugin of another package by name; None if there is none, or it fails.
 
     Parameters
     ----------
     group : str
-        One of those above.
+        An entry point group.
     name : str
     is_one : callable
-        Tells whether what was found may be added.
+        Returns whether an object is valid in the group.
     what : str
-        What it must be, in words: "a subclass of Drive".
+        Description of a valid object: "a subclass of Drive".
     """
     entry = _found(group).get(name)
     if entry is None:
@@ -65,6 +64,6 @@ def _found(group: str) -> dict[str, EntryPoint]:
 
 def _failed(entry: EntryPoint, reason: str) -> None:
     package = entry.dist.name if entry.dist is not None else entry.module
-    told = f"{entry.name} ({shown(entry.value)}) of the package {package} {reason}"
-    message = f"{told}; it is left out: mend or remove the package"
+    problem = f"{entry.name} ({shown(entry.value)}) of the package {package} {reason}"
+    message = f"{problem}; it is ignored: repair or remove the package"
     warnings.warn(" ".join(message.split()), PluginWarning, stacklevel=3)

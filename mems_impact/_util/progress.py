@@ -127,20 +127,20 @@ class ProgressLog:
         self.unit, self.total, self.before = unit, total, before
         self.kind = f"{kind}: " if kind else ""
         self.begin = time.monotonic()
-        self.told = -math.inf
+        self.last_line = -math.inf
         self.share = before
 
     def __call__(self, done: float, note: str = "") -> None:
         """Write a line if one is due, with the note at its end."""
         now = time.monotonic()
-        since = now - self.told
+        since = now - self.last_line
         due = since >= SELDOM
         if self.total is not None:
             due |= since >= SOON and done - self.share >= UPDATE_SHARE * self.total
-            due |= done == self.total and self.told > -math.inf
+            due |= done == self.total and self.last_line > -math.inf
         if now - self.begin < SOON or not due:
             return
-        self.told, self.share = now, done
+        self.last_line, self.share = now, done
         _say(self.line(done, now - self.begin, note))
 
     def line(self, done: float, seconds: float, note: str = "") -> str:

@@ -1,7 +1,7 @@
 """Conversion between internal units and those of the user.
 
-Inside, a system is integrated in whatever units make its numbers of order one. Every conversion is
-one multiplication or division, so that there and back is exact to one rounding.
+The numerics use units in which the values of a system are of order one. Every conversion is one
+multiplication or division, so that the round trip is exact to one rounding.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SI_PREFIXES = {
 }  # fmt: skip
 """SI prefixes by their powers of ten."""
 PREFIXED = ("m", "s", "V", "Hz", "J", "N", "F", "W", "C", "A", "Pa", "ohm")
-"""The units that take a prefix, alone or as the first factor; the kilogram has one."""
+"""Units that take prefixes, alone or as the first factor; not the kilogram, which has one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +29,9 @@ class Scales:
     Parameters
     ----------
     factors : mapping of str to float
-        By the name of a user's unit ("m/s"), the unit of the numerics in it; 1 for all others.
+        The unit of the numerics in each unit of the user ("m/s"); 1 for all others.
     named : bool
-        Whether units have names; False where everything is a pure number.
+        Whether units have names; False if all quantities are pure numbers.
     """
 
     factors: Mapping[str, float] = field(default_factory=dict)
@@ -41,16 +41,16 @@ class Scales:
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
 
     def __reduce__(self) -> Any:
-        """Pickle the factors as a dict: a mapping proxy cannot be."""
+        """Pickle the factors as a dict, since a mapping proxy cannot be pickled."""
         return Scales.of, (dict(self.factors), self.named)
 
     @staticmethod
     def of(factors: Mapping[str, float], named: bool) -> Scales:
-        """Return scales with these factors; where nothing has a unit, `DIMENSIONLESS` itself."""
+        """Return scales with these factors; `DIMENSIONLESS` if nothing has a unit."""
         return Scales(factors=factors, named=named) if factors or named else DIMENSIONLESS
 
     def unit(self, name: str) -> float:
-        """Return the unit of the numerics for what has the unit `name`."""
+        """Return the unit of the numerics, in the unit `name`."""
         return self.factors.get(name, 1.0)
 
     def out(self, value: Any, name: str) -> Any:
@@ -62,9 +62,9 @@ class Scales:
         return value / self.unit(name) if name in self.factors else value
 
     def label(self, heading: str, name: str) -> str:
-        """Return a heading with its unit, or alone where there is none."""
+        """Return a heading with its unit, if it has one."""
         return f"{heading} [{name}]" if self.named and name else heading
 
 
 DIMENSIONLESS = Scales(named=False)
-"""Of a dimensionless system: what goes in comes out."""
+"""Scales of a dimensionless system, without conversion."""

@@ -1,4 +1,4 @@
-"""Warnings: to the caller of the package, once, or collected by a study."""
+"""Warnings to the caller of the package, or collected by a study."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ __all__ = [
     "warned_once",
 ]
 
-_OURS = (str(Path(__file__).parents[1]), contextlib.__file__)  # files that are no caller's
+_OURS = (str(Path(__file__).parents[1]), contextlib.__file__)  # files that are not the caller's
 _here = threading.local()
 
 
 class CollectedWarning(NamedTuple):
-    """A warning that was gathered.
+    """A collected warning.
 
     Attributes
     ----------
     category : type of Warning
     subject : str
-        What it is about, such as the name of a guard.
+        Subject of the warning, such as the name of a guard.
     message : str
     point : int
-        Of a study; -1 elsewhere.
+        Point of a study; -1 outside studies.
     """
 
     category: type[Warning]
@@ -44,10 +44,10 @@ class CollectedWarning(NamedTuple):
 
 
 def warn(message: str, category: type[Warning], subject: str = "") -> None:
-    """Warn the caller of the package, or who gathers warnings in this thread."""
-    told: list[CollectedWarning] | None = getattr(_here, "told", None)
-    if told is not None:
-        told.append(CollectedWarning(category, subject, message, getattr(_here, "point", -1)))
+    """Warn the caller of the package, or add to the collected warnings of this thread."""
+    collected: list[CollectedWarning] | None = getattr(_here, "collected", None)
+    if collected is not None:
+        collected.append(CollectedWarning(category, subject, message, getattr(_here, "point", -1)))
         return
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_OURS):
@@ -57,18 +57,18 @@ def warn(message: str, category: type[Warning], subject: str = "") -> None:
 
 @contextmanager
 def collected_warnings() -> Iterator[list[CollectedWarning]]:
-    """Gather what is told in this thread while the block runs."""
-    before = getattr(_here, "told", None)
-    _here.told = told = list[CollectedWarning]()
+    """Collect the warnings of this thread in the block."""
+    before = getattr(_here, "collected", None)
+    _here.collected = collected = list[CollectedWarning]()
     try:
-        yield told
+        yield collected
     finally:
-        _here.told = before
+        _here.collected = before
 
 
 @contextmanager
 def at_study_point(point: int) -> Iterator[None]:
-    """Note that what is told in the block is about a point; the outermost block says."""
+    """Attribute the warnings of the block to a point; the outermost block takes precedence."""
     before = getattr(_here, "point", -1)
     _here.point = point if before < 0 else before
     try:
@@ -79,20 +79,20 @@ def at_study_point(point: int) -> Iterator[None]:
 
 @contextmanager
 def warned_once() -> Iterator[None]:
-    """Tell once of each subject what the block, which runs often, tells of it."""
-    told: list[CollectedWarning] = []
+    """Issue the warnings of the block, once per category and subject."""
+    collected: list[CollectedWarning] = []
     try:
-        with collected_warnings() as told:
+        with collected_warnings() as collected:
             yield
     finally:
-        for each in first_of_each(told):
+        for each in first_of_each(collected):
             with at_study_point(each.point):
                 warn(each.message, each.category, each.subject)
 
 
-def first_of_each(told: Iterable[CollectedWarning]) -> list[CollectedWarning]:
-    """Return the first that was told of each subject."""
+def first_of_each(collected: Iterable[CollectedWarning]) -> list[CollectedWarning]:
+    """Return the first warning of each category and subject."""
     first: dict[tuple[type[Warning], str], CollectedWarning] = {}
-    for each in told:
+    for each in collected:
         first.setdefault((each.category, each.subject), each)
     return list(first.values())

@@ -151,7 +151,7 @@ def chart(
         "type": [row["type"] for row in rows],
         "kind": [row["kind"] for row in rows],
     }
-    return table({}, labels, given=columns, symbols=dict(labels.symbols))
+    return table({}, labels, user_columns=columns, symbols=dict(labels.symbols))
 
 
 def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
@@ -163,7 +163,7 @@ def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Label
         "on": [row["on"] for row in rows],
         "off": [row["off"] for row in rows],
     }
-    return table({}, labels, given=columns)
+    return table({}, labels, user_columns=columns)
 
 
 def chart_points(
@@ -171,7 +171,7 @@ def chart_points(
 ) -> pd.DataFrame:
     """Return one row per point of codimension two: kind and the `parameters`."""
     columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
-    return table({}, labels, given=columns)
+    return table({}, labels, user_columns=columns)
 
 
 def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -253,7 +253,7 @@ def step_lengths(
         "formula": formula,
         "ratio": simulated / formula,
     }
-    return table({}, labels, given=columns)
+    return table({}, labels, user_columns=columns)
 
 
 def speed(
@@ -280,7 +280,7 @@ def speed(
         "displacement per blow": each(blows_per_period),
         "mean speed": displacement_per_period / period,
     }
-    return table({}, labels, given=columns)
+    return table({}, labels, user_columns=columns)
 
 
 def load(
@@ -300,12 +300,14 @@ def load(
         "does": list(does),
         "by": list(by),
     }
-    return table({}, labels, given=columns)
+    return table({}, labels, user_columns=columns)
 
 
 def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per mode: its fraction of time, and its time per period."""
-    return table({"time": shares * period}, labels, given={"mode": list(modes), "share": shares})
+    return table(
+        {"time": shares * period}, labels, user_columns={"mode": list(modes), "share": shares}
+    )
 
 
 def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:

@@ -68,8 +68,7 @@ class RecurrenceOptions:
         Forcing periods in which a motion may become periodic, and further periods over which a
         motion that has not is measured. In time for an autonomous system.
     longest : int
-        Largest number of returns after which a motion may repeat itself: the largest n of a
-        period-n motion.
+        Longest period in returns: the largest n of a period-n motion.
     tolerance : float
         Relative tolerance for recognising a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
@@ -133,15 +132,15 @@ class Attractor:
     ----------
     motion : str
         "periodic"; "off" for a motion without impacts, in a system with impacts, that is periodic
-        or whose exponent shows that it becomes periodic; "resting" if nothing moves; "chaotic" or
-        "quasi-periodic" by its largest exponent (see `classify`) if it has not repeated itself;
+        or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
+        "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
         "unsettled" if the exponent does not decide, for example because the motion approaches an
-        orbit slowly, repeats itself after more than `longest` returns or is transiently chaotic;
+        orbit slowly, has a period of more than `longest` returns or is transiently chaotic;
         "failed".
     period : int
-        Number of returns after which the motion repeats itself, 0 if it does not. Returns are
-        forcing periods or, for an autonomous system, crossings of the section (events of the first
-        guard if there is no section).
+        Period in returns, 0 for a motion that is not periodic. Returns are forcing periods or, for
+        an autonomous system, crossings of the section (events of the first guard if there is no
+        section).
     returns : int
         Number of returns for which the motion was followed.
     final : State
@@ -321,7 +320,7 @@ def _attractor(
     impacts = [guard.impact for guard in system.automaton.guards]
     hits = float(settled.counts[impacts].sum())
     events = float(settled.counts.sum()) + settled.endings
-    stays = settled.still and events == 0.0 and settled.repeats == 1
+    stays = settled.at_rest and events == 0.0 and settled.repeats == 1
     if settled.outcome == detection.STATIONARY or stays:
         motion = RESTING
     elif settled.outcome == detection.PERIODIC:

@@ -89,7 +89,7 @@ class Equilibrium(Result):
     def eigenvalues(self) -> NDArray[np.complex128]:
         """Eigenvalues of the Jacobian of the flow, per unit of time, largest real part first.
 
-        The zero eigenvalues of a continuum are left out (see `neutral`).
+        The zero eigenvalues of a continuum are omitted (see `neutral`).
         """
         return self.found.eigenvalues / self.system.out("time", 1.0)
 

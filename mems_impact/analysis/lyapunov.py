@@ -346,7 +346,7 @@ def _run_to_tolerance(
         return _spectrum(system, problem, stretching, converged)
 
     try:
-        stretching.turn(watch)
+        stretching.align(watch)
         while True:
             stretching.advance_exponents(1, watch)
             found = stretching.result

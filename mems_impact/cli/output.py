@@ -164,7 +164,7 @@ def _wrapped(column: pd.DataFrame, form: Callable[[float], str]) -> list[str]:
 def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> None:
     """Show one line per value, its name and unit before it.
 
-    Units are left out where all values are pure numbers (`named` is False).
+    Units are omitted if all values are pure numbers (`named` is False).
     """
     if not named:
         values = {name: value._replace(unit="") for name, value in values.items()}

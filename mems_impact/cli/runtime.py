@@ -171,7 +171,7 @@ def interruptible() -> Iterator[list[signal.Signals]]:
 def _importing(frame: FrameType | None) -> bool:
     """Return whether an extension module is being imported.
 
-    Such an import drops exceptions raised meanwhile, and the work would go on.
+    Such an import drops exceptions raised meanwhile, and the work would continue.
     """
     while frame is not None:
         if frame.f_code in _IMPORTS:

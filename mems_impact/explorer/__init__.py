@@ -1,6 +1,6 @@
-"""The explorer: a page in the browser whose sliders move a system, and what is computed for it.
+"""The explorer: a page in the browser with sliders for the parameters of a system.
 
-What is computed knows no browser: `session` (the system, its sliders, the state of a page and its
-address), `snapshot` (what is shown of it), `export` (what is saved), `background` (computing while
-the user goes on). `view` draws it with Bokeh, `server` shows it.
+Modules without a browser: `session` (system, sliders, state and address of a page), `snapshot`
+(displayed data), `export` (saved files), `background` (computing threads). `view` draws with Bokeh,
+`server` serves the page.
 """

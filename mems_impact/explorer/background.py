@@ -21,30 +21,30 @@ from mems_impact.errors import (
 
 __all__ = ["LatestOnlyWorker", "capture_warnings", "route_warnings"]
 
-# --- Computing beside the page: what was asked last counts, what nobody waits for is given up.
+# --- Computing thread
 
 Asked = TypeVar("Asked")
 
 
 class _GivenUp(Exception):
-    """Ends work whose result nobody waits for."""
+    """Cancels an outdated computation."""
 
 
 class LatestOnlyWorker(Generic[Asked]):
-    """A thread that computes what was asked last.
+    """A thread that computes the latest request.
 
     Parameters
     ----------
     compute : callable
-        ``compute(asked, watch)``, which calls ``watch(anything)`` now and then while it works;
-        what that raises ends it.
+        ``compute(asked, watch)`` calls ``watch(progress)`` repeatedly; an exception from it ends
+        the computation.
     deliver : callable
         ``deliver(asked, result, error)`` is called in the thread, with one of both None.
     patience : float, optional
-        Seconds that work may go on though something else has been asked since. Pictures are to
-        follow a slider that moves without rest, so that short work is done to its end.
+        Seconds for which a computation continues after a newer request. Short computations are
+        completed, so that pictures follow a moving slider.
     delay : float, optional
-        Seconds in which nothing else is asked, before work begins.
+        Seconds without a newer request before a computation begins.
     """
 
     def __init__(
@@ -60,24 +60,24 @@ class LatestOnlyWorker(Generic[Asked]):
         self._changed = threading.Condition()
         self._waiting: tuple[Asked] | None = None
         self._stopped = False
-        # Compiling hears nobody: a process that ends shall not wait for it.
+        # Compilation cannot be cancelled, and must not delay the end of the process.
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def ask(self, asked: Asked) -> None:
-        """Ask for something, in place of all that was asked before."""
+        """Request a computation, which replaces earlier requests."""
         with self._changed:
             self._waiting = (asked,)
             self._changed.notify()
 
     def stop(self) -> None:
-        """End the thread, as soon as its work listens."""
+        """End the thread at the next call of ``watch``."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
 
     def join(self, timeout: float) -> None:
-        """Wait for the thread that was stopped."""
+        """Wait for the end of the thread."""
         self._thread.join(timeout)
 
     def _run(self) -> None:
@@ -99,7 +99,7 @@ class LatestOnlyWorker(Generic[Asked]):
                 self._deliver(asked[0], result, error)
 
     def _next(self) -> tuple[Asked] | None:
-        """Return what is to be computed next, when it has been left alone long enough."""
+        """Return the next request, after the delay without newer ones."""
         with self._changed:
             while not self._stopped:
                 asked = self._waiting
@@ -110,7 +110,7 @@ class LatestOnlyWorker(Generic[Asked]):
         return None
 
 
-# --- Warnings of the package, each to the page whose run gave it.
+# --- Warnings of each thread
 
 TOLD = (
     DiscontinuityWarning,
@@ -125,10 +125,9 @@ _here = threading.local()
 
 @contextmanager
 def route_warnings() -> Iterator[None]:
-    """Let `capture_warnings` hear warnings, of each thread its own, each time that they are given.
+    """Let `capture_warnings` receive every warning of its thread.
 
-    Python's own recorder changes what the whole process does with warnings, and here pictures of
-    several pages are computed side by side.
+    Python's recorder of warnings is global, but several pages compute pictures concurrently.
     """
     with warnings.catch_warnings():
         for kind in TOLD:
@@ -148,7 +147,7 @@ def route_warnings() -> Iterator[None]:
 
 @contextmanager
 def capture_warnings() -> Iterator[list[str]]:
-    """Gather what this thread is warned of, while the block runs."""
+    """Collect the warnings of this thread in the block."""
     _here.messages = messages = list[str]()
     try:
         yield messages

@@ -31,14 +31,14 @@ LINE = 96
 
 
 def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -> str:
-    """Return a script that makes the run of a setting, its orbit, its diagram and their pictures.
+    """Return a script that computes and draws run, orbit and diagram of a setting.
 
     Parameters
     ----------
     subject : Subject
     setting : PageSetting
     dial : SliderSpec or None
-        Of the parameter of the diagram; None for a system without parameters.
+        Slider of the parameter of the diagram; None for a system without parameters.
     """
     system = setting.system(subject)
     given: dict[str, Any] = run_length(system, setting, unit_of_time(system))
@@ -69,7 +69,7 @@ def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -
 
 
 def run_picture(run: Run) -> bytes:
-    """Return the picture that `mems_impact.plot_run` makes of a run, as a PNG."""
+    """Return the figure of `mems_impact.plot_run` as PNG."""
     buffer = io.BytesIO()
     mi.plot_run(run).figure.savefig(buffer, format="png", dpi=PICTURE_DPI)
     return buffer.getvalue()
@@ -78,7 +78,7 @@ def run_picture(run: Run) -> bytes:
 def device_file(subject: Subject, system: ActuatorSystem) -> str:
     """Return device and drive as a TOML file, for `load_actuator` and `load_drive`.
 
-    A drive that a user's functions make has no place in it.
+    A drive of user functions is omitted.
     """
     parts = actuator_parts(system.actuator)
     units, terms = parts.pop("units", "dimensionless"), parts.pop("terms", {})
@@ -124,7 +124,7 @@ def _entries(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _value(value: Any) -> str:
-    """Return a value as TOML has it; numbers to the last digit, strings as JSON."""
+    """Return a value in TOML; numbers with all digits, strings as in JSON."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):
@@ -133,7 +133,7 @@ def _value(value: Any) -> str:
 
 
 class _Plain(str):
-    """Text that is shown as it stands."""
+    """Text whose repr is the text itself."""
 
     def __repr__(self) -> str:
         return str(self)

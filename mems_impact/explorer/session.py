@@ -39,11 +39,11 @@ __all__ = [
     "usual_sine",
 ]
 
-# --- Numbers in the SI prefix that fits them: micrometres for 5e-6 m.
+# --- SI prefixes
 
 
 def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
-    """Return the unit in which numbers of that size are told, and what it is called.
+    """Return the display unit for numbers of a size, and its name.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     Returns
     -------
     tuple of float and str
-        What a number in `unit` is to be divided by, and the name of the unit then.
+        Divisor of a number in `unit`, and the name of the display unit.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     if not known or not (abs(size) > 0.0 and math.isfinite(size)):
         return 1.0, unit
     power = math.log10(abs(size))
-    if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz are read as they stand
+    if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz need no prefix
         return 1.0, unit
     thousands = 3 * math.floor((power + (3 if gram else 0)) / 3.0 + 1e-9)
     thousands = min(max(thousands, min(SI_PREFIXES)), max(SI_PREFIXES))
@@ -80,7 +80,7 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     return factor, f"{SI_PREFIXES[thousands]}{'g' if gram else first}{rest}"
 
 
-# --- What is explored: a system at the numbers it starts with, and how Python makes it.
+# --- Subject of a page
 
 EXPLORER_OPTIONS = Options(method="auto")
 TRIED = 60  # forcing periods
@@ -88,25 +88,25 @@ TRIED = 60  # forcing periods
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """What is explored.
+    """The explored system, with its initial parameters.
 
     Attributes
     ----------
     system : System
-        At the numbers with which the page opens.
+        The system at the initial parameters.
     title : str
     making : callable
-        ``making(system)`` returns the lines of Python that make `system`, this one at other
-        numbers, under the name ``system``.
+        ``making(system)`` returns the Python source that constructs `system`, this one at other
+        parameters, under the name ``system``.
     starts : mapping of str to callable
-        Where runs may start, by name: ``start(system)`` is the state, None for the system's own.
+        Initial states by name: ``start(system)`` returns the state, None for the system's own.
     groups : mapping of str to tuple of str
-        The parameters, by the heading under which their sliders stand.
+        The parameters, by the heading of their sliders.
     meanings : mapping of str to str
         Short names of parameters whose symbols are not words.
     sizes : mapping of str to float
-        How far the slider of a parameter goes that is 0, where 1 in the units of the numerics is
-        not a good guess.
+        Range of the slider of a parameter that is 0, if 1 in the units of the numerics is
+        unsuitable.
     options : Options
         How runs are integrated.
     """
@@ -124,8 +124,8 @@ class Subject:
 def usual_sine(actuator: Actuator) -> dict[str, float]:
     """Return amplitude and omega of a sine under which a device strikes, in its units.
 
-    The paper's working point, f = 0.24 and omega = 0.5 where m2 = k = d = alpha = 1, to two digits;
-    twice or four times the voltage where that is not enough.
+    The paper's working point, f = 0.24 and omega = 0.5 for m2 = k = d = alpha = 1, to two digits;
+    twice or four times the voltage if the device does not strike.
     """
     scales = actuator.scales
     omega = float(f"{scales.out(0.5, 'rad/s'):.2g}")
@@ -150,17 +150,17 @@ def of_device(
     drive_source: str = "",
     options: Options = EXPLORER_OPTIONS,
 ) -> Subject:
-    """Return an actuator under a drive, to be explored.
+    """Return the subject of an actuator under a drive.
 
     Parameters
     ----------
     name : str
-        Preset or path, from which `actuator` was loaded and then changed or not.
+        Preset or path from which `actuator` was loaded, perhaps with changes since.
     actuator : Actuator
     drive : Drive
     drive_source : str, optional
-        Python that makes the drive but for its numbers, ``mi.load_drive("wave.toml")``; the
-        waveform's class by default.
+        Python source of the drive without changed parameters, such as
+        ``mi.load_drive("wave.toml")``; the waveform's class by default.
     options : Options, optional
         How runs are integrated.
     """
@@ -207,12 +207,12 @@ def of_device(
 def of_code(
     name: str, changes: Mapping[str, float] | None = None, options: Options = EXPLORER_OPTIONS
 ) -> Subject:
-    """Return a system that Python code defines, to be explored.
+    """Return the subject of a system defined by Python code.
 
     Parameters
     ----------
     name : str
-        As `mems_impact.load_system` takes it: "FILE.py:NAME", for example. The code is run.
+        As in `mems_impact.load_system`, for example "FILE.py:NAME". The code is run.
     changes : mapping of str to float, optional
         Other values of some parameters.
     options : Options, optional
@@ -236,7 +236,7 @@ def of_code(
 
 
 def _setting(loaded: Actuator, actuator: Actuator) -> str:
-    """Return what Python calls to change the numbers of a loaded device to those of another."""
+    """Return the Python source of the calls that change a loaded device to another."""
     changed = _differing(_numbers(actuator), _numbers(loaded))
     return f".setting({changed!r})" if changed else ""
 
@@ -261,7 +261,7 @@ def _drive_source(drive: Drive, source: str) -> str:
 
 
 def _imports(drive: Drive, source: str) -> list[str]:
-    """Return what is to be imported of a waveform that another package adds."""
+    """Return the import statement of another package's waveform."""
     kind = type(drive)
     if source or kind.__module__.partition(".")[0] == "mems_impact":
         return []
@@ -272,7 +272,7 @@ def _differing(here: Mapping[str, float], there: Mapping[str, float]) -> dict[st
     return {name: value for name, value in here.items() if there.get(name) != value}
 
 
-# --- The sliders of a system: how far each goes, in which steps, in which unit it is told.
+# --- Sliders
 
 SLIDER_PARTS = (
     100  # of the way from a value to an end; where the end is not allowed, one of them is
@@ -294,11 +294,11 @@ class SliderSpec:
     meaning : str
         Name of the displayed quantity; empty if the symbol is a word, or nothing is known of it.
     unit : str
-        In which it is told, empty for a pure number.
+        Display unit, empty for a pure number.
     factor : float
-        That unit in the system's own: what stands at the slider times `factor` is the parameter.
+        The display unit in the system's unit: the displayed value times `factor` is the parameter.
     low, high, step : float
-        In the system's own unit.
+        Range and step in the system's unit.
     """
 
     name: str
@@ -335,9 +335,9 @@ class SliderSpec:
 
 
 def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
-    """Return a slider for each parameter: from 0 to twice its value, as far as that is allowed.
+    """Return a slider for each parameter: the allowed part of 0 to twice its value.
 
-    One that is 0 goes as far to either side.
+    A parameter that is 0 has a symmetric range.
     """
     return tuple(_dial(subject, name, value) for name, value in subject.system.parameters.items())
 
@@ -345,7 +345,7 @@ def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
 def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> tuple[float, float]:
     """Return the part of a range around a parameter's value that the system allows.
 
-    What is allowed is asked of the system itself, which may compare the parameter with others.
+    The system itself decides, since bounds may depend on other parameters.
     """
     value = system.value(name)
     return _farthest(system, name, value, low), _farthest(system, name, value, high)
@@ -376,7 +376,7 @@ def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
 
 
 def _farthest(system: HybridSystem, name: str, value: float, end: float) -> float:
-    """Return how far a parameter may go from its value towards an end."""
+    """Return the last allowed value of a parameter between its value and an end."""
 
     def place(part: int) -> float:
         return value + (end - value) * part / SLIDER_PARTS if part < SLIDER_PARTS else end
@@ -410,28 +410,29 @@ def _round_step(length: float) -> float:
     return power * max(each for each in (1.0, 2.0, 5.0) if each * power <= rough * (1.0 + 1e-9))
 
 
-# --- The state of a page, and its address: what a link has to say so that it shows the same.
+# --- State and address of a page
 
 SHORTEST, LONGEST = 1.0, 1000.0  # of a run, in forcing periods or units of time
 USUAL = 100.0
-SETTING_PREFIX = "show."  # of the page's own words, lest a parameter has the same name
+SETTING_PREFIX = "show."  # of the page's own keys, distinct from parameters
 TIME = "t"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PageSetting:
-    """What a page shows.
+    """The displayed state of a page.
 
     Attributes
     ----------
     values : mapping of str to float
         All parameters of the system.
     length : float
-        Of the run, in forcing periods, or in the system's `unit_of_time` where nothing forces it.
+        Length of the run in forcing periods, in the system's `unit_of_time` for an autonomous
+        system.
     start : str
-        Where it starts: a name among those of the subject.
+        Name of the initial state.
     parameter : str
-        Over which the bifurcation diagram is drawn.
+        Parameter of the bifurcation diagram.
     x, y : str
         States that span the phase plane, or "t".
     """
@@ -448,29 +449,29 @@ class PageSetting:
         return replace(self, values={**self.values, name: value})
 
     def system(self, subject: Subject) -> HybridSystem:
-        """Return the system at these values; InvalidParameter if it does not allow them."""
+        """Return the system at these values; raise InvalidParameter if it does not allow them."""
         return subject.system.changed(**self.values)
 
     def initial(self, subject: Subject, system: HybridSystem) -> State | None:
-        """Return where the run starts."""
+        """Return the initial state of the run."""
         return subject.starts[self.start](system)
 
 
 def unit_of_time(system: HybridSystem) -> float:
-    """Return what the length of a run counts in: the forcing period, or a typical time."""
+    """Return the unit of run lengths: the forcing period, or a typical time."""
     period = system.forcing_period
     return period if period is not None else float(system.out("time", system.numbers().period))
 
 
 def first_setting(subject: Subject) -> PageSetting:
-    """Return what a page shows whose address says nothing."""
+    """Return the default setting of a page."""
     system = subject.system
     x, y = _plane(system)
     names = tuple(system.parameters)
     return PageSetting(
         values=system.parameters,
         length=USUAL,
-        # Of a device that rests there is nothing to see.
+        # Show a device in motion, not at rest.
         start=tuple(subject.starts)[-1],
         parameter=names[0] if names else "",
         x=x,
@@ -479,18 +480,18 @@ def first_setting(subject: Subject) -> PageSetting:
 
 
 def address_of(subject: Subject, setting: PageSetting) -> str:
-    """Return the query of a page's address: every number to the last digit."""
+    """Return the query of a page's address, with all digits of every number."""
     words = {f"{SETTING_PREFIX}{name}": text for name, text in _words(subject, setting).items()}
     return urlencode({**{name: repr(value) for name, value in setting.values.items()}, **words})
 
 
 def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
-    """Return the setting that the query of an address tells; what it leaves out is as at first.
+    """Return the setting of an address's query; missing values are those of `first`.
 
     Raises
     ------
     InvalidParameter
-        If it names what there is not, or the system does not allow a value.
+        If the query has an unknown name, or the system does not allow a value.
     """
     first = first_setting(subject)
     values = dict(first.values)
@@ -513,17 +514,17 @@ def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSett
 
 
 def length_word(system: HybridSystem) -> str:
-    """Return what the length of a run is called."""
+    """Return the name of the unit of run lengths."""
     return "periods" if system.forced else "duration"
 
 
 def planes(system: HybridSystem) -> tuple[str, ...]:
-    """Return what a phase plane may be spanned by."""
+    """Return the possible axes of a phase plane."""
     return (*system.states, TIME)
 
 
 def _words(subject: Subject, setting: PageSetting) -> dict[str, str]:
-    """Return the page's own words and what they are set to."""
+    """Return the page's own keys and their values."""
     return {
         word: str(getattr(setting, field)).removesuffix(".0")
         for word, (field, _) in _choices(subject).items()
@@ -531,7 +532,7 @@ def _words(subject: Subject, setting: PageSetting) -> dict[str, str]:
 
 
 def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
-    """Return by word the field of a setting, and what it may be; nothing for the length."""
+    """Return by key the field of a setting and its choices; none for the length."""
     system = subject.system
     found = {
         length_word(system): ("length", ()),
@@ -544,7 +545,7 @@ def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
 
 
 def _plane(system: HybridSystem) -> tuple[str, str]:
-    """Return the two states by which a motion is shown at first."""
+    """Return the two states of the initial phase plane."""
     shown = system.displayed_states[0] if system.displayed_states else system.states[0]
     if system.section is not None and system.states[system.section[0]] != shown:
         return system.states[system.section[0]], shown

@@ -1,7 +1,7 @@
-"""Arrays that a page shows.
+"""Arrays for a page.
 
-What `mems_impact.plotting.trajectories` makes of tables for figures, without tables: those took two
-thirds of the time from a slider to its picture.
+The same data as in `mems_impact.plotting.trajectories`, but without tables, which took two thirds
+of the time from a slider to its picture.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ __all__ = [
     "with_special_points",
 ]
 
-# --- The bifurcation diagram around an operating point: coarse at first, then fine.
+# --- Bifurcation diagram: first coarse, then fine
 
 COARSE, FINE = 41, 161  # values of the parameter
-TRANSIENT, PERIODS = 60, 16  # forcing periods at each, or units of time
-MAX_DRAWN_ROWS = 40_000  # that are drawn
+TRANSIENT, PERIODS = 60, 16  # forcing periods per value, or units of time
+MAX_DRAWN_ROWS = 40_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +99,7 @@ class BifurcationDiagram:
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """A diagram that is wanted.
+    """A requested diagram.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Asked:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What the diagram depends on, beside the number of values."""
+        """The data of the diagram, except the number of values."""
         setting = self.setting
         others = {**setting.values, setting.parameter: 0.0}
         return setting.parameter, tuple(others.items())
@@ -126,7 +126,7 @@ class Asked:
 def sweep_arguments(
     system: HybridSystem, setting: PageSetting, dial: SliderSpec, points: int
 ) -> dict[str, Any]:
-    """Return what `mems_impact.sweep` is called with, beside the system."""
+    """Return the arguments of `mems_impact.sweep` after the system."""
     low, high = allowed_range(system, setting.parameter, dial.low, dial.high)
     value = system.value(setting.parameter)
     low, high = min(low, value), max(high, value)
@@ -148,9 +148,9 @@ def diagram_of(
     subject : Subject
     asked : Asked
     dial : SliderSpec
-        Of the parameter.
+        Slider of the parameter.
     watch : callable, optional
-        Called while the sweep goes on; what it raises ends it.
+        Called during the sweep; an exception from it ends the sweep.
     """
     system = asked.setting.system(subject)
     given = sweep_arguments(system, asked.setting, dial, asked.points)
@@ -181,7 +181,7 @@ def with_special_points(
     subject : Subject
     diagram : BifurcationDiagram
     watch : callable, optional
-        Called while the continuation goes on; what it raises ends it.
+        Called during the continuation; an exception from it ends the continuation.
     """
     setting = diagram.asked.setting
     name, value = setting.parameter, setting.values[setting.parameter]
@@ -200,12 +200,12 @@ def with_special_points(
     return replace(diagram, special_points=found, continued=True)
 
 
-# --- The last part of a run as arrays: exact at transitions, broken where it jumps.
+# --- Motion: exact at transitions, broken at jumps
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A stretch of a run, in the units of the system.
+    """A part of a run, in the units of the system.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Motion:
     hits : mapping of str to ndarray
         The impacts: ``t``, and each state ``before`` and ``after``.
     stretches : tuple of tuple
-        Mode, start and end of each stretch of time in one mode.
+        Mode, start and end of each interval in one mode.
     """
 
     curve: Mapping[str, Floats] = field(repr=False)
@@ -236,7 +236,7 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
     per_period : int
         Samples in a period of the numerics.
     first : float
-        Where it begins, in such periods.
+        Start of the motion, in periods of the numerics.
     """
     system, trajectory = run.system, run.trajectory
     places = [system.states.index(name) for name in names]
@@ -270,15 +270,15 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
 
 
 def times_of(run: Run, cycle: np.ndarray, time: Floats) -> Floats:
-    """Return instants of the numerics as times since the run began to count, in its own unit."""
+    """Return instants of the numerics as times from period 0, in the unit of the system."""
     found: Floats = run.system.out("time", cycle * run.trajectory.period + time)
     return found
 
 
 def counts_of(run: Run, periods: int) -> tuple[Floats, str]:
-    """Return how many impacts there were in each of the first periods, and the word for them.
+    """Return the number of impacts in each of the first periods, and their name.
 
-    Where nothing strikes, events.
+    For a system without impacts, the number of events.
     """
     log = run.trajectory.events
     strikes = any(guard.impact for guard in run.system.automaton.guards)
@@ -314,13 +314,13 @@ def _stretches(
     return tuple((modes[mode], start, end) for mode, start, end in found if end > start)
 
 
-# --- What a page shows of one run: arrays, ready to be drawn.
+# --- Snapshot of a run
 
 DISPLAYED_PERIODS = 6.0  # forcing periods of the motion over time
-UNFORCED_DURATION = 5.0  # units of time that are shown like a forcing period, where nothing forces
+UNFORCED_DURATION = 5.0  # units of time shown for an autonomous system
 MIN_SAMPLES, MAX_SAMPLES = 1_200, 24_000  # of the motion that is shown
 SAMPLES_PER_STEP = 6  # of the integrator: a free oscillation takes some ten steps
-TRANSIENT_SHARE = 0.5  # part of a run after which its crossings of the section are shown
+TRANSIENT_SHARE = 0.5  # part of a run without shown crossings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,7 +330,7 @@ class Cycles:
     Attributes
     ----------
     number : ndarray
-        Of the forcing periods or of the crossings of the section, shape (n,).
+        Numbers of the forcing periods or of the crossings of the section, shape (n,).
     value : ndarray
         Shape (n,).
     what : str
@@ -338,11 +338,12 @@ class Cycles:
     name : str
         The state or column whose unit they have.
     speed : float
-        What a value is to be divided by for the speed; 0 where that has no meaning.
+        Divisor of a value for the speed; 0 if there is no speed.
     events : ndarray
-        Impacts, or events where nothing strikes, in each forcing period; empty without forcing.
+        Number of impacts, or of events without impacts, in each forcing period; empty without
+        forcing.
     counted : str
-        What `events` are.
+        Name of `events`.
     """
 
     number: Floats
@@ -374,7 +375,7 @@ class Headline:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSnapshot:
-    """What a page shows of a run.
+    """Data of a run for a page.
 
     Attributes
     ----------
@@ -383,18 +384,19 @@ class RunSnapshot:
     motion : Motion
         The last part of the run.
     voltages : tuple of ndarray
-        Of an actuator, at the frames of the motion: to the right, and to the left if there is one.
+        Of an actuator, at the frames of the motion: right voltage, and left voltage if there is
+        one.
     section : mapping of str to ndarray
-        ``t`` and the states at crossings of the Poincaré section, or where forcing periods begin,
-        in the settled part of the run.
+        ``t`` and the states at crossings of the Poincaré section, or at starts of forcing periods,
+        after the transient.
     cycles : Cycles
     headlines : tuple of Headline
     unit : float
-        What the axis of time counts in.
+        Unit of the time axis.
     seconds : float
-        How long it took to compute.
+        Duration of the computation.
     warnings : tuple of str
-        What the run warned of.
+        Warnings of the run.
     """
 
     setting: PageSetting
@@ -410,12 +412,12 @@ class RunSnapshot:
 
     @property
     def system(self) -> HybridSystem:
-        """The system that was run."""
+        """The system of the run."""
         return self.run.system
 
     @property
     def slips(self) -> tuple[tuple[float, float], ...]:
-        """Start and end of each stretch in which the frame of an actuator slips."""
+        """Start and end of each interval of slip of an actuator's frame."""
         if not isinstance(self.system, ActuatorSystem):
             return ()
         stretches = self.motion.stretches
@@ -425,14 +427,14 @@ class RunSnapshot:
 def take_snapshot(
     subject: Subject, setting: PageSetting, watch: Watch | None = None
 ) -> RunSnapshot:
-    """Run the system of a setting and gather what is shown of it.
+    """Run the system of a setting, and return the data for a page.
 
     Parameters
     ----------
     subject : Subject
     setting : PageSetting
     watch : callable, optional
-        Called while the run goes on; what it raises ends it.
+        Called during the run; an exception from it ends the run.
 
     Raises
     ------
@@ -480,26 +482,26 @@ def _per_period(run: Run, shown: float) -> int:
 
 
 def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[str, Any]:
-    """Return the length of the run as `simulate` takes it."""
+    """Return the length of the run for `simulate`."""
     if system.forced:
         return {"periods": setting.length}
     return {"duration": setting.length * unit}
 
 
 def states_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
-    """Return the states that any part of the page shows, those over time first."""
+    """Return all displayed states, those over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
     names = (*over_time, setting.x, setting.y, *system.displayed_states[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
 
 
 def series_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
-    """Return the states that are shown over time."""
+    """Return the states displayed over time."""
     return states_shown(system, setting)[:2]
 
 
 def _section(run: Run) -> dict[str, Floats]:
-    """Return the states on the section in the settled part of a run."""
+    """Return the states on the section after the transient."""
     system, log = run.system, run.trajectory.events
     begin, end = run.extent
     if system.section is None and system.forced:
@@ -584,7 +586,7 @@ def _headlines(run: Run) -> tuple[Headline, ...]:
     return (*found, Headline(name="pull-in voltage", value=pull_in, quantity="voltage"))
 
 
-# --- The multipliers of the orbit that a run has come to.
+# --- Floquet multipliers of the orbit near the end of a run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -595,12 +597,12 @@ class Floquet:
     ----------
     multipliers : ndarray
         Complex; empty if no orbit was found.
-    told : str
+    description : str
         Description of the orbit, or why none was found.
     """
 
     multipliers: NDArray[np.complex128]
-    told: str
+    description: str
 
 
 def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
@@ -609,12 +611,12 @@ def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
         orbit = mi.find_orbit(picture.run)
     except (mi.OrbitError, mi.RunError, mi.InvalidParameter) as error:
         reason = getattr(error, "reason", str(error))
-        return Floquet(multipliers=np.empty(0, dtype=complex), told=reason)
+        return Floquet(multipliers=np.empty(0, dtype=complex), description=reason)
     hits, periods = len(orbit.impacts), orbit.periods
     if picture.system.forced:
         length = f"{periods} forcing period{'s' if periods > 1 else ''}"
     else:
         length = f"{picture.system.label('period')} {orbit.period:.6g}"
     kind = "stable" if orbit.stable else "unstable"
-    told = f"{kind}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
-    return Floquet(multipliers=orbit.multipliers, told=told)
+    description = f"{kind}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
+    return Floquet(multipliers=orbit.multipliers, description=description)

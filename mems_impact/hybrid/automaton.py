@@ -21,9 +21,9 @@ from mems_impact.hybrid.event_loop.workspace import (
     RECORDS,
 )
 from mems_impact.hybrid.pickling import portable
-from mems_impact.integrators.python_functions import carry_out
+from mems_impact.integrators.python_functions import apply_transition
 
-# --- A hybrid automaton as a value: modes, flow, margins, transitions.
+# --- Hybrid automaton
 
 
 @dataclass(frozen=True)
@@ -36,25 +36,25 @@ class Guard:
     Parameters
     ----------
     name : str
-        What the tables call the event.
+        Name of the event in tables.
     margin : callable, optional
         ``margin(mode, t, y, p)`` returns the margin.
     transition : callable, optional
         ``transition(mode, t, y, p)`` returns the new mode and the new state. Without it the guard
-        only records: mode and state go on.
+        only records: mode and state are unchanged.
     modes : tuple of int, optional
-        The modes that it watches; all by default.
+        Modes in which the guard is active; all by default.
     rate : callable, optional
-        ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. Without it
-        it is taken by differences (see `mems_impact.hybrid.definition`).
+        ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. By default
+        the rate is computed by differences (see `mems_impact.hybrid.definition`).
     order : int, optional
-        Guards that fire in the same instant are handled in ascending order; by default impacts come
-        first, and then guards come as they are listed.
+        Simultaneous guards are handled in ascending order; by default impacts come first, then the
+        other guards in the order of the list.
     impact : bool, optional
         True if the margin is a gap and the transition an impact: its closest approaches are
         recorded, and a sequence of impacts that accumulates is completed (see `Impact`).
     rest : callable, optional
-        Of an impact; as `transition`.
+        Transition into sticking contact at the end of a chatter sequence (see `Impact`).
 
     See Also
     --------
@@ -62,9 +62,9 @@ class Guard:
 
     Notes
     -----
-    An `Automaton` has one function for all margins and one for all transitions. Where these are not
-    made from its guards (see `mems_impact.hybrid.definition`), guards have a name and an order
-    alone.
+    An `Automaton` has one function for all margins and one for all transitions. If it was not
+    generated from guards (see `mems_impact.hybrid.definition`), its guards have only a name and an
+    order.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class Guard:
 
     @property
     def records(self) -> bool:
-        """Whether it changes nothing, and only records."""
+        """Whether the guard records its events without a transition."""
         return self.margin is not None and self.transition is None
 
 
@@ -104,10 +104,10 @@ class Impact(Guard):
     Parameters
     ----------
     name, margin, transition, modes, rate, order : optional
-        As of a `Guard`; `margin` is the gap, and `transition` the rebound.
+        As in `Guard`; `margin` is the gap, and `transition` the rebound.
     rest : callable, optional
-        ``rest(mode, t, y, p)`` returns the mode and the state in which the bodies stay together,
-        when a sequence of ever weaker impacts has ended. Without it such a sequence ends the run.
+        ``rest(mode, t, y, p)`` returns mode and state of the sticking contact at the end of a
+        chatter sequence. Without it such a sequence ends the run.
 
     See Also
     --------
@@ -137,9 +137,9 @@ class Impact(Guard):
 class Automaton:
     """Modes, flow, guards and transitions, written as plain scalar functions.
 
-    The functions must be ones that numba can compile unchanged: arrays are read and written
-    element by element, and whatever they call is such a function too. They run interpreted and
-    compiled alike. ``y`` is the state, ``p`` the parameters, ``mode`` an index into `modes`.
+    The functions run interpreted and compiled by numba: they read and write arrays element by
+    element, and call only functions of this kind. ``y`` is the state, ``p`` the parameters,
+    ``mode`` an index into `modes`.
 
     Parameters
     ----------
@@ -154,38 +154,39 @@ class Automaton:
         finite and smooth a little beyond every guard, since a trial step may go there.
     margins : callable
         ``margins(mode, t, y, p, g, r)`` writes the margins ``g`` and their time derivatives ``r``.
-        A margin that does not apply in `mode` is a positive constant, its rate too. The rates find
-        the margins that dip below zero and come back within one step; a rate that is left at a
-        positive constant gives up that protection. An impact needs its true rate: it is the speed
-        of approach, by which a rebound is told from a contact that persists.
+        A margin that is inactive in `mode` is a positive constant, and so is its rate. The rates
+        detect margins that become negative and positive again within one step; a constant rate
+        disables this detection. An impact needs its true rate, the speed of approach, which
+        distinguishes a rebound from a persistent contact.
     transition : callable
         ``transition(mode, code, t, y, p)`` changes ``y`` in place and returns the new mode.
-        ``code`` is the number of the guard; ``m + number`` when a sequence of impacts at that guard
-        has accumulated (to be handled as an impact without rebound); ``2 m`` when the drive has
-        just switched and the mode is to be settled anew.
+        ``code`` is the number of the guard; ``m + number`` at the accumulation point of impacts at
+        that guard (an impact without rebound); ``2 m`` after a switch of the drive, when the mode
+        has to be determined again.
     jacobian : callable, optional
         ``jacobian(mode, t, y, p, J)`` writes ``J[i, j]``, the derivative of component i of the flow
-        by component j of the state; `J` comes filled with zeros. It serves Newton's method
-        (method "bdf"), for which CVODE otherwise takes differences.
+        by component j of the state; `J` is initially zero. Newton's method (method "bdf") uses it;
+        without it CVODE computes differences.
     cyclic : tuple of int
-        Components that never enter flow, margins or transitions except by differences. They are
-        integrated from zero in every arc and accumulated apart, so that they keep their digits.
+        Components that enter flow, margins and transitions by differences only. Every arc
+        integrates them from zero, and their offsets are accumulated separately, which preserves
+        their accuracy.
     constrained : tuple of int, optional
-        Modes whose states lie on a manifold, as where bodies are held together or a state slides
-        along a surface. In these ``transition`` with the code ``2 m + 1`` puts a state onto it, by
-        a projection: the flow stays on it, and what it does beside it means nothing.
+        Modes whose states lie on an invariant manifold, such as bodies in contact or a state that
+        slides along a surface. In these modes ``transition`` with the code ``2 m + 1`` projects a
+        state onto the manifold; the flow off the manifold has no meaning.
     stiff : bool, optional
-        Whether something may decay far faster than anything happens: method "auto" is then the one
-        that suits its flow.
+        Whether the flow may have decay rates far above those of its motion; the default method is
+        then "auto".
     bounds : bool, optional
-        Whether its functions, compiled, are kept from reading and writing beyond their arrays: a
-        call that does fails with a `FunctionError`. It costs up to 3 %.
+        Whether compiled functions check array bounds: an access out of bounds raises
+        `FunctionError`. The checks cost up to 3 % of run time.
     step : float, optional
-        Of the differences that give derivatives by states and parameters, along a direction of
-        length one: well below the sizes over which its functions bend.
+        Step of the differences for derivatives by states and parameters, along a direction of
+        length one; well below the scale on which the functions are nonlinear.
     recipe : tuple of callable and tuple, optional
-        A function and its arguments that make this automaton once more: how it is pickled, where
-        its functions cannot be imported by their names.
+        A function and its arguments that construct this automaton; used to pickle it if its
+        functions cannot be imported by name.
 
     Notes
     -----
@@ -218,7 +219,7 @@ class Automaton:
             )
 
     def __reduce__(self) -> Any:
-        """Pickle the recipe; without one, the functions by their names."""
+        """Pickle the recipe; without one, functions by name."""
         if self.recipe is not None:
             make, arguments = self.recipe
             return make, portable(arguments)
@@ -231,10 +232,10 @@ class Automaton:
 
     @property
     def projection_code(self) -> int:
-        """The code of `transition` for "put the state onto what the mode holds"."""
+        """The code of `transition` for the projection onto the manifold of a mode."""
         return 2 * len(self.guards) + 1
 
-    # Its functions called one by one, in Python and with numbers of Python, whatever is given.
+    # Interpreted evaluation of single functions, with Python floats.
 
     def slope_at(self, mode: int, t: float, y: Floats, p: Floats) -> Floats:
         """Return the flow at a state, shape (n,)."""
@@ -255,12 +256,12 @@ class Automaton:
         self, mode: int, code: int, t: float, y: Floats, p: Floats
     ) -> tuple[int, Floats]:
         """Return mode and state after the transition `code`."""
-        into, after = carry_out(self.transition, mode, code, t, *numbers(y, p))
+        into, after = apply_transition(self.transition, mode, code, t, *numbers(y, p))
         return into, np.array(after)
 
     @cached_property
     def rows(self) -> tuple[tuple[int, list[float]], ...]:
-        """What it puts into the loop's table: rows of `workspace`, each with its numbers."""
+        """Rows of the loop's table that the automaton determines, as (row number, values)."""
         return (
             (ORDER, [float(guard.order or 0) for guard in self.guards]),
             (IMPACT, [float(guard.impact) for guard in self.guards]),
@@ -272,7 +273,7 @@ class Automaton:
 
 
 def numbers(*arrays: Any) -> Iterator[list[float]]:
-    """Yield the numbers of arrays as Python's own."""
+    """Yield arrays as lists of Python floats."""
     return (np.asarray(array, dtype=float).tolist() for array in arrays)
 
 
@@ -281,7 +282,7 @@ def _automaton(*values: Any) -> Automaton:
     return Automaton(**dict(zip(names, values, strict=True)))
 
 
-# --- An automaton without its guards: every mode goes on for as long as it is told to.
+# --- An automaton without guards
 
 
 def _margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
@@ -295,7 +296,7 @@ def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
 
 @cache
 def unguarded(automaton: Automaton) -> Automaton:
-    """Return the automaton that stays in the mode in which it starts, with the same flow."""
+    """Return the automaton with the same flow that stays in its initial mode."""
     never = (Guard(name="never", order=0),)
     return replace(
         automaton,

@@ -9,16 +9,16 @@ from mems_impact.hybrid.differences import weight_of
 
 __all__ = ["PROJECTION_STEPS", "elimination", "projection_source"]
 
-PROJECTION_STEPS = 3  # of Newton's method onto a surface that is not flat
-CONSTRAINT_STEP = 1e-3  # of differences that give the slopes of a constraint
-SUPERFLUOUS = "1e-11"  # of its size, what is left of an equation that others imply
+PROJECTION_STEPS = 3  # iterations of Newton's method onto a curved surface
+CONSTRAINT_STEP = 1e-3  # step of the differences for the gradient of a constraint
+REDUNDANCY_RTOL = "1e-11"  # relative pivot below which an equation is redundant
 
 
 def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: int) -> list[str]:
-    """Return the lines that put a state, a tuple ``s``, onto what holds in its mode.
+    """Return the lines that project a state, a tuple ``s``, onto the constraints of its mode.
 
-    They call the constraints, each of a mode, as ``holds_0``, ``holds_1`` and so on, and make
-    states by ``State``.
+    They call the constraints as ``holds_0``, ``holds_1`` and so on, and construct states by
+    ``State``.
     """
     lines = []
     for i, (mode, _) in enumerate(constraints):
@@ -61,11 +61,11 @@ def slope(i: int, j: int, n: int) -> str:
 def elimination(k: int) -> list[str]:
     """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
 
-    What others make superfluous is zero.
+    Unknowns of redundant equations are zero.
     """
     lines = [f"size{i} = g{i}_{i}" for i in range(k)]
     for i in range(k):
-        lines.append(f"alone{i} = g{i}_{i} > {SUPERFLUOUS} * size{i}")
+        lines.append(f"alone{i} = g{i}_{i} > {REDUNDANCY_RTOL} * size{i}")
         lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
         for j in range(i + 1, k):
             lines.append(f"share = g{i}_{j} * inverse{i}")

@@ -1,18 +1,17 @@
 """An automaton from a user's equations, and its nondimensionalization.
 
 Users write one function for the flow, and for each guard one for its margin and one for its
-transition. They read states and parameters by name and return what is new::
+transition. They read states and parameters by name and return new values::
 
     def flow(mode, t, y, p):
         return y.v, p.A * math.cos(p.omega * t) - 2 * p.zeta * y.v - y.x
 
 The event loop wants three functions over arrays (see `mems_impact.hybrid.automaton.Automaton`).
-Their text is put together here, once for each set of functions, so that the compiler sees plain
-calls: named tuples cost nothing at run time.
+This module generates their source once per set of functions. The compiler then sees plain calls,
+and named tuples have no cost at run time.
 
-Where there are many states, the flow takes one more argument, an array to write into. Then all of
-the functions get the state as an array, and transitions too have one more argument, in which they
-find the state and leave the new one::
+For many states, the flow may take one more argument, an output array. Then all functions receive
+the state as an array, and transitions have an output array too, which initially holds the state::
 
     def flow(mode, t, y, p, dy):
         for i in range(1, 49):
@@ -20,14 +19,13 @@ find the state and leave the new one::
 
 Rates of margins
 ----------------
-A margin without a rate is differentiated along the flow: its change on the straight line through
-(t, y) in the direction (1, flow), by central differences of sixth order with a step of 1e-3 of the
-period (or of ``time_scale``). The line touches the trajectory, so that for a margin linear in state
-and time this is its rate to rounding; otherwise the error is that of a sixth-order difference.
+A margin without a rate is differentiated along the flow: on the straight line through (t, y) in the
+direction (1, flow), by central differences of sixth order with a step of 1e-3 of the period (or of
+``time_scale``). The line is tangent to the trajectory, so that the rate of a margin linear in state
+and time is exact to rounding; otherwise the error is that of a sixth-order difference.
 
-The numerics count every state, parameter and margin, and the time, in units of their own, all
-powers of two. So a user's function is called with numbers that differ from those of the numerics by
-exact factors: nothing is rounded on the way there or back.
+The numerics scale time and every state, parameter and margin by powers of two. The conversions to
+and from the units of a user's function are therefore exact.
 """
 
 from __future__ import annotations
@@ -43,7 +41,7 @@ from functools import cache
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid import constraints as held
+from mems_impact.hybrid import constraints
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
@@ -63,17 +61,17 @@ __all__ = [
     "scaled",
 ]
 
-# --- An automaton from functions that read like equations.
+# --- Source of an automaton from user functions
 
-GENERATED = "<automaton>"  # the file of all text that is written here, lest it be blamed
-RATE_STEP = 1e-3  # of the differences that give a rate, in periods
+GENERATED = "<automaton>"  # file name of generated source, excluded from error reports
+RATE_STEP = 1e-3  # step of the differences for a rate, in periods
 PLACEHOLDER_GUARD = "never"  # the guard of a system that has none
-NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
+NAMED_FORM, ARRAY_FORM = 4, 5  # numbers of arguments: without, with an output array
 
 
 @dataclass(frozen=True, kw_only=True)
 class Definition:
-    """What a user writes of an automaton.
+    """A user's definition of an automaton.
 
     Attributes
     ----------
@@ -86,17 +84,17 @@ class Definition:
     switch_transition : callable or None
         ``switch_transition(mode, t, y, p)`` returns mode and state after a switching time.
     jacobian : callable or None
-        ``jacobian(mode, t, y, p, J)``, as of an `Automaton`.
+        ``jacobian(mode, t, y, p, J)``, as in `Automaton`.
     cyclic : tuple of int
     constrained : tuple of int
         Modes whose states lie on a manifold.
     projection : callable or None
-        ``projection(mode, t, y, p)`` returns the mode, and the state put onto the manifold.
+        ``projection(mode, t, y, p)`` returns the mode and the state projected onto the manifold.
     sizes : tuple of float
-        Units of the user, in which messages tell the states and, last, the time; if not 1.
+        Units of the states and, last, of time in messages; empty if all are 1.
     constraints : tuple of (int, callable)
-        A mode, and ``constraint(mode, t, y, p)``, which is zero for as long as it lasts: such modes
-        are constrained, and the projection follows.
+        A mode, and ``constraint(mode, t, y, p)``, which is zero in that mode. Such modes are
+        constrained, and their projection is generated.
     """
 
     states: tuple[str, ...]
@@ -113,11 +111,11 @@ class Definition:
     constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
 
     def __reduce__(self) -> Any:
-        """Pickle functions by their names where they can be imported, and else with their code."""
+        """Pickle functions by name if they can be imported, otherwise with their code."""
         return _definition, (portable(vars(self)),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Definition:
-        """Return itself: it does not change, and its automaton is made once."""
+        """Return `self`, which is immutable; its automaton is cached."""
         return self
 
 
@@ -143,12 +141,12 @@ def automaton_of(definition: Definition) -> Automaton:
 
 
 def end_run(mode, t, y, p):  # type: ignore[no-untyped-def]
-    """Be the transition that ends a run."""
+    """End the run (a transition)."""
     return ENDS, y
 
 
 def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
-    """Be the transition that ends a run, where states are arrays."""
+    """End the run (a transition), where states are arrays."""
     return ENDS
 
 
@@ -161,21 +159,23 @@ def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
 
 
 def resolve_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
-    """Return the guards with an order each: impacts first, then as they are listed."""
+    """Return the guards with their orders: impacts first, then the order of the list."""
     taken = {guard.order for guard in guards}
     free = (order for order in itertools.count() if order not in taken)
     ranked = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
-    given = {i: next(free) for i in ranked if guards[i].order is None}
-    return tuple(replace(guard, order=given.get(i, guard.order)) for i, guard in enumerate(guards))
+    defaults = {i: next(free) for i in ranked if guards[i].order is None}
+    return tuple(
+        replace(guard, order=defaults.get(i, guard.order)) for i, guard in enumerate(guards)
+    )
 
 
 def hidden_parameters(definition: Definition) -> int:
-    """Return how many numbers stand behind the parameters: the step of rates, and scratch."""
+    """Return the number of values after the parameters: the step of rates, and scratch."""
     return 1 + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
 
 
 def writes_into_arrays(flow: Callable[..., Any]) -> bool:
-    """Return whether a flow has an argument to write into.
+    """Return whether a flow has an output array.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def writes_into_arrays(flow: Callable[..., Any]) -> bool:
 
 
 class _CodeWriter:
-    """The source of the three functions over arrays, and the names that it uses."""
+    """Writes the source of an automaton's functions over arrays."""
 
     def __init__(self, definition: Definition, guards: tuple[Guard, ...]) -> None:
         self.definition, self.guards = definition, guards
@@ -254,7 +254,7 @@ class _CodeWriter:
         return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
 
     def slope(self) -> list[str]:
-        """Return the lines that put the flow into `d`, and set up `x`, a state to be moved."""
+        """Return the lines that write the flow into `d`, and name `x`, scratch for a state."""
         if not self.by_array:
             return ["d = flow_of(mode, t, s, q)"]
         first = self.count + 1
@@ -266,16 +266,16 @@ class _CodeWriter:
         ]
 
     def blank(self, name: str) -> list[str]:
-        """Return the lines that fill an array with what is no number: what is not written shows."""
+        """Return the lines that fill an array with nan, which reveals unwritten components."""
         return [f"for k in range({self.n}):", f"    {name}[k] = nan"]
 
     def each(self, name: str) -> str:
-        """Return the elements of an array, to be written from so many numbers, no more, no less."""
+        """Return the elements of an array as the target of a tuple assignment."""
         return "".join(f"{name}[{i}], " for i in range(self.n))
 
     def difference(self, i: int) -> list[str]:
-        """Return the lines that put the rate of margin `i` into place."""
-        # A loop, so that the margin is compiled once and not six times.
+        """Return the lines that compute the rate of margin `i` by differences."""
+        # A loop, in which the margin is compiled once instead of six times.
         if self.by_array:
             move = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
             state = "x"
@@ -307,12 +307,12 @@ class _CodeWriter:
         return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
 
     def projection(self) -> Callable[..., Any] | None:
-        """Return what puts a state onto what holds in its mode."""
-        constraints = self.definition.constraints
-        if not constraints:
+        """Return the projection onto the constraints of a mode."""
+        equations = self.definition.constraints
+        if not equations:
             return self.definition.projection
-        self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(constraints)}
-        text = function("onto(mode, t, s, q)", held.projection_source(constraints, self.n))
+        self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(equations)}
+        text = function("onto(mode, t, s, q)", constraints.projection_source(equations, self.n))
         exec(compile(text, GENERATED, "exec"), self.space)
         made: Callable[..., Any] = self.space["onto"]
         return made
@@ -322,7 +322,7 @@ class _CodeWriter:
             return []
         self.space[name] = change
         if self.by_array:
-            # It reads the old state while it writes the new one.
+            # The transition reads the old state while it writes the new one.
             first = self.count + 1
             copy = [f"for k in range({self.n}):", "    x[k] = y[k]"]
             lines = [f"x = p[{first}:{first + self.n}]", *copy]
@@ -333,7 +333,7 @@ class _CodeWriter:
         return [f"if code == {code}:", *indented(lines)]
 
     def head(self) -> list[str]:
-        """Return the lines that name parameters and states."""
+        """Return the lines that construct the named parameters and states."""
         lines = ["q = Parameters(" + ", ".join(f"p[{i}]" for i in range(self.count)) + ")"]
         if not self.by_array:
             lines.append("s = State(" + ", ".join(f"y[{i}]" for i in range(self.n)) + ")")
@@ -342,7 +342,7 @@ class _CodeWriter:
 
 @cache
 def named_tuple(kind: str, names: tuple[str, ...]) -> Any:
-    """Return a named tuple; InvalidParameter for names that Python does not take."""
+    """Return a named tuple; raise InvalidParameter for invalid names."""
     field = kind.lower()
     for name in names:
         if not re.fullmatch(r"[A-Za-z]\w*", name):
@@ -356,7 +356,7 @@ def named_tuple(kind: str, names: tuple[str, ...]) -> Any:
 
 
 def in_modes(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
-    """Return lines that are carried out in some modes only."""
+    """Return lines that are executed in the given modes only."""
     if modes is None:
         return lines
     test = " or ".join(f"mode == {int(mode)}" for mode in modes)
@@ -373,20 +373,19 @@ def function(signature: str, lines: Sequence[str]) -> str:
     return "\n".join([f"def {signature}:", *indented(lines)])
 
 
-# --- A definition in other units: what the numerics integrate where a system is far from order
-# one.
+# --- Scaling of a definition
 
 
 @dataclass(frozen=True, kw_only=True)
 class Typical:
-    """The units of the numerics, in those of the user.
+    """Typical sizes: the units of the numerics in units of the user.
 
     Attributes
     ----------
     states, parameters : tuple of float
     time : float
     margins : tuple of (str, float)
-        By the names of guards; 1 for those that are not there.
+        By the names of guards; 1 for all others.
     """
 
     states: tuple[float, ...]
@@ -396,19 +395,19 @@ class Typical:
 
 
 def power_of_two(value: float) -> float:
-    """Return the power of two that is nearest to a size; 1 where there is none."""
+    """Return the power of two nearest to a size; 1 for zero or a non-finite value."""
     size = abs(value)
     return 2.0 ** round(math.log2(size)) if 0.0 < size < math.inf else 1.0
 
 
 @cache
 def scaled(definition: Definition, typical: Typical) -> Definition:
-    """Return a definition whose functions count in other units; the same one for the same two."""
+    """Return the definition in the units of `typical`; cached."""
     return _ScalingWriter(definition, typical).scaled()
 
 
 class _ScalingWriter:
-    """The source of functions around those of the user."""
+    """Writes functions that convert units around those of the user."""
 
     def __init__(self, definition: Definition, typical: Typical) -> None:
         self.definition, self.typical = definition, typical
@@ -423,7 +422,7 @@ class _ScalingWriter:
             self.space["State"] = named_tuple("State", definition.states)
 
     def scaled(self) -> Definition:
-        """Return the definition of the functions."""
+        """Return the scaled definition."""
         definition, margins = self.definition, dict(self.typical.margins)
         guards = []
         for i, guard in enumerate(definition.guards):
@@ -451,14 +450,14 @@ class _ScalingWriter:
         )
 
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
-        """Return a function of these lines."""
+        """Return the function with these lines as its body."""
         exec(compile(function(f"{name}({arguments})", lines), GENERATED, "exec"), self.space)
         made: Callable[..., Any] = self.space[name]
         return made
 
-    def call(self, name: str, given: Callable[..., Any], rest: str = "") -> str:
-        """Return the call of a user's function, in the units of the user."""
-        self.space[f"{name}_of"] = given
+    def call(self, name: str, user_function: Callable[..., Any], rest: str = "") -> str:
+        """Return a call of a user's function, with arguments in units of the user."""
+        self.space[f"{name}_of"] = user_function
         time = f"t * {self.typical.time!r}"
         p = ", ".join(f"p[{i}] * {size!r}" for i, size in enumerate(self.typical.parameters))
         y = ", ".join(f"y[{i}] * {size!r}" for i, size in enumerate(self.typical.states))
@@ -466,7 +465,7 @@ class _ScalingWriter:
         return f"{name}_of(mode, {time}, {state}, Parameters({p}){rest})"
 
     def around(self, lines: Sequence[str], *arrays: str) -> list[str]:
-        """Return lines for which arrays are in the units of the user, and then as they were."""
+        """Return lines between conversions of arrays to units of the user and back."""
         if not self.by_array:
             return list(lines)
         there = [f"    {array}[k] *= SIZE[k]" for array in arrays]
@@ -475,7 +474,7 @@ class _ScalingWriter:
         return [loop, *there, *lines, loop, *back]
 
     def flow(self) -> Callable[..., Any]:
-        """Return the flow: derivatives by the time of the numerics."""
+        """Return the flow, derivatives by scaled time."""
         time = self.typical.time
         if self.by_array:
             call = self.call("flow", self.definition.flow, ", dy")
@@ -486,36 +485,40 @@ class _ScalingWriter:
         return self.make("flow", "mode, t, y, p", lines)
 
     def number(
-        self, name: str, given: Callable[..., Any] | None, unit: float
+        self, name: str, user_function: Callable[..., Any] | None, unit: float
     ) -> Callable[..., Any] | None:
-        """Return a margin or a rate."""
-        return None if given is None else self.value(name, given, unit)
+        """Return a scaled margin or rate, or None."""
+        return None if user_function is None else self.value(name, user_function, unit)
 
-    def value(self, name: str, given: Callable[..., Any], unit: float) -> Callable[..., Any]:
-        """Return what gives one number."""
-        lines = self.around([f"value = {self.call(name, given)}"], "y")
+    def value(
+        self, name: str, user_function: Callable[..., Any], unit: float
+    ) -> Callable[..., Any]:
+        """Return a scaled scalar function."""
+        lines = self.around([f"value = {self.call(name, user_function)}"], "y")
         return self.make(name, "mode, t, y, p", [*lines, f"return value * {unit!r}"])
 
-    def change(self, name: str, given: Callable[..., Any] | None) -> Callable[..., Any] | None:
-        """Return a transition."""
-        if given is None:
+    def change(
+        self, name: str, user_function: Callable[..., Any] | None
+    ) -> Callable[..., Any] | None:
+        """Return a scaled transition, or None."""
+        if user_function is None:
             return None
         if self.by_array:
-            lines = self.around([f"after = {self.call(name, given, ', new')}"], "y", "new")
+            lines = self.around([f"after = {self.call(name, user_function, ', new')}"], "y", "new")
             return self.make(name, "mode, t, y, p, new", [*lines, "return after"])
         new = ", ".join(f"new[{i}] * {1.0 / size!r}" for i, size in enumerate(self.typical.states))
-        lines = [f"after, new = {self.call(name, given)}", f"return after, ({new},)"]
+        lines = [f"after, new = {self.call(name, user_function)}", f"return after, ({new},)"]
         return self.make(name, "mode, t, y, p", lines)
 
     def jacobian(self) -> Callable[..., Any] | None:
-        """Return the derivatives of the flow by the states."""
-        given = self.definition.jacobian
-        if given is None:
+        """Return the scaled Jacobian, or None."""
+        user_function = self.definition.jacobian
+        if user_function is None:
             return None
         units = [
             f"for i in range({self.n}):",
             *indented([f"for j in range({self.n}):"]),
             f"        entries[i, j] *= {self.typical.time!r} * SIZE[j] / SIZE[i]",
         ]
-        lines = [*self.around([self.call("jacobian", given, ", entries")], "y"), *units]
+        lines = [*self.around([self.call("jacobian", user_function, ", entries")], "y"), *units]
         return self.make("jacobian", "mode, t, y, p, entries", lines)

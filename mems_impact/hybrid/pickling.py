@@ -11,21 +11,21 @@ from typing import Any
 
 __all__ = ["portable", "reference", "same_function"]
 
-SHARED = 512  # functions that are remembered, so that what shares one goes on sharing it
+CACHE_SIZE = 512  # size of the caches that preserve the identity of shared functions
 
 
 def portable(value: Any) -> Any:
-    """Return `value` with what plain pickling cannot take along made fit for it.
+    """Return `value` with functions that cannot be imported wrapped for pickling.
 
-    A function that another process can import goes by its name. One that was defined in a notebook,
-    in ``__main__``, within a function, or as a lambda, goes with its code.
+    A function that another process can import is pickled by name. A function defined in a notebook,
+    in ``__main__``, or within a function, and a lambda, are pickled with their code.
     """
     if isinstance(value, dict):
         return {key: portable(part) for key, part in value.items()}
     if type(value) is tuple:
         return tuple(portable(part) for part in value)
     if isinstance(value, FunctionType) and not is_importable(value):
-        return _carried(value)
+        return _wrap(value)
     by_parts = is_dataclass(value) and "__reduce__" not in vars(type(value))
     if by_parts and not isinstance(value, type):
         inner = {key: portable(part) for key, part in vars(value).items()}
@@ -46,12 +46,12 @@ def is_importable(function: Callable[..., Any]) -> bool:
 
 
 def reference(function: Callable[..., Any]) -> str:
-    """Return where a function was defined, as ``module:name``: to be shown, not to be imported."""
+    """Return where a function was defined, as ``module:name``, for display."""
     return f"{function.__module__}:{function.__qualname__}"
 
 
 def same_function(one: Callable[..., Any], other: Callable[..., Any]) -> bool:
-    """Return whether two functions are one text that draws on the same values."""
+    """Return whether two functions have the same source and the same captured values."""
     if one is other:
         return True
     if not (isinstance(one, FunctionType) and isinstance(other, FunctionType)):
@@ -62,26 +62,26 @@ def same_function(one: Callable[..., Any], other: Callable[..., Any]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Carried:
-    """A function that is pickled with its code, and comes back as the function itself."""
+class _PickledFunction:
+    """A function that is pickled with its code and unpickled as a function."""
 
     function: Callable[..., Any]
 
     def __reduce__(self) -> Any:
         import cloudpickle
 
-        return _unpacked, (cloudpickle.dumps(self.function),)
+        return _load_function, (cloudpickle.dumps(self.function),)
 
 
-@lru_cache(SHARED)
-def _carried(function: FunctionType) -> _Carried:
-    """Return the same object for the same function: then a pickle holds its code once."""
-    return _Carried(function)
+@lru_cache(CACHE_SIZE)
+def _wrap(function: FunctionType) -> _PickledFunction:
+    """Return the same object for the same function, so that a pickle holds its code once."""
+    return _PickledFunction(function)
 
 
-@lru_cache(SHARED)
-def _unpacked(packed: bytes) -> Any:
-    """Return the same function for the same code: what is made of it is made once."""
+@lru_cache(CACHE_SIZE)
+def _load_function(data: bytes) -> Any:
+    """Return the same function for the same code, so that caches by function apply."""
     import cloudpickle
 
-    return cloudpickle.loads(packed)
+    return cloudpickle.loads(data)

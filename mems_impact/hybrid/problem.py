@@ -28,17 +28,17 @@ from mems_impact.integrators.options import FOLDERS, Options
 
 __all__ = ["LoopMemory"]
 
-# --- An automaton with its parameters and options, and the engine that it is bound to.
+# --- Problem
 
-# No internal step is longer than this part of a period (or time scale), so that no two extrema of a
-# margin fall into one step. At tolerances of any use the steps are several times shorter.
+# The longest step is this part of a period (or time scale), so that no step contains two extrema of
+# a margin. At useful tolerances steps are several times shorter.
 STEPS_PER_PERIOD = 16.0
 
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
 
 
 class ProblemParameters(NamedTuple):
-    """What of a problem depends on the values of its parameters.
+    """The part of a problem that depends on the values of its parameters.
 
     Attributes
     ----------
@@ -56,10 +56,10 @@ class ProblemParameters(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """An automaton with all that does not change along a run.
+    """An automaton with everything that is constant along a run.
 
-    Units are free for a run. Orbits want time and states of order one, on which the differences
-    of `mems_impact.hybrid.variational.derivatives` count.
+    A run works in any units. Orbits need time and states of order one, which the differences of
+    `mems_impact.hybrid.variational.derivatives` assume.
 
     Parameters
     ----------
@@ -67,23 +67,21 @@ class Problem:
     parameters : float array
         ``p`` of the automaton's functions.
     period : float
-        Unit in which the run is counted; the period of the drive, or any time for an autonomous
-        system.
+        Unit of run lengths: the period of the drive, or any time for an autonomous system.
     switches : tuple of float
         Times in (0, period] at which flow or margins jump.
     section : tuple (component, level, direction) or None
-        Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
+        Record crossings of ``y[component] = level``; direction 0 for both.
     options : Options
-        With the method that suits the automaton, where none was chosen.
+        Integration options. The method defaults to one that suits the automaton.
     time_scale : float or None
-        Time within which whatever acts on the system shows all that it does; the period by
-        default.
+        Time that resolves the forcing and the vector field; the period by default.
     refusal : str
-        Why it cannot be run, if it cannot: the functions of its automaton are elsewhere.
+        Why the problem cannot be run: the functions of its automaton are missing.
     discontinuity_check : callable or None
-        ``discontinuity_check(at, length)`` is called where a step of a run becomes very short with
-        no event in reach, with the state where it begins; it warns of a jump of the flow there, and
-        returns whether there is one.
+        ``discontinuity_check(at, length)`` is called if a step of a run collapses without an event
+        nearby, with the state at its start; it warns if the flow is discontinuous there, and
+        returns whether it is.
     """
 
     automaton: Automaton
@@ -105,47 +103,47 @@ class Problem:
         check_times(self.numbers)
 
     def with_time_unit(self, period: float) -> Problem:
-        """Return the same problem, its runs counted in another unit of time.
+        """Return the same problem with another unit of run lengths.
 
-        Only where nothing forces the system. Its own unit goes on to bound the steps.
+        For autonomous systems only. The original unit still bounds the steps.
         """
         return replace(self, period=period, time_scale=self.time_scale or self.period)
 
     @property
     def numbers(self) -> ProblemParameters:
-        """What depends on the values of the parameters."""
+        """The values of the parameters and the times that depend on them."""
         return ProblemParameters(self.parameters, self.period, self.switches, self.time_scale)
 
 
 def check_times(numbers: ProblemParameters, size: float = 1.0, unit: str = "") -> None:
-    """Raise InvalidParameter if times cannot be; it tells them in a unit of `size`."""
+    """Raise InvalidParameter if times are invalid; the message has them in a unit of `size`."""
     period, switches, scale = numbers.period * size, numbers.switches, numbers.time_scale
     if not (math.isfinite(period) and period > 0.0):
         raise InvalidParameter(field="period", value=period, allowed="finite and above 0")
     rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
     if not (rising and (not switches or switches[-1] <= numbers.period)):
         allowed = f"ascending times above 0 and up to the period, {period:.6g} {unit}".rstrip()
-        told = tuple(time * size for time in switches)
-        raise InvalidParameter(field="switches", value=told, allowed=allowed)
+        times = tuple(time * size for time in switches)
+        raise InvalidParameter(field="switches", value=times, allowed=allowed)
     if scale is not None and not scale > 0.0:
         raise InvalidParameter(field="time_scale", value=scale * size, allowed="above 0")
 
 
 class Engine(Protocol):
-    """What Python asks of an engine; what the event loop asks of it is its contract."""
+    """Interface of an engine to Python; `integrators.interface` is that to the event loop."""
 
     @property
     def implicit_arcs(self) -> int:
-        """Arcs begun so far by the second of two methods."""
+        """Arcs begun so far by the implicit method."""
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what it has learnt of each mode; empty if its method does not learn."""
+        """Return the method's memory of each mode; empty if it has none."""
 
     def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was learnt of each mode."""
+        """Set the method's memory of each mode."""
 
     def is_stiff(self) -> bool:
-        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
+        """Return whether stability, not accuracy, has limited steps; False if unknown."""
 
     def close(self) -> None:
         """Free its memory."""
@@ -153,31 +151,31 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class EngineBinding:
-    """An engine for one problem, and how functions over the engine's contract are called on it.
+    """An engine for one problem, and calls of functions over `integrators.interface` on it.
 
     Attributes
     ----------
     call : callable
         ``call(function, *arguments)`` calls `function`, written over
-        `mems_impact.integrators.interface`, with the engine as its first argument; compiled, if the
-        engine is.
+        `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
+        compiled engine.
     engine : Engine
-        What of it Python asks.
+        The engine itself.
     table : callable
-        ``table(rows, width)`` returns rows of numbers, all zero: an array, or lists where they are
-        read by Python, which is several times as fast.
+        ``table(rows, width)`` returns rows of zeros: an array, or for interpreted code lists, which
+        Python reads several times as fast.
     record : callable
-        ``record(dtype, arrays, numbers)`` returns something with the fields of `dtype`, all zero
-        but for those that lead to `arrays`, which it does not keep alive, and for `numbers`.
-    quota : int
-        Steps after which the event loop should look at its caller.
-    links : callable
-        ``links(clock, observe, n, count)`` returns what compiled code of `recurrence` calls by
-        address, and what has to live as long: of interpreted code `observe` itself.
+        ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
+        for `arrays`, which it does not keep alive, and `numbers`.
+    steps_per_call : int
+        Steps after which the event loop returns to its caller.
+    kernel_addresses : callable
+        ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
+        `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
     place : callable
-        What stands for an array in a record: its address, or the array.
-    stand_in : int or Engine
-        What stands for the engine in a record: its address, or the engine.
+        Returns the representation of an array in a record: its address, or the array.
+    handle_address : int or Engine
+        Representation of the engine in a record: its address, or the engine.
     """
 
     call: Callable[..., Any]
@@ -191,15 +189,15 @@ class EngineBinding:
 
 
 def create_engine(problem: Problem) -> EngineBinding:
-    """Create the engine that the problem's options ask for.
+    """Create the engine that the problem's options require.
 
     Raises
     ------
     EngineUnavailable
-        If the compiled engine is asked for and can't be had. With engine="auto" the interpreted
-        one takes over, with an `EngineFallbackWarning`.
+        If engine="compiled" and the compiled engine is unavailable. With engine="auto" the
+        interpreted engine replaces it, with an `EngineFallbackWarning`.
     FunctionError
-        If a function cannot be compiled; later, by a call, if one fails.
+        If a function cannot be compiled. Later calls raise it if a function fails.
     FunctionsMissing
         If the problem has no functions.
     """
@@ -221,7 +219,7 @@ def create_engine(problem: Problem) -> EngineBinding:
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):
         try:
-            return _compiled(automaton, equations, at_hand(options), max_step)
+            return _compiled(automaton, equations, available_options(options), max_step)
         except EngineUnavailable as error:
             if options.engine == "compiled":
                 raise
@@ -231,18 +229,18 @@ def create_engine(problem: Problem) -> EngineBinding:
 
 
 def is_compiled(options: Options) -> bool:
-    """Return whether runs with a problem's `options` are compiled, and hold no lock of Python's."""
+    """Return whether runs with a problem's `options` are compiled, and release the GIL."""
     if options.engine == "interpreted":
         return False
     try:
-        _module("compiled", at_hand(options)).prepare()
+        _module("compiled", available_options(options)).prepare()
     except EngineUnavailable:
         return False
     return True
 
 
-def at_hand(options: Options) -> Options:
-    """Return the options; where there is no BDF, method "auto" is the one-step method alone."""
+def available_options(options: Options) -> Options:
+    """Return the options, with method "dop853" in place of "auto" if BDF is unavailable."""
     if options.method == "auto":
         try:
             _module("compiled", options).prepare()
@@ -252,7 +250,7 @@ def at_hand(options: Options) -> Options:
 
 
 def _module(form: str, options: Options) -> Any:
-    """Import what holds the engine of the method, "compiled" or "interpreted"."""
+    """Import the "compiled" or "interpreted" module of the method."""
     return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")
 
 
@@ -272,7 +270,7 @@ def _compiled(
     module.prepare()
     try:
         engine = _engine_class("compiled", options)(equations, options, max_step)
-    except Exception as error:  # numba raises what it likes
+    except Exception as error:  # numba raises various exceptions
         from mems_impact.hybrid.diagnostics.failures import explain_compile_error
 
         refusal = explain_compile_error(automaton, error)
@@ -282,7 +280,7 @@ def _compiled(
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         result = compiled.compiled(function)(engine.handle, *rest)
-        _look_for_fault(engine, automaton)
+        _raise_fault(engine, automaton)
         return result
 
     def table(rows: int, width: int) -> Any:
@@ -311,7 +309,7 @@ def _compiled(
 
 
 class _Fields(SimpleNamespace):
-    """The fields of a record, by their names as those of one."""
+    """A record for interpreted code."""
 
     def __getitem__(self, name: str) -> Any:
         return getattr(self, name)
@@ -320,8 +318,8 @@ class _Fields(SimpleNamespace):
         setattr(self, name, value)
 
 
-def _look_for_fault(engine: Any, automaton: Automaton) -> None:
-    """Raise FunctionError if a function has failed, at the parameters that the engine has now."""
+def _raise_fault(engine: Any, automaton: Automaton) -> None:
+    """Raise FunctionError if a function has failed."""
     fault = engine.fault()
     if fault is not None:
         from mems_impact.hybrid.diagnostics.failures import explain_fault
@@ -336,21 +334,21 @@ def _interpreted(
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         result = function(engine, *rest)
-        _look_for_fault(engine, automaton)
+        _raise_fault(engine, automaton)
         return result
 
     def table(rows: int, width: int) -> Any:
         return [[0.0] * width for _ in range(rows)]
 
     def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
-        # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
+        # Access to fields of a NumPy record is slow in Python: a third of the run time.
         return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
 
     def links(_clock: Any, observe: Any, _n: int, _count: int) -> tuple[dict[str, Any], Any]:
         def observed(*arguments: Any) -> int:
             try:
                 observe(*arguments)
-            except Exception:  # as compiled code: who asks makes the call again, and is told
+            except Exception:  # as compiled code does; the caller repeats the call and reports
                 return 1
             return 0
 
@@ -359,27 +357,27 @@ def _interpreted(
     return EngineBinding(call, engine, table, record, 1_000, links, lambda array: array, engine)
 
 
-# --- The memory of the event loop: its clock, table and buffers, for a problem and an engine.
+# --- Memory of the event loop
 
-EVENT_ROWS = 4096  # beside one for each guard
+EVENT_ROWS = 4096  # and one for each guard
 
 
 class LoopMemory:
-    """What the event loop reads and writes; it lives as long as this.
+    """Clock, table and buffers of the event loop.
 
     Parameters
     ----------
     problem : Problem
     bound : EngineBinding
     sample_rows : int
-        Room for samples.
+        Rows of the sample buffer.
     **numbers
-        Fields of the clock that the problem does not tell.
+        Fields of the clock that the problem does not determine.
 
     Attributes
     ----------
     clock : LOOP_STATE
-    table : float array, or lists where they are read by Python
+    table : float array, or lists for interpreted code
     events, samples : float array
     """
 
@@ -431,7 +429,7 @@ class LoopMemory:
         self.table[workspace.Y][: len(y)] = np.asarray(y, dtype=float).tolist()
 
     def take_step_collapse(self) -> tuple[HybridState, float] | None:
-        """Return where a very short step began, and its length, once; None if there is none."""
+        """Return the start and length of a step collapse, once; None if there is none."""
         clock, length = self.clock, float(self.clock["collapse_length"])
         if length == 0.0:
             return None
@@ -442,10 +440,10 @@ class LoopMemory:
 
     @property
     def local(self) -> Floats:
-        """The state as the functions see it."""
+        """The state with cyclic components relative to their offsets, as functions receive it."""
         return np.array(self.table[workspace.Y][: self.clock["n"]], dtype=float)
 
     @property
     def state(self) -> Floats:
-        """The state, with what its cyclic components have gathered."""
+        """The state, with the offsets of cyclic components added."""
         return self.local + self.table[workspace.OFFSET][: self.clock["n"]]

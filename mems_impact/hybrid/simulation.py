@@ -28,7 +28,7 @@ from mems_impact.integrators import interface
 
 __all__ = ["missing_sliding_mode", "run"]
 
-# --- What a run returns: its events, its last state, and samples on demand.
+# --- Results of a run
 
 
 INSTANT_RTOL = 1e-12  # part of the period within which two instants are one
@@ -49,7 +49,7 @@ class Events:
         `mems_impact.hybrid.event_loop.loop`.
     guard : int array, shape (k,)
         Number of the guard; for a crossing of the section the sign of the crossing; for a handover
-        what the engine then remembers of the mode (see `mems_impact.integrators.auto.stiffness`).
+        the engine's memory of the mode (see `mems_impact.integrators.auto.stiffness`).
     mode_before, mode_after : int array, shape (k,)
     before, after : float array, shape (k, n)
         The state just before and just after the event.
@@ -82,7 +82,7 @@ class Events:
 
     @classmethod
     def joined(cls, chunks: Sequence[Events]) -> Events:
-        """Join chunks of events, one at least."""
+        """Join one or more chunks of events."""
         if len(chunks) == 1:
             return chunks[0]
         columns = ([getattr(chunk, column.name) for chunk in chunks] for column in fields(cls))
@@ -90,9 +90,9 @@ class Events:
 
     @property
     def starts_arc(self) -> NDArray[np.bool_]:
-        """Where the rows begin an arc that can be integrated again by itself.
+        """Whether each row begins an arc that can be integrated again.
 
-        Passages only note what an arc did, and a handover belongs to the arc before it.
+        Approaches and section crossings lie inside an arc; a handover belongs to the arc before it.
         """
         return ~np.isin(
             self.kind, (workspace.APPROACH, workspace.SECTION_CROSSING, workspace.HANDOVER)
@@ -114,22 +114,22 @@ class Events:
 
     @property
     def handovers(self) -> Events:
-        """Where the engine has gone on by another method."""
+        """Changes of the integration method."""
         return self[self.kind == workspace.HANDOVER]
 
     def remembered(self, before: tuple[int, ...]) -> tuple[int, ...]:
-        """Return what the engine remembers of each mode after these rows, and before them."""
+        """Return the engine's memory of each mode after these rows, from that before them."""
         rows = self.handovers
         known = dict(enumerate(before))
         known |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
         return tuple(known.get(mode, 0) for mode in range(max(known, default=-1) + 1))
 
     def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
-        """Return where the rows are impacts."""
+        """Return whether each row is an impact."""
         return self.impacts_among(automaton.guards)
 
     def impacts_among(self, guards: Sequence[Guard]) -> NDArray[np.bool_]:
-        """Return where the rows are impacts at one of the first of an automaton's guards."""
+        """Return whether each row is an impact, from the first guards of an automaton."""
         places = [i for i, guard in enumerate(guards) if guard.impact]
         return (self.kind == workspace.TRANSITION) & np.isin(self.guard, places)
 
@@ -190,7 +190,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run: where it began and ended and every event that was kept.
+    """A run: first and last state, and the recorded events.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class Trajectory:
     ended : bool
         Whether a transition ended the run.
     implicit_arcs : int
-        How many of the arcs method ``"auto"`` has begun by BDF.
+        Number of arcs that method ``"auto"`` began with BDF.
     """
 
     problem: Problem = field(repr=False, compare=False)
@@ -216,19 +216,19 @@ class Trajectory:
 
     @property
     def automaton(self) -> Automaton:
-        """What was run."""
+        """The automaton of the run."""
         return self.problem.automaton
 
     @property
     def period(self) -> float:
-        """Unit in which the run is counted."""
+        """Unit of run lengths."""
         return self.problem.period
 
     @property
     def stiff(self) -> bool:
-        """Whether method ``"auto"`` found BDF worth while, in any mode that was met.
+        """Whether method ``"auto"`` preferred BDF in any visited mode.
 
-        Of the events only those are known that were kept.
+        Only recorded events are known.
         """
         if (self.events.handovers.guard == 0).any():
             return True
@@ -236,7 +236,7 @@ class Trajectory:
         return any(known[mode] < 0 for mode in visited) if known else False
 
     def with_events(self, events: Events) -> Trajectory:
-        """Return the trajectory with events that were kept elsewhere."""
+        """Return the trajectory with other recorded events."""
         return replace(self, events=events)
 
     def samples(
@@ -244,8 +244,8 @@ class Trajectory:
     ) -> Samples:
         """Return the state at `per_period` equal intervals of every period.
 
-        The arcs concerned are integrated again; a step does not depend on who looks at it, so that
-        the samples lie on the very trajectory of the run.
+        The arcs concerned are integrated again. Steps do not depend on output times, so the samples
+        lie exactly on the trajectory of the run.
 
         Parameters
         ----------
@@ -267,15 +267,15 @@ class Trajectory:
         return Samples(samples.cycle[keep], samples.time[keep], samples.mode[keep], samples.y[keep])
 
     def _arc_before(self, first: float | None) -> HybridState:
-        """Return the start of the last kept arc that begins before `first` periods."""
+        """Return the start of the last recorded arc that begins before `first` periods."""
         if first is None:
             return self.start
         events, whole = self.events, math.floor(first)
         begins = events.arcs_until(
             events.cycle - whole + (events.time / self.period - (first - whole))
         )
-        # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
-        # within one can't be run again without all of it.
+        # The loop completes a chatter sequence from its memory of earlier impacts, so an arc within
+        # one can only be integrated again from the start of the sequence.
         instants = events.cycle * self.period + events.time
         cut = np.count_nonzero(events.cycle + events.time / self.period <= first)
         for guard in range(len(self.automaton.guards)):
@@ -299,11 +299,11 @@ class Trajectory:
         return replace(events.instant(int(i)), remembered=known)
 
 
-# --- Two modes that push against each other: told where a run cannot go on for it.
+# --- Missing sliding mode
 
-LOOKED_AT = 4  # events at the end of a run
-OFFSET = 1e-3  # of a period, by which a state is moved back to see on which side modes lie
-SIMULTANEITY_PERIODS = 1e-6  # of a period, within which they follow each other
+LAST_EVENTS = 4  # events examined at the end of a run
+OFFSET_PERIODS = 1e-3  # time by which a state is moved back to find the side of a mode
+SIMULTANEITY_PERIODS = 1e-6  # time within which these events lie
 
 SLIDING_REMEDY = (
     "say how the state slides between them, in a mode of its own "
@@ -312,15 +312,15 @@ SLIDING_REMEDY = (
 
 
 def missing_sliding_mode(events: Events, problem: Problem) -> str:
-    """Return in words which two modes push against each other at the end of a run.
+    """Return a description of two opposed modes at the end of a run, or "".
 
-    Each leads to the guard where the other begins, so that their events alternate in no time. Empty
-    if that is not how the run ends.
+    The flow of each mode leads back to the switching surface, so that their events alternate
+    without end at one instant.
     """
     automaton, period = problem.automaton, problem.period
-    last = slice(-LOOKED_AT, None)
+    last = slice(-LAST_EVENTS, None)
     modes, leads = events.mode_before[last], events.mode_after[last]
-    if len(modes) < LOOKED_AT or not (events.kind[last] == workspace.TRANSITION).all():
+    if len(modes) < LAST_EVENTS or not (events.kind[last] == workspace.TRANSITION).all():
         return ""
     when = events.cycle[last] * period + events.time[last]
     alternate = (modes[1:] == leads[:-1]).all() and (modes[2:] == modes[:-2]).all()
@@ -337,14 +337,14 @@ def missing_sliding_mode(events: Events, problem: Problem) -> str:
 
 
 def _one_side(problem: Problem, events: Events) -> bool:
-    """Return whether both modes lie on the same side of the guard that both watch.
+    """Return whether both modes lie on the same side of their common guard.
 
-    Then they lead through it in the same direction, and do not push against each other.
+    Both flows then cross it in the same direction, and the modes are not opposed.
     """
     automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
     one, other = events.mode_before[-2:].tolist()
     time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
-    behind = y - OFFSET * problem.period * automaton.slope_at(one, time, y, p)
+    behind = y - OFFSET_PERIODS * problem.period * automaton.slope_at(one, time, y, p)
 
     def is_above(mode: int) -> bool:
         return bool(automaton.margins_at(mode, time, behind, p)[0][guard] > 0.0)
@@ -352,9 +352,9 @@ def _one_side(problem: Problem, events: Events) -> bool:
     return is_above(one) == is_above(other)
 
 
-# --- Running an automaton: the driver around the event loop.
+# --- Driver of the event loop
 
-MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
+MAX_CYCLE = 2**53  # larger integers are not exact in the columns of events
 STIFF = (
     "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
     "method='auto', or method='bdf', may be faster"
@@ -383,10 +383,10 @@ def run(
     periods : float
         Length of the run in periods, above 0.
     consume : callable, optional
-        Called with every chunk of events as it comes. The chunks are then not kept: the memory of
-        the run does not grow with its length.
+        Called with every chunk of events. The chunks are then discarded, and memory does not grow
+        with the length of the run.
     progress : callable, optional
-        Called with the periods done so far, several times a second.
+        Called several times a second with the completed periods.
 
     Returns
     -------
@@ -397,9 +397,9 @@ def run(
     InvalidParameter
         If `start` does not fit the automaton, or `periods` is out of range.
     RunError
-        If the run cannot go on; what was computed is in it.
+        If the run cannot continue; the error holds the partial result.
     RunInterrupted
-        On Ctrl-C, with what was computed.
+        On Ctrl-C, with the partial result.
     """
     return Simulation(problem, start, _end(problem, start, periods), 0, consume, progress).go()
 
@@ -407,17 +407,14 @@ def run(
 def run_with_samples(
     problem: Problem, start: HybridState, periods: float, per_period: int
 ) -> tuple[Trajectory, Samples]:
-    """Integrate as `run` does, and take `Trajectory.samples` on the way: in one pass.
-
-    For runs of which both are wanted, and whose arcs need not be looked at anew.
-    """
+    """Integrate as `run` does, and return `Trajectory.samples` from the same pass."""
     end = _end(problem, start, periods)
     simulation = Simulation(problem, start, end, per_period, None, None)
     return simulation.go(), simulation.samples
 
 
 def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
-    """Return where a run ends in time; InvalidParameter if `start` or `periods` does not fit."""
+    """Return the end time of a run; raise InvalidParameter if an argument is invalid."""
     if not 0.0 < periods <= MAX_CYCLE:
         allowed = f"above 0 and up to {MAX_CYCLE:g}"
         raise InvalidParameter(field="periods", value=periods, allowed=allowed)
@@ -440,17 +437,17 @@ def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
 
 
 def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
-    """Run again from `start` to `end` and return the state at equal intervals of every period."""
-    # That the system is stiff, the run itself has said.
+    """Repeat the run from `start` to `end`, and return the state at equal intervals."""
+    # Quiet, since the run itself has warned that the system is stiff.
     run_again = Simulation(problem, start, end, per_period, lambda _: None, None, quiet=True)
-    # A run that failed fails again in the same place: its samples end there.
+    # A run that failed fails again at the same place, and its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
     return run_again.samples
 
 
 class Simulation:
-    """One run in progress: the loop's memory, its buffers, and what has been drained from them."""
+    """A run in progress: the loop's memory and the events drained from its buffers."""
 
     def __init__(
         self,
@@ -467,7 +464,7 @@ class Simulation:
         self.kept: list[Floats] = []
         self.bound = create_engine(problem)
         self.bound.engine.import_memory(start.remembered)
-        # The epsilon keeps a sample that falls on the start itself.
+        # The epsilon includes a sample at the start itself.
         first = math.ceil((start.time / problem.period - INSTANT_RTOL) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
@@ -488,28 +485,29 @@ class Simulation:
         )
         self.memory.put(start.y)
         self.clock, self.events = self.memory.clock, self.memory.events
-        self.latest = self.events[:0]  # the last events, whoever consumes them
+        self.latest = self.events[:0]  # the last events, even if `consume` takes them
 
     def go(self) -> Trajectory:
-        """Call the loop until it is done, draining its events in between."""
-        falls = None if self.quiet else self.problem.discontinuity_check
+        """Call the loop until the end, and drain its events between calls."""
+        check = None if self.quiet else self.problem.discontinuity_check
         try:
             status = workspace.PAUSED
             while status in (workspace.PAUSED, workspace.BUFFER_FULL):
                 status = self.bound.call(loop.run_steps, self.clock, self.bound.steps_per_call)
                 self._drain()
-                fall = self.memory.take_step_collapse()
-                if fall is not None and falls is not None and falls(*fall):
-                    falls = None  # once in a run
+                collapse = self.memory.take_step_collapse()
+                if collapse is not None and check is not None and check(*collapse):
+                    check = None  # at most one warning per run
                 if self.progress is not None:
                     self.progress(self._done())
         except KeyboardInterrupt:
-            # The loop answers before Python hears of it, so that clock and buffers are whole.
+            # Python raises this only between two calls of the loop, so clock and buffers are
+            # consistent.
             self._drain()
             raise RunInterrupted(self._trajectory(), self._done()) from None
         except FunctionError as error:
             self._drain()
-            raise self._ended_by(error.reason, error.remedy) from error
+            raise self._run_error(error.reason, error.remedy) from error
         finally:
             if self.bound.engine.is_stiff() and not self.quiet:
                 warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
@@ -526,13 +524,13 @@ class Simulation:
         return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
     def _done(self) -> float:
-        """Return the periods done so far."""
+        """Return the completed periods."""
         elapsed = self.clock["t"] / self.problem.period - self.start.cycle
         return float(self.clock["cycle"] + elapsed)
 
     def _drain(self) -> None:
         rows = self.events[: self.clock["events_written"]]
-        self.latest = np.concatenate([self.latest, rows[-LOOKED_AT:]])[-LOOKED_AT:]
+        self.latest = np.concatenate([self.latest, rows[-LAST_EVENTS:]])[-LAST_EVENTS:]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
@@ -567,7 +565,7 @@ class Simulation:
         )
 
     def _name_of(self, code: int) -> str:
-        """Return the name of a guard, or of the switch of the drive."""
+        """Return the name of a guard, or "drive switch"."""
         guards = self.problem.automaton.guards
         return guards[code].name if code < len(guards) else "drive switch"
 
@@ -600,8 +598,8 @@ class Simulation:
                 "start where its margin is not negative, or turn the margin's sign",
             ),
             workspace.WITHOUT_EFFECT: (
-                f"the transition of the guard {name!r} changes nothing, and its margin falls on",
-                "let the transition turn the closing speed round, or take it away",
+                f"the transition of the guard {name!r} changes nothing, but its margin falls",
+                "let the transition reverse the closing speed, or set it to zero",
             ),
             workspace.NO_SUCH_MODE: (
                 f"a transition returned the mode {failure}; there are {len(automaton.modes)}",
@@ -628,8 +626,8 @@ class Simulation:
         if at_guard and instant > 1 and depends_on_time_only(self._margin_of(failure), here):
             remedy = AT_TIMES
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
-            reason = "a sequence of ever weaker impacts has come to its end"
-            remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+            reason = "a chatter sequence has ended"
+            remedy = "give mode and state of the sticking contact as rest= of the Impact"
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_FIT:
             reason = "two switching surfaces attract the state at once: no mode says how it slides"
             remedy = (
@@ -643,13 +641,13 @@ class Simulation:
             failure in (interface.NON_FINITE, interface.ROOT_FUNCTION_FAILED)
             and status == workspace.FAILED
         ):
-            found = self._searched()
+            found = self._invalid_value()
             if found is not None:
                 reason, remedy = f"{reason}: {found.reason}", found.remedy
-        return self._ended_by(reason, remedy)
+        return self._run_error(reason, remedy)
 
     def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:
-        """Return the margin of a guard, by the state, in the mode and at the time of now."""
+        """Return the margin of a guard as a function of the state, in the present mode and time."""
         clock, problem = self.clock, self.problem
         p = np.array(problem.parameters, dtype=float)
 
@@ -659,8 +657,8 @@ class Simulation:
 
         return margin
 
-    def _searched(self) -> FunctionError | None:
-        """Return what is wrong with flow or margins where the run has come to."""
+    def _invalid_value(self) -> FunctionError | None:
+        """Return an error of flow or margins at the present state, or None."""
         from mems_impact.hybrid.diagnostics.failures import find_invalid_value
         from mems_impact.hybrid.diagnostics.user_functions import EvaluationPoint
 
@@ -668,8 +666,8 @@ class Simulation:
         point = EvaluationPoint(int(clock["mode"]), float(clock["t"]), self.memory.local.tolist())
         return find_invalid_value(problem.automaton, np.asarray(problem.parameters).tolist(), point)
 
-    def _ended_by(self, reason: str, remedy: str) -> RunError:
-        """Return the error that ends the run, with what was computed."""
+    def _run_error(self, reason: str, remedy: str) -> RunError:
+        """Return the error that ends the run, with the partial result."""
         automaton = self.problem.automaton
         trajectory = self._trajectory()
         final = trajectory.final

@@ -22,7 +22,7 @@ class HybridState:
     mode : int
     y : float array, shape (n,)
     remembered : tuple of int
-        What the engine has learnt of each mode, if its method learns; empty at the start of a run.
+        Memory of the integrator for each mode (method "auto"); empty at the start of a run.
     switched : bool
         Whether the switch of the forcing at this time, if there is one, has taken place. A run that
         ends at a switching time leaves the switch to the run that continues from there.

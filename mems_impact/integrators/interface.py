@@ -1,15 +1,15 @@
 """The interface between the event loop and an integrator.
 
-The loop of `mems_impact.hybrid.event_loop.loop` is written in terms of the functions below and
-nothing else. Interpreted, they call the methods of an `Engine` in the file `interpreted` of a
-method's folder; compiled by numba, overloads take their place (`integrators.jit.kernels` and the
-file `compiled` of the folder), so that one text of the loop serves both.
+The event loop uses an integrator through the functions below only. Interpreted, they call the
+methods of an engine in the file `interpreted` of a method's folder; compiled by numba, overloads
+replace them (`integrators.jit.kernels` and the file `compiled` of the folder), so that both forms
+share the source of the loop.
 
-An engine holds one system of ``n`` equations with ``m`` margins. Its root functions are, in this
-order, the ``m`` margins (plus their bias), the ``m`` rates of the margins and one section:
-``2 m + 1`` in all. `step` takes exactly one internal step of the method, or stops at the first root
-in it, or in what is left of the last step after a root. Because a step never depends on who looks
-at it, a run is the same whether or not it is sampled.
+An engine has ``n`` equations with ``m`` margins. Its root functions are, in this order, the ``m``
+margins (plus their bias), the ``m`` rates of the margins and one section: ``2 m + 1`` in all.
+`step` takes exactly one internal step of the method, or stops at the first root in it, or in the
+remainder of the last step after a root. Steps do not depend on output times, so a run is the same
+with and without samples.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from typing import Any
 
 __all__ = ["Engine", "Equations"]
 
-# --- The contract between the event loop and whatever integrates an arc.
+# --- Functions of an engine
 
-# What `step` answers: the codes of CVODE. Negative is a failure (see FAILURES).
+# Return values of `step`: the codes of CVODE. Negative is a failure (see FAILURES).
 STEPPED = 0
 STOPPED = 1
 ROOT = 2
-# No step: from here the engine goes on in another way. The arc ends, and the next one begins, by
-# `restart`, with the state as it is.
+# No step: the engine changes its method. The arc ends, and `restart` begins the next one at the
+# same state.
 HANDOVER = 3
 
-NON_FINITE = -8  # CV_RHSFUNC_FAIL: the only way in which our right-hand side fails
-# CV_ILL_INPUT, which within an arc means that a root function is zero for longer than roots are
-# told apart: one that changes slowly is, to rounding. An arc that begins there goes on.
+NON_FINITE = -8  # CV_RHSFUNC_FAIL
+# CV_ILL_INPUT within an arc: a root function is zero for longer than CVODE's root tolerance, for
+# example one that changes slowly. A new arc continues from there.
 CLOSE_ROOTS = -22
-ROOT_FUNCTION_FAILED = -12  # CV_RTFUNC_FAIL: the only way in which our root functions fail
+ROOT_FUNCTION_FAILED = -12  # CV_RTFUNC_FAIL
 FAILURES = {
     -1: "too many internal steps",
     -2: "the tolerances are too tight for the arithmetic",
@@ -63,55 +63,56 @@ def state(engine: Any, y: Any) -> None:
 def end_margins(engine: Any, out: Any) -> None:
     """Write the m margins at `time`, then their m rates, into `out`.
 
-    They are those of the arc: where it ends at its stop, of the number before.
+    At the stop of an arc they are the limits from the left.
     """
-    engine.ended(out)
+    engine.end_margins(out)
 
 
 def root_directions(engine: Any, i: int) -> int:
-    """Return -1, 0 or 1: how root function `i` crossed zero at the last ROOT."""
-    return engine.fired(i)
+    """Return the direction in which root function `i` crossed zero at the last ROOT, or 0."""
+    return engine.root_directions(i)
 
 
 def interpolate(engine: Any, t: float, y: Any) -> None:
-    """Write the state at `t`, within the last internal step, into `y`; the run is not disturbed."""
+    """Write the state at `t`, within the last internal step, into `y`; the run is unaffected."""
     engine.interpolate(t, y)
 
 
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
-    """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on (inf: none).
+    """Begin an arc at (t, y) in `mode` with evaluations before `stop` only (inf for none).
 
-    A function of time that jumps at the stop is right-continuous; the arc before the jump sees
-    it only up to the number before the stop.
+    A function of time that jumps at the stop is right-continuous; the arc evaluates it up to the
+    last floating-point number before the stop.
     """
     engine.restart(mode, t, y, stop)
 
 
-def sharpen(engine: Any, share: float, lasts: float) -> None:
-    """Let the next arc err by so small a `share` of the tolerances; its flight `lasts` so long.
+def sharpen(engine: Any, share: float, flight_time: float) -> None:
+    """Reduce the tolerances of the next arc, a flight of `flight_time`, by the factor `share`.
 
-    For that arc alone, by 1 at most. A method that errs by far less in short flights need not.
+    This holds for one arc; `share` is at most 1. A method with far smaller errors in short flights
+    may ignore it.
     """
-    engine.sharpen(share, lasts)
+    engine.sharpen(share, flight_time)
 
 
 def reset(engine: Any, max_step: float) -> None:
-    """Forget all that was before, as if the engine were new; no step is longer than `max_step`."""
-    engine.renew(max_step)
+    """Restore the initial state of the engine, with the longest step `max_step`."""
+    engine.reset(max_step)
 
 
 def method_memory(engine: Any, mode: int) -> int:
-    """Return what the engine has learnt of `mode`, with which it begins the next arc there."""
-    return engine.remembered(mode)
+    """Return the engine's memory of `mode`, which determines the method of its next arc."""
+    return engine.method_memory(mode)
 
 
 def bias(engine: Any, i: int) -> float:
-    """Return what is added to margin `i` when its roots are looked for."""
+    """Return the bias added to margin `i` in the root search."""
     return float(engine.bias[i])
 
 
 def set_bias(engine: Any, i: int, value: float) -> None:
-    """Set what is added to margin `i` when its roots are looked for."""
+    """Set the bias added to margin `i` in the root search."""
     engine.bias[i] = value
 
 
@@ -140,12 +141,12 @@ def transition(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
     return engine.transition(mode, code, t, y)
 
 
-# --- What an engine integrates.
+# --- Equations
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """The functions of an automaton with all their numbers.
+    """The functions of an automaton with their dimensions and parameters.
 
     Parameters
     ----------
@@ -155,9 +156,9 @@ class Equations:
         Number of states, of guards and of modes.
     parameters : array_like of float
     section : tuple (component, level, direction), optional
-        Crossings of ``y[component] = level`` that are reported as the last root function.
+        Crossings of ``y[component] = level``, the last root function.
     bounds : bool, optional
-        Whether compiled functions are kept from reading and writing beyond their arrays.
+        Whether compiled functions check array bounds.
     """
 
     flow: Callable[..., Any]
@@ -173,7 +174,7 @@ class Equations:
 
     @property
     def crossing(self) -> tuple[int, float, int]:
-        """The section, with component -1 where there is none."""
+        """The section, with component -1 for none."""
         return (-1, 0.0, 0) if self.section is None else self.section
 
 
@@ -181,19 +182,19 @@ class Equations:
 
 
 class Engine:
-    """An engine of one method, which learns nothing of modes and has no memory of its own."""
+    """Defaults for an engine with a single method, without memory of modes."""
 
     @property
     def implicit_arcs(self) -> int:
-        """Number of arcs begun by the second of two methods."""
+        """Number of arcs begun by an implicit alternative."""
         return 0
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what the engine has learnt of each mode."""
+        """Return the memory of each mode."""
         return ()
 
     def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was learnt of each mode."""
+        """Set the memory of each mode."""
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mems_impact.errors import InvalidParameter
 
-# Each method, and the folder beside this file that holds its engines.
+# Methods, and the folders of their engines.
 FOLDERS = {"adams": "cvode", "bdf": "cvode", "dop853": "dop853", "auto": "auto"}
 METHODS = tuple(FOLDERS)
 ENGINES = ("auto", "compiled", "interpreted")
@@ -20,25 +20,24 @@ class Options:
     Parameters
     ----------
     method : {"adams", "bdf", "dop853", "auto"}, optional
-        CVODE's linear multistep families: Adams needs about half the right-hand sides where the
-        drive is near the resonance; BDF wins where the drive is slow against it, or the system
-        stiff. ``"dop853"`` is Dormand and Prince's one-step method of order 8, which loses no order
-        at an event: several times as fast where arcs are short, and the most exact in long
-        sequences of impacts. It needs no SUNDIALS.
-        ``"auto"`` takes ``"dop853"``, and ``"bdf"`` wherever the system turns out to be stiff.
-        By default Adams, but ``"auto"`` for an actuator with a term that may make its equations
-        stiff, such as `SqueezeFilm`; `Run.options` tells which was taken.
+        CVODE's linear multistep families: Adams needs about half the evaluations of BDF if the
+        drive is near the resonance; BDF is faster for a slow drive or a stiff system. ``"dop853"``
+        is Dormand and Prince's one-step method of order 8, which retains its order after an event:
+        several times as fast for short arcs, and the most accurate in long sequences of impacts. It
+        needs no SUNDIALS. ``"auto"`` uses ``"dop853"``, and ``"bdf"`` where the system is stiff.
+        The default is Adams, but ``"auto"`` for an actuator with a term that may make its equations
+        stiff, such as `SqueezeFilm`; `Run.options` has the method of a run.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float
         Absolute tolerance of the local error, in the units of the state, above 0.
     max_steps : int
-        Internal steps that one arc (from a transition to the next) may take.
+        Most internal steps in one arc (from a transition to the next).
     max_events : int
-        Events that one forcing period may hold.
+        Most events in one forcing period.
     engine : {"auto", "compiled", "interpreted"}
-        ``"auto"`` takes the compiled engine where SUNDIALS can be bound and falls back to the
-        interpreted one, with a warning, where it can't.
+        ``"auto"`` uses the compiled engine if it is available, and otherwise the interpreted one,
+        with a warning.
 
     Raises
     ------
@@ -77,7 +76,7 @@ class Options:
         _within("max_events", self.max_events, 1, 2**62)
 
     def suited(self, stiff: bool) -> Options:
-        """Return the options with a method: where none was chosen, the one that suits."""
+        """Return the options with a method, by default one that suits the system."""
         if self.method is not None:
             return self
         return replace(self, method="auto" if stiff else "adams")

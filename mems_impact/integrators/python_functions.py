@@ -1,8 +1,8 @@
 """Interpreted evaluation of flow, margins and transitions; the record of a fault.
 
-Compiled code that calls a C function hears of no exception. So the call that fails is noted, its
-result is no number (a transition leads to no mode), and whatever goes on from there ends. The
-driver then makes the same call interpreted, where Python says what it is.
+Exceptions do not pass through compiled C functions. So a failed call is recorded, and its result is
+nan (or an invalid mode), which ends the run. The driver then repeats the call interpreted, where
+Python raises the exception.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ __all__ = [
     "NO_MODE",
     "TRANSITION",
     "Fault",
-    "carry_out",
-    "fault_in",
+    "apply_transition",
+    "recorded_fault",
 ]
 
-# --- Where a function of an automaton failed: noted by an engine, told by its driver.
+# --- Faults
 
 FLOW, MARGINS, TRANSITION, JACOBIAN = 1, 2, 3, 4
-HEAD = 4  # numbers of a note, before the state
-NO_MODE = -(2**31)  # where a transition leads that failed
+HEAD = 4  # values of a fault record before the state
+NO_MODE = -(2**31)  # result of a transition that failed
 
 
 class Fault(NamedTuple):
@@ -46,7 +46,7 @@ class Fault(NamedTuple):
     time : float
     y : float array, shape (n,)
     error : Exception or None
-        What an interpreted call raised.
+        The exception of an interpreted call.
     """
 
     role: int
@@ -57,22 +57,22 @@ class Fault(NamedTuple):
     error: Exception | None = None
 
 
-def fault_in(note: Any) -> Fault | None:
-    """Return the call that a note of compiled code tells of, if there is one."""
-    if note[0] == 0.0:
+def recorded_fault(record: Any) -> Fault | None:
+    """Return the failed call that compiled code has recorded, or None."""
+    if record[0] == 0.0:
         return None
-    role, mode, code = (int(number) for number in note[:3])
-    return Fault(role, mode, code, float(note[3]), np.array(note[HEAD:]))
+    role, mode, code = (int(number) for number in record[:3])
+    return Fault(role, mode, code, float(record[3]), np.array(record[HEAD:]))
 
 
-# --- The functions of an automaton as an interpreted engine calls them.
+# --- Interpreted calls
 
-# What Python raises where compiled code goes on with infinity or not-a-number.
+# Exceptions of Python where compiled code continues with infinity or nan.
 _DOMAIN = (ArithmeticError, ValueError)
 
 
 def scalars(y: Any, n: int) -> list[float]:
-    """Return the first `n` numbers of a list or array as a list of Python's own."""
+    """Return the first `n` values of a list or array as a list of Python floats."""
     return list(map(float, y[:n])) if isinstance(y, list) else y[:n].tolist()
 
 
@@ -81,7 +81,7 @@ def _real(values: list[Any]) -> list[float]:
     return [math.nan if isinstance(value, complex) else float(value) for value in values]
 
 
-def carry_out(
+def apply_transition(
     transition: Callable[..., Any], mode: int, code: int, t: float, y: list[float], p: list[float]
 ) -> tuple[int, list[float]]:
     """Return mode and state after a transition."""
@@ -90,17 +90,17 @@ def carry_out(
     try:
         into = transition(*arguments, after, p)
     except _DOMAIN:
-        # NumPy's numbers go on with infinity, as compiled code does: it may come to a number again.
+        # NumPy floats continue with infinity, as compiled code does; the result may be finite.
         after = np.array(y)
         into = transition(*arguments, after, p)
     return int(into), [float(value) for value in after]
 
 
 class Functions(Engine):
-    """The part of the contract of `mems_impact.integrators.interface` that no method changes.
+    """The methods of an interpreted engine that are common to all integration methods.
 
-    Functions get numbers of Python alone: those of NumPy are slow one by one, and not all that
-    Python takes does with them (booleans, say, are not subtracted).
+    Functions receive Python floats: NumPy scalars are slow, and do not support all operations (for
+    example, the difference of booleans).
 
     Parameters
     ----------
@@ -115,17 +115,19 @@ class Functions(Engine):
         self.bias = np.zeros(equations.m)
         self._fault: Fault | None = None
 
-    def remembered(self, mode: int) -> int:
-        """Return what has been learnt of `mode`: nothing."""
+    def method_memory(self, mode: int) -> int:
+        """Return 0: a single method has no memory."""
         return 0
 
     def fault(self) -> Fault | None:
-        """Return the first call of a function that failed, and forget it."""
+        """Return the first failed call, and clear the record."""
         fault, self._fault = self._fault, None
         return fault
 
-    def note(self, error: Exception, role: int, mode: int, code: int, t: float, y: Any) -> None:
-        """Note a call that failed, if it is the first."""
+    def record_fault(
+        self, error: Exception, role: int, mode: int, code: int, t: float, y: Any
+    ) -> None:
+        """Record a failed call, if it is the first."""
         if self._fault is None:
             state = np.array(y[: self.n], dtype=float)
             self._fault = Fault(role, int(mode), int(code), float(t), state, error)
@@ -133,14 +135,14 @@ class Functions(Engine):
     def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
         """Write the derivative of the state in `mode` into `dy`."""
         n = self.n
-        slope = [math.nan] * n  # what is never written is found out
+        slope = [math.nan] * n  # reveals unwritten components
         try:
             self._flow(int(mode), float(t), scalars(y, n), self.parameters, slope)
             dy[:n] = _real(slope)
         except _DOMAIN:
             dy[:n] = [math.nan] * n
         except Exception as error:
-            self.note(error, FLOW, mode, 0, t, y)
+            self.record_fault(error, FLOW, mode, 0, t, y)
             dy[:n] = [math.nan] * n
 
     def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
@@ -153,16 +155,16 @@ class Functions(Engine):
         except _DOMAIN:
             out[: 2 * m] = [math.nan] * (2 * m)
         except Exception as error:
-            self.note(error, MARGINS, mode, 0, t, y)
+            self.record_fault(error, MARGINS, mode, 0, t, y)
             out[: 2 * m] = [math.nan] * (2 * m)
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
         before = scalars(y, self.n)
         try:
-            mode, after = carry_out(self._transition, mode, code, t, before, self.parameters)
+            mode, after = apply_transition(self._transition, mode, code, t, before, self.parameters)
         except Exception as error:
-            self.note(error, TRANSITION, mode, code, t, y)
+            self.record_fault(error, TRANSITION, mode, code, t, y)
             return NO_MODE
         y[: self.n] = after
         return mode

@@ -37,7 +37,7 @@ __all__ = [
     "glow",
 ]
 
-# --- What moving pictures share: their frames out of a run, and flashes that none of them misses.
+# --- Frames and flashes
 
 MOVIE_PERIODS = 6  # forcing periods by default
 FLASH = 6  # frames over which the flash of an impact fades
@@ -51,11 +51,11 @@ class Scene(NamedTuple):
     ----------
     figure : matplotlib Figure
     draw : callable
-        Moves the artists to their places in the frame of a number.
+        Updates the artists for a frame number.
     frames : int
         Number of frames.
     moving : list of Artist
-        The artists that move; the others are drawn once.
+        The moving artists; the others are drawn once.
     """
 
     figure: Any
@@ -139,7 +139,7 @@ def clock(run: Run, time: float) -> str:
     return f"t = {time:.4g} {unit}".rstrip()
 
 
-# --- A phase portrait that draws itself.
+# --- Animated phase portrait
 
 
 def portrait(
@@ -205,20 +205,20 @@ def portrait(
 
 
 def _ends(leaps: pd.DataFrame, name: str) -> np.ndarray[Any, Any]:
-    """Return where jumps begin and end in one direction of the plane, with gaps between them."""
+    """Return starts and ends of jumps in one coordinate of the plane, with gaps between them."""
     before, after = ("t", "t") if name == "t" else (f"{name} before", f"{name} after")
     gap = np.full(len(leaps), np.nan)
     return np.column_stack([leaps[before], leaps[after], gap]).ravel()
 
 
-# --- A run that moves: the object that holds its frames and writes them as MP4, GIF or HTML.
+# --- Animation of a run
 
 MOVIE_SUFFIXES = (".mp4", ".gif", ".html")
 FPS = 25
 FRAMES_PER_PERIOD = 40  # frames a forcing period
 MOVIE_DPI = {".mp4": 240, ".gif": 170, ".html": 150}
-MEGABYTES = 500.0  # what a page may weigh; matplotlib leaves out frames beyond 20
-COLORS, APART = 64, 12  # of a GIF: how many, and how far from each other of 255
+MEGABYTES = 500.0  # largest size of a page; matplotlib's default omits frames beyond 20
+COLORS, APART = 64, 12  # of a GIF: number of colours, and their least distance of 255
 NO_FFMPEG = (
     "needs ffmpeg, which is not installed: pip install imageio-ffmpeg, or take .gif or .html"
 )
@@ -255,7 +255,7 @@ class Animation:
         self.fps = fps
         self._still: tuple[Any, Any] | None = None
         self._whole = self.figure.draw
-        # Once, so that axes do not move from frame to frame.
+        # Once, so that axes are the same in all frames.
         self._draw(0)
         self.figure.draw_without_rendering()
         with rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
@@ -263,8 +263,8 @@ class Animation:
         self.figure.draw = self._paint
 
     def _paint(self, renderer: Any) -> None:
-        """Draw the figure: what does not move once, which makes frames ten times as fast."""
-        if not hasattr(renderer, "restore_region"):  # of a vector file
+        """Draw the figure; static artists are drawn once, which makes frames ten times as fast."""
+        if not hasattr(renderer, "restore_region"):  # vector format
             self._whole(renderer)
             return
         size = (renderer.width, renderer.height, renderer.dpi)
@@ -371,13 +371,13 @@ class Animation:
                     writer = _writer(ending, self.fps)
                     moving.save(temporary, writer=writer, dpi=dots, progress_callback=told)
             except subprocess.CalledProcessError as error:
-                if isinstance(error.__context__, KeyboardInterrupt):  # ffmpeg has heard it as well
+                if isinstance(error.__context__, KeyboardInterrupt):  # it reached ffmpeg too
                     raise error.__context__ from None
                 reason = str(error.stderr or error).strip().splitlines()[-1]
                 raise FileNotWritten(path, f"ffmpeg: {reason}", "take .gif or .html") from None
 
     def _page(self, moving: Any, told: Callable[[int, int], None] | None = None) -> str:
-        """Return a page that shows the frames."""
+        """Return an HTML page with the frames."""
         from matplotlib.animation import HTMLWriter
 
         with TemporaryDirectory() as place:
@@ -410,7 +410,7 @@ def check_ending(field: str, path: str | os.PathLike[str]) -> str:
 
 
 def _ffmpeg() -> str | None:
-    """Return the program: the system's, or that of imageio-ffmpeg."""
+    """Return the path of ffmpeg, from the system or imageio-ffmpeg."""
     from matplotlib import rcParams
 
     found = shutil.which(rcParams["animation.ffmpeg_path"])
@@ -422,18 +422,18 @@ def _ffmpeg() -> str | None:
 
 
 def _writer(ending: str, fps: int) -> Any:
-    """Return matplotlib's writer for a file of that ending."""
+    """Return matplotlib's writer for a file suffix."""
     from matplotlib import rcParams
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
     if ending == ".mp4":
         rcParams["animation.ffmpeg_path"] = _ffmpeg()  # within `wearing`
-        # What every player takes.
+        # A pixel format that every player supports.
         settings = ["-pix_fmt", "yuv420p", "-crf", "20"]
         return FFMpegWriter(fps=fps, codec="h264", extra_args=settings)
 
     class Writer(PillowWriter):
-        """With one table of colours for all frames, which makes files half as large."""
+        """A common colour table for all frames halves the file size."""
 
         _frames: Any
 
@@ -453,7 +453,7 @@ def _writer(ending: str, fps: int) -> Any:
 
 
 def _palette(picture: Any) -> list[tuple[int, int, int]]:
-    """Return the colours that are there most, of those that the eye parts; so white stays white."""
+    """Return the most frequent distinguishable colours, so that white stays white."""
     chosen: list[tuple[int, int, int]] = []
     counted = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
     for _, paint in counted:
@@ -485,13 +485,13 @@ def animate(
     Parameters
     ----------
     run : Run
-        With its events kept.
+        A run with events.
     first, last : float, optional
-        Forcing periods between which to draw, times where nothing forces the system; the last 6
-        periods of the run by default, or the whole of one without forcing.
+        Drawn interval in forcing periods, in time for an autonomous system; by default the last 6
+        periods, or the whole run of an autonomous system.
     x, y : str, optional
-        Which states span the plane of a phase portrait, or ``"t"``; the first two that are not
-        cyclic by default. Of an actuator its device, if neither is given.
+        States on the axes of a phase portrait, or ``"t"``; by default the first two non-cyclic
+        states, and for an actuator the drawing of the device.
     per_period : int, optional
         Frames per forcing period; an autonomous system has 6 times as many frames in all.
     fps : int, optional
@@ -505,7 +505,7 @@ def animate(
     Raises
     ------
     InvalidParameter
-        If the run kept no events, does not cover those periods, or has no such state.
+        If the run has no events, does not cover the periods, or a state is unknown.
 
     See Also
     --------

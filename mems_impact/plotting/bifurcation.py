@@ -40,7 +40,7 @@ from mems_impact.tables import NUMBER, PERIOD, bare, sweep_summary, switches
 
 __all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_sweep"]
 
-# --- Bifurcation diagrams: branches of orbits, stable and unstable, over what brute force shows.
+# --- Branches
 
 # Marker and colour of special points: of orbits, then of equilibria.
 POINT_MARKS = {
@@ -50,8 +50,8 @@ POINT_MARKS = {
     "NS": ("D", "torus"),
 }
 POINT_MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
-BRANCH_SAME = 0.01  # part of the axes within which points are one
-MARKER_FACE = "white"  # of the others, which are named after a guard, and branch points
+BRANCH_SAME = 0.01  # distance at which points coincide, as a part of the axes
+MARKER_FACE = "white"  # of branch points and points named after a guard
 
 
 class Diagram(Protocol):
@@ -163,21 +163,21 @@ def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:
 
 
 def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
-    """Draw each run of orbits of one stability; it ends where the next one begins."""
+    """Draw successive orbits of equal stability as one line, up to the next line."""
     values = table.iloc[:, 0].to_numpy()
     kind = np.where(table["stable"], "stable", "unstable")
     kind = np.where(table["admissible"], kind, "")
     # One column per crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
     what, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
-    # Equilibria keep their mode; an orbit's events may change, and a new piece begin.
+    # Equilibria have one mode; a change of an orbit's events begins a new line.
     pieces = table.get("piece", pd.Series(0, table.index)).to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
     for begin, end in zip(edges, [*edges[1:], len(table)], strict=True):
         if not kind[begin]:
             continue
         stable = kind[begin] == "stable"
-        # One orbit more closes the gap to the next line.
+        # One additional orbit closes the gap to the next line.
         more = end < len(table) and kind[end] != ""
         rows = slice(begin, end + more)
         style: dict[str, Any] = {"color": color("motion"), "linewidth": 1.2 * thickness(thin)}
@@ -191,7 +191,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
         before = np.full(end + more - begin, np.nan)
         for column in columns:
             y = table[column].to_numpy()[rows]
-            # An orbit that repeats itself within the period of its branch is drawn once.
+            # An orbit with a smaller period than its branch is drawn once.
             if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
                 continue
             before = y
@@ -227,18 +227,18 @@ def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
 SPECIAL_POINT_NAMES = {
     "grazing": "grazing", "fold": "fold", "period-doubling": "doubling", "Neimark-Sacker": "torus",
 }  # fmt: skip
-"""What the colours of kinds of special points mean."""
+"""Colours of kinds of special points."""
 
-SOLID = (LINES[0], LINES[1], LINES[3], (0, (8, 2)))  # dots are those of what is inadmissible
-CURVE_SAME = 0.005  # of the width and height of the axes: points that are one
+SOLID = (LINES[0], LINES[1], LINES[3], (0, (8, 2)))  # inadmissible parts are dotted
+CURVE_SAME = 0.005  # distance at which points coincide, as a part of the axes
 
 
 class Boundary(Protocol):
-    """What `plot_curve` needs of a `mems_impact.analysis.branch.Curve`."""
+    """Interface of `mems_impact.analysis.branch.Curve` for `plot_curve`."""
 
     @property
     def kind(self) -> str:
-        """Of the special point."""
+        """Kind of the special point."""
 
     @property
     def table(self) -> pd.DataFrame:
@@ -269,7 +269,7 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     Raises
     ------
     InvalidParameter
-        If `curve` is none, or the curves are over different parameters.
+        If `curve` is not a curve, or the curves are over different parameters.
 
     See Also
     --------
@@ -306,7 +306,7 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     for each in curves:
         table, own = each.table, colors[each.kind]
         good = table["admissible"].to_numpy(dtype=bool)
-        # One orbit more on either side, so that the dots reach the line.
+        # One additional orbit on either side, so that the dots reach the line.
         bad = ~good | ~np.roll(good, 1) | ~np.roll(good, -1) if (~good).any() else ~good
         ax.plot(table[x], table[y].where(good), color=own, linewidth=thickness(1.2), zorder=3,
                 linestyle=SOLID[kinds.index(each.kind) % len(SOLID)], label=each.kind)  # fmt: skip
@@ -328,7 +328,7 @@ def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
     taken: list[Mark] = []
     for _, row in points.iterrows():
-        # Two curves that meet have the point where they do in common.
+        # Two curves share the point where they meet.
         here = row[[x, y]].to_numpy(dtype=float)
         if any(
             row["kind"] == mark.text and np.abs((here - (mark.x, mark.y)) / size).max() < CURVE_SAME
@@ -339,16 +339,16 @@ def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
     return taken
 
 
-# --- A sweep over its parameter: the state on the Poincaré section, and statistics below it.
+# --- Sweeps
 
-# Rings of the one around dots of the other: where both are the same, both are seen.
+# Rings of one direction around dots of the other, so that coincident points are visible.
 MOTION_MARKS: dict[str, dict[str, Any]] = {
     "up": {"marker": "o", "markersize": 1.9, "zorder": 3},
     "down": {"marker": "o", "markersize": 3.6, "fillstyle": "none", "zorder": 2},
 }
 SWEEP_DIRECTIONS = {"up": "increased", "down": "decreased"}
 BRANCH_COLUMNS = ("direction", "status")
-"""What a table of a sweep has beside the parameter, what is counted, states and statistics."""
+"""Other columns of a sweep, neither parameter, counter, state nor statistic."""
 
 
 @styled
@@ -406,7 +406,7 @@ def plot_sweep(
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")
     first = next(iter(quantities))
     shown = [name for name in table.attrs.get("quantities", {}) if name in quantities]
-    # A panel without data is left out, such as that of the step of a device that never impacts.
+    # A panel without data is omitted, such as that of the step of a device that never impacts.
     shown = [name for name in shown if table[quantities[name][0]].notna().any()]
     drawn = [first, *shown] if quantity is None and ax is None else [quantity or first]
     if ax is not None:
@@ -426,7 +426,7 @@ def plot_sweep(
 
 
 def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
-    """Return what may be drawn, the first state first: the column and what the axis says."""
+    """Return the drawable columns with their axis labels, the first state first."""
     columns = [name for name in table.columns[3:] if name not in BRANCH_COLUMNS]
     states: list[str] = table.attrs.get("states", [table.columns[3]])
     found = {states[0]: (states[0], on_section(table, states[0]))}
@@ -440,13 +440,13 @@ def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
 
 
 def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
-    """Draw one quantity, and below a state the values without."""
+    """Draw one quantity; for a state, mark the values without a crossing."""
     summary = sweep_summary(table)
     of_crossings = column not in summary
     rows = table if of_crossings else summary
     parameter = rows.columns[0]
     sign = _symbol(table)
-    # Many dots are drawn small, or the rings run into a band; those that coincide count once.
+    # Many dots are small, so that rings do not merge; coincident dots count once.
     spread = max(1e-300, rows[column].max() - rows[column].min())
     places = (rows[column] / spread * 300.0).round()
     dots = len(pd.DataFrame({"at": rows[parameter], "place": places}).drop_duplicates())
@@ -466,7 +466,7 @@ def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
 
 
 def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
-    """Mark the values without a crossing on the axis, as what lies below all that is drawn."""
+    """Mark the values without a crossing at the lower edge."""
     parameter, good = rows.columns[0], rows["status"] == "ok"
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
     label = f"never crosses {crosses(rows.attrs) or 'the section'}"
@@ -481,7 +481,7 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
             mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
             mark |= {"zorder": style["zorder"] + 3, "color": color(direction)}  # above the axis
             ax.plot(values, [0.0] * len(values), label=label, **foot, **mark)
-            label = "_"  # one line of the legend is enough
+            label = "_"  # one legend entry
     failed = rows.loc[~good, parameter].unique()
     if len(failed):
         cross = {"marker": "x", "color": color("guide"), "markersize": 4, "label": "failed"}
@@ -493,7 +493,7 @@ def _symbol(table: pd.DataFrame) -> str:
 
 
 def draw_switches(ax: Any, table: pd.DataFrame) -> None:
-    """Draw a line where each chain begins or ceases to impact; the legend has the value."""
+    """Draw a line at the first value at which impacts begin or cease; the legend has the value."""
     parameter = _symbol(table)
     for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):
         text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"

@@ -37,7 +37,7 @@ __all__ = [
     "symbol",
 ]
 
-# --- Where texts stand so that none lies over another: labels of points, and legends above axes.
+# --- Placement of labels and legends
 
 Floats = NDArray[np.float64]
 LABEL_DISTANCES = (
@@ -50,13 +50,13 @@ SIDES = tuple(
     side for side in product((1, -1, 0, 0.5, -0.5), (1, -1, 0)) if abs(side[0]) + side[1] ** 2 >= 1
 )
 PAD = 1.5  # pt, about a label
-DOT = 4.0  # pt: the smallest dot that is seen in a legend
+DOT = 4.0  # pt, smallest visible dot in a legend
 PANEL_LETTER = "panel letter"  # identifier of such texts
 COMPACT = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
 """Spaces of a legend, in sizes of its text, that would have too many rows otherwise."""
 ROW_HEIGHT = 1.05  # of a row of a legend, in sizes of its text
 LEGEND_SHARE = 0.1  # height of a legend at most, as a part of the figure, where it can be
-TAKEN, OUTSIDE = 1e4, 1e5  # what a place costs that lies on another text, or outside the axes
+TAKEN, OUTSIDE = 1e4, 1e5  # costs of a place on another text, or outside the axes
 
 
 class Mark(NamedTuple):
@@ -94,7 +94,7 @@ def mark_points(ax: Any, marks: Sequence[Mark]) -> list[Any]:
     Parameters
     ----------
     ax : matplotlib Axes
-        On which all else is drawn.
+        Axes with all other artists.
     marks : sequence of Mark
 
     Returns
@@ -174,7 +174,7 @@ def label_points(
     Parameters
     ----------
     ax : matplotlib Axes
-        On which all else is drawn.
+        Axes with all other artists.
     marks : sequence of Mark
     shifts : float array, shape (n, 2), optional
         By how much markers are shifted from their points [pt].
@@ -226,7 +226,7 @@ def label_points(
 
 
 def _root(ax: Any) -> Any:
-    """Return the figure that axes, maybe in a subfigure, belong to."""
+    """Return the figure of axes, which may be in a subfigure."""
     figure = ax.figure
     while getattr(figure, "_parent", None) is not None:
         figure = figure._parent
@@ -234,7 +234,7 @@ def _root(ax: Any) -> Any:
 
 
 def _dense(ax: Any) -> Floats:
-    """Return points along all lines of axes, on the screen, near enough to stop a text."""
+    """Return points along all lines of axes, in pixels, dense enough to detect overlaps."""
     parts = [np.empty((0, 2))]
     for line in ax.lines:
         if line.get_transform() != ax.transData:
@@ -251,7 +251,7 @@ def _dense(ax: Any) -> Floats:
 
 
 def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -> float:
-    """Return what it costs to write where `box` is."""
+    """Return the cost of a text in `box`."""
     price = OUTSIDE * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
     for other in taken:
         price += TAKEN * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
@@ -264,7 +264,7 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
     Parameters
     ----------
     ax : matplotlib Axes
-        On which all else is drawn.
+        Axes with all other artists.
     lines : sequence of tuple of float and str
         Where each line is, and its label.
 
@@ -311,13 +311,13 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
 def free_corner(
     ax: Any, width: float, height: float, top: float = 0.97
 ) -> tuple[float, float] | None:
-    """Return where a box of that part of the axes covers no line: its lower left corner.
+    """Return the lower left corner of a box that covers no line.
 
-    Below `top`; None, where it fits nowhere.
+    The box is below `top`; None if there is no place.
     """
     _root(ax).draw_without_rendering()
     lines = ax.transAxes.inverted().transform(_dense(ax))
-    left, below = 0.1, 0.1  # for the numbers at its axes
+    left, below = 0.1, 0.1  # for its tick labels
     for y, x in product(np.linspace(top - height, below, 12), np.linspace(left, 0.98 - width, 12)):
         low, high = np.array([x - left, y - below]), np.array([x + width, y + height])
         if not ((lines > low) & (lines < high)).all(axis=1).any():
@@ -352,7 +352,7 @@ def legend_above(
     ----------
     ax : matplotlib Axes
     handles : sequence of Artist, optional
-        What it shows; all that have labels by default.
+        Entries; all artists with labels by default.
     by_row : bool, optional
         Fill rows one after the other, not columns.
     **options
@@ -423,7 +423,7 @@ def _legend_rows(ax: Any, size: float) -> int:
 
 
 def _room(ax: Any) -> float:
-    """Return the width in points that a legend above axes may take."""
+    """Return the available width of a legend above axes, in points."""
     box, figure = ax.get_position(), ax.figure
     spec = ax.get_subplotspec()
     first = spec is None or spec.is_first_col()
@@ -440,7 +440,7 @@ def _filled(count: int, columns: int, by_row: bool) -> list[list[int]]:
     return [[int(i) for i in part] for part in np.array_split(np.arange(count), columns)]
 
 
-# --- What stands at an axis: symbols, units with their prefixes, plain numbers without offsets.
+# --- Axis labels and ticks
 
 GREEK = [
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
@@ -458,13 +458,13 @@ class Label(NamedTuple):
 
 
 def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
-    r"""Return the symbol of a state or a parameter, for labels; the name where it is a word.
+    r"""Return the symbol of a state or a parameter for labels; the name if it is a word.
 
     Parameters
     ----------
     name : str
     symbols : mapping of str to str, optional
-        Those that are not to be read off the name.
+        Symbols that do not follow from names.
 
     Examples
     --------
@@ -492,7 +492,7 @@ def label_of(table: pd.DataFrame, name: str, words: str | None = None) -> Label:
 def parameter_label(table: pd.DataFrame, name: str) -> Label:
     """Return the label of an axis for a parameter: its symbol, or its name if it is a word.
 
-    And both, where the symbol is not read off the name.
+    The label has both if the symbol does not follow from the name.
     """
     symbols = table.attrs.get("symbols", {})
     sign, told = symbol(name, symbols), name not in symbols
@@ -510,7 +510,7 @@ def crosses(captions: Mapping[str, Any]) -> str:
 
 
 def on_section(table: pd.DataFrame, state: str) -> Label:
-    """Return the label of an axis for a state where a table looks at it."""
+    """Return the axis label of a state on the section of a table."""
     label = label_of(table, state, symbol(state))
     if table.attrs.get("equilibria"):
         return label
@@ -525,7 +525,7 @@ def on_section(table: pd.DataFrame, state: str) -> Label:
 
 
 def prefixed(unit: str, largest: float) -> tuple[int, str]:
-    """Return the power of ten in which numbers up to `largest` are best told, and what says so.
+    """Return the power of ten for values up to `largest`, and its label.
 
     Examples
     --------
@@ -557,8 +557,8 @@ def label_axis(axis: Any, label: Label) -> None:
     limits = getattr(axis.axes, f"get_{axis.axis_name}lim")()
     power, unit = prefixed(label.unit, float(np.max(np.abs(limits))))
     axis.set_major_formatter(_plain(power))
-    # How many ticks there are hangs on the size of their numbers: that of the style, wherever the
-    # figure is saved.
+    # The number of ticks depends on the font size: use that of the style, wherever the figure is
+    # saved.
     axis.set_tick_params(labelsize=axis.get_ticklabels()[0].get_fontsize())
     if axis.axis_name == "x":
         _thin(axis)
@@ -572,7 +572,7 @@ def label_axis(axis: Any, label: Label) -> None:
 
 
 def _plain(power: int) -> Any:
-    """Return what writes numbers in units of a power of ten, with as many decimals as they need."""
+    """Return a formatter in units of a power of ten, with the necessary decimals."""
     from matplotlib.ticker import Formatter
 
     class Plain(Formatter):
@@ -591,7 +591,7 @@ def _plain(power: int) -> Any:
 
 
 def _thin(axis: Any) -> None:
-    """Leave as many ticks on a horizontal axis as there is room for their numbers."""
+    """Reduce the ticks of a horizontal axis until their labels fit."""
     from matplotlib.ticker import AutoLocator, MaxNLocator
 
     if not isinstance(axis.get_major_locator(), AutoLocator):
@@ -601,7 +601,7 @@ def _thin(axis: Any) -> None:
     inside = [value for value in axis.get_majorticklocs() if low <= value <= high]
     numbers = axis.get_major_formatter().format_ticks(inside)
     widest = max((text_size(number, size)[0] for number in numbers), default=0.0)
-    # Before the layout is made; it leaves some more room.
+    # Estimate before the final layout, which has slightly more room.
     room = 72.0 * axis.axes.bbox.width / axis.axes.figure.dpi
     most = max(2, math.floor(room / (1.3 * widest + 1.0)))
     if len(inside) > most:

@@ -27,9 +27,9 @@ from mems_impact.tables import bare
 
 __all__ = ["plot_basins", "plot_map"]
 
-# --- Basins of attraction: which attractor is reached from where, and where the attractors are.
+# --- Basins of attraction
 
-# Each of a lightness of its own: distinct in grey and to the colour-blind (hues of Okabe and Ito).
+# Colours of different lightness, distinct in grey and to the colour-blind (hues of Okabe and Ito).
 # Further attractors, with small shares, have one grey.
 MAP_COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
 TWO_ROWS = 5  # attractors whose legend has at most two rows
@@ -65,13 +65,13 @@ def plot_basins(
     Parameters
     ----------
     basins : Basins or StoredStudy
-        Of the store of one, be it still running, kinds of motions: attractors of one kind are told
-        apart once all points are done.
+        A running store shows kinds of motions; attractors of one kind are distinguished when all
+        points are complete.
     ax : matplotlib Axes, optional
         Where to draw; a new figure of a column's width by default.
     x, y : str, optional
-        Components of the state on the axes; those in which starts differ, in their order. Of one
-        component alone a strip is drawn.
+        Components of the state on the axes; by default those in which starts differ. A single
+        component gives a strip.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def plot_basins(
     Raises
     ------
     InvalidParameter
-        If `basins` is none, or starts do not differ in a component.
+        If `basins` is not a result of `basins`, or starts do not differ in a component.
 
     See Also
     --------
@@ -142,7 +142,7 @@ def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
 
 
 def _look(colors: list[str]) -> dict[str, Any]:
-    """Return how the numbers of attractors become colours."""
+    """Return colour map and range of attractor numbers."""
     from matplotlib.colors import ListedColormap
 
     return {"cmap": ListedColormap(colors), "vmin": -0.5, "vmax": len(colors) - 0.5}
@@ -166,7 +166,7 @@ def _draw_plane(
 def _draw_returns(
     ax: Any, returns: pd.DataFrame, names: tuple[str, str], styles: dict[str, tuple[str, str]]
 ) -> None:
-    """Mark where the attractors return, as far as that lies among the starts."""
+    """Mark the returns of the attractors within the range of the starts."""
     limits = ax.get_xlim(), ax.get_ylim()
     for name, (color, marker) in styles.items():
         seen = returns[returns[ATTRACTOR] == name]
@@ -206,7 +206,7 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
     legend_above(ax, handles)
 
 
-# --- Maps over two parameters: kinds of motions or a quantity, and curves of continuation.
+# --- Operating maps
 
 
 class Paint(NamedTuple):
@@ -217,8 +217,8 @@ class Paint(NamedTuple):
     ink: str = "0.4"  # of hatching and, in the legend, of the border
 
 
-# Periods get darker; what does not repeat itself is warm and hatched, so that it is told from them
-# in grey too, and by the colour-blind.
+# Longer periods are darker; aperiodic motions are warm and hatched, so that they are distinct in
+# grey and to the colour-blind.
 PERIOD_COLORS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
 MOTIONS = {
     OFF: Paint("0.93"),
@@ -255,14 +255,13 @@ def plot_map(
     Parameters
     ----------
     found : OperatingMap, StoredStudy or DataFrame
-        A map; the store of one, be it still running; or the table of either. Points that are not
-        there yet stay white.
+        A map, its running or finished store, or a table of either. Missing points stay white.
     column : str, optional
         A column of numbers; kinds of motions by default. Cells without a number, or without impacts
         in a system with impacts, are grey. From the fifth on, longer periods share a colour.
     boundaries : Curve, OperatingChart, DataFrame, or a sequence of these, optional
-        Curves over the same two parameters, or their tables, drawn over the map; inadmissible
-        parts are left out. Of a chart both its boundaries: where it switches on, and off.
+        Curves over the same two parameters, or their tables, drawn over the map; inadmissible parts
+        are omitted. A chart has two boundaries: switching on and off.
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default, as wide as a column of a journal.
 
@@ -274,7 +273,7 @@ def plot_map(
     Raises
     ------
     InvalidParameter
-        If `found` is no map, there is no such column of numbers, or a boundary is over other
+        If `found` is not a map, the column is unknown or not numeric, or a boundary is over other
         parameters.
 
     See Also
@@ -292,7 +291,7 @@ def plot_map(
     """
     table, cells = _given(found)
     x, y = table.columns[:2]
-    curves = list(_curves(boundaries, x, y))  # before a figure is begun
+    curves = list(_curves(boundaries, x, y))  # before the figure is created
     if ax is None:
         ax = new_figure(1.3).subplots()
     edges = _edges(cells.x), _edges(cells.y)
@@ -345,7 +344,7 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> list[Any]:
-    """Draw the kinds of motions; return what the legend shows."""
+    """Draw the kinds of motions; return the legend entries."""
     kinds = _shared(motions(table))
     found = in_order(kinds)
     first = next((kind for kind in found if period_of(kind)), "")
@@ -368,7 +367,7 @@ def _entry(kind: str, first: bool) -> str:
 
 
 def _shared(kinds: pd.Series) -> pd.Series:
-    """Return kinds of motions, those periods as one that share the last colour."""
+    """Return the kinds of motions, with one kind for all periods of the last colour."""
     long = sorted(
         period for period in map(period_of, kinds.unique()) if period >= len(PERIOD_COLORS)
     )
@@ -385,19 +384,19 @@ def _paint(kind: str) -> Paint:
 
 
 def _where(cells: Cells, chosen: pd.Series) -> NDArray[np.bool_]:
-    """Return the cells whose rows are chosen."""
+    """Return the cells of the selected rows."""
     return (cells.row >= 0) & chosen.to_numpy(dtype=bool)[cells.row]
 
 
 def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Paint) -> Any:
-    """Fill cells; return what stands for them in the legend."""
+    """Fill cells; return their legend entry."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
     shown = np.ma.masked_where(~where, np.zeros(where.shape))
     ax.pcolormesh(*edges, shown, cmap=ListedColormap([paint.color]), rasterized=True)
     if paint.hatch:
-        # A mesh has no hatching, and contours about the middles of cells do not end at their edges.
+        # A mesh has no hatching, and contours of cell centres do not end at cell edges.
         ax.pcolor(
             *edges, shown, cmap=ListedColormap(["none"]), hatch=paint.hatch, edgecolor=paint.ink,
             linewidth=0.0, rasterized=True,
@@ -407,7 +406,7 @@ def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Pain
 
 
 def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column: str) -> list[Any]:
-    """Draw a column of numbers, and in grey where it has none; return what the legend shows."""
+    """Draw a numeric column, grey for missing values; return the legend entries."""
     numbers = [str(name) for name in table.columns[2:] if table[name].dtype.kind in "fiub"]
     if column not in numbers:
         raise InvalidParameter("column", column, f"one of {', '.join(numbers)}")
@@ -435,7 +434,7 @@ class Line(NamedTuple):
 
 
 def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
-    """Give the lines of all boundaries in the parameters of the map."""
+    """Yield the lines of all boundaries in the parameters of the map."""
     single = isinstance(boundaries, pd.DataFrame) or hasattr(boundaries, "table")
     given: Iterable[Any] = [boundaries] if single else boundaries
     if not isinstance(given, Sequence):
@@ -459,7 +458,7 @@ def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
 
 
 def _abscissa(rows: pd.DataFrame, x: str, y: str) -> str:
-    """Return the parameter over which a chart is: the first of its columns."""
+    """Return the parameter of a chart: its first column."""
     return next(name for name in rows.columns if name in (x, y))
 
 

@@ -34,7 +34,7 @@ __all__ = [
     "wearing",
 ]
 
-# --- The figure that all others are drawn on.
+# --- Figure
 
 NOTEBOOK_DPI = 120  # in a notebook
 
@@ -42,7 +42,7 @@ NOTEBOOK_DPI = 120  # in a notebook
 class ShownFigure(Figure):
     """A figure that a notebook displays with or without pyplot.
 
-    A notebook shows matplotlib's own figures once pyplot has made one, and these belong to none.
+    A notebook displays matplotlib's own figures only after pyplot has been used.
     """
 
     def _repr_png_(self) -> bytes:
@@ -51,7 +51,7 @@ class ShownFigure(Figure):
         return picture.getvalue()
 
 
-# --- How figures look: the style sheet, what colours mean, a figure that belongs to no backend.
+# --- Style sheet and colours
 
 SHEET = Path(__file__).with_name("mems_impact.mplstyle")
 VARIABLE = "MEMS_IMPACT_STYLE"
@@ -63,20 +63,20 @@ MEANINGS = (
     "motion", "unstable", "impact", "frame", "up", "down", "voltage", "grazing", "fold",
     "doubling", "torus", "guide", "dots",
 )  # fmt: skip
-"""What the colours of the style sheet mean, in its order (docs/figures.md says more)."""
+"""Meanings of the colours of the style sheet, in its order (see docs/figures.md)."""
 
 MODE_COLORS = ("#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "0.6")
-"""Of modes beside the one that a motion spends most time in, which has that of the motion."""
+"""Colours of modes; the most frequent mode has the colour of the motion."""
 
 DASHES: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 0.8}
-"""How guides are drawn: stoppers, levels."""
+"""Style of guides: stoppers, levels."""
 
 DOTS: Any = (0, (1, 1.3))
-"""How the line of what goes downwards is broken: switching off."""
+"""Line style of downward sweeps and of switching off."""
 
 MARKERS = "os^Dv<>"
 LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.1)), (0, (4, 1.2, 1, 1.2)))
-"""What tells lines apart in grey."""
+"""Line styles, distinct in grey."""
 
 
 @contextmanager
@@ -89,8 +89,8 @@ def style(*sheets: Sheet) -> Iterator[None]:
     Parameters
     ----------
     *sheets : str, path or mapping
-        Files of matplotlib's style sheets, names of styles that matplotlib knows, or settings
-        by name; later ones win. None at all: the package's own alone.
+        Files of matplotlib's style sheets, names of matplotlib's styles, or settings by name; later
+        ones take precedence. Without sheets, only the package's own style applies.
 
     Yields
     ------
@@ -104,7 +104,7 @@ def style(*sheets: Sheet) -> Iterator[None]:
 
     See Also
     --------
-    plot_run : One of the figures that it is for.
+    plot_run : One of the figures with this style.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def _settings(sheet: Sheet) -> Any:
 
 @contextmanager
 def wearing(ax: Any = None) -> Iterator[None]:
-    """Draw in the style; on given axes in the size of their labels."""
+    """Apply the style; on given axes with the font size of their labels."""
     import matplotlib as mpl
 
     chosen = _SHEETS.get()
@@ -160,13 +160,13 @@ def wearing(ax: Any = None) -> Iterator[None]:
 
 
 def styled(draw: F) -> F:
-    """Return a function that draws in the style; it may be given axes by the name of ``ax``."""
+    """Decorate a drawing function to apply the style; its axes are the argument ``ax``."""
     parameters = signature(draw)
 
     @wraps(draw)
     def within(*args: Any, **options: Any) -> Any:
         ax = parameters.bind(*args, **options).arguments.get("ax")
-        # Of several axes the first stands for all.
+        # The first of several axes determines the size.
         with wearing(ax if ax is None or hasattr(ax, "xaxis") else next(iter(ax), None)):
             return draw(*args, **options)
 
@@ -190,7 +190,7 @@ def thickness(times: float) -> float:
 
 
 def graded(count: int) -> list[dict[str, Any]]:
-    """Return colour, marker and line of curves that differ in the size of something."""
+    """Return colour, marker and line style of curves in order of a quantity."""
     from matplotlib import colormaps
 
     shades = colormaps["cividis"]([0.8 * i / max(1, count - 1) for i in range(count)])
@@ -205,7 +205,7 @@ def graded(count: int) -> list[dict[str, Any]]:
 
 
 def cased(width: float) -> list[Any]:
-    """Return path effects that set a line of that width off from what lies below it."""
+    """Return path effects that separate a line of this width from the background."""
     from matplotlib.patheffects import Normal, Stroke
 
     return [Stroke(linewidth=width + 1.4, foreground="white"), Normal()]
@@ -227,7 +227,7 @@ def boundary_line(name: str) -> dict[str, Any]:
 
 
 def inches(panels: float, rows: float = 0.0) -> float:
-    """Return the height of panels of the style's height, and of rows of text such as bars have."""
+    """Return the height of a number of panels and of rows of text, such as bars."""
     from matplotlib import rcParams
 
     row = 1.75 * rcParams["font.size"] / 72.0
@@ -235,12 +235,12 @@ def inches(panels: float, rows: float = 0.0) -> float:
 
 
 def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
-    """Return an empty figure as wide as the style says; pyplot is not touched.
+    """Return an empty figure with the width of the style, without pyplot.
 
     Parameters
     ----------
     panels, rows : float, optional
-        Its height, in panels of the style's height and rows of text.
+        Height in panels of the style's height, and in rows of text.
     """
     from matplotlib import rcParams
 
@@ -249,20 +249,20 @@ def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
 
 
 def given_axes(ax: Any, count: int, each: str) -> list[Any]:
-    """Return the axes that were given to be drawn on, as many as there are panels.
+    """Return the user's axes, one per panel.
 
     Parameters
     ----------
     ax : matplotlib Axes or sequence of these
     count : int
-        How many it takes.
+        Number of panels.
     each : str
         Purpose of each, in words: "one per state".
 
     Raises
     ------
     InvalidParameter
-        If there are more or fewer.
+        If the number of axes differs.
     """
     axes = [ax] if hasattr(ax, "plot") else list(ax)
     if len(axes) != count:

@@ -52,21 +52,21 @@ __all__ = [
     "spans",
 ]
 
-# --- The motion of any system as lines: exact at transitions, broken where it jumps.
+# --- Lines: exact at transitions, broken at jumps
 
 IMPACT: dict[str, Any] = {
     "linestyle": "none", "marker": "o", "markersize": 4.5, "markeredgecolor": "white",
     "markeredgewidth": 0.6, "zorder": 4,
 }  # fmt: skip
-"""How an impact is marked, beside its colour."""
+"""Marker style of impacts."""
 
 MODE_HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
-MIN_DRAWN_JUMP = 1e-9  # a jump that is none, as a part of the largest value
-SAME_INSTANT_RATIO = 1e-12  # instants that are one, as a part of the time shown
+MIN_DRAWN_JUMP = 1e-9  # smaller jumps, relative to the largest value, are ignored
+SAME_INSTANT_RATIO = 1e-12  # difference of equal instants, as a part of the shown time
 
 
 def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of states as a tuple; InvalidParameter where one is none of the system's."""
+    """Return the names of states as a tuple; raise InvalidParameter for an unknown state."""
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names or [""]:
         if name not in known:
@@ -95,7 +95,7 @@ def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
-    """Return at which transitions a state jumps."""
+    """Return whether a state jumps at each transition."""
     size = MIN_DRAWN_JUMP * float(samples[name].abs().max())
     return (corners[f"{name} after"] - corners[f"{name} before"]).abs() > size
 
@@ -103,7 +103,7 @@ def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
 def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """Return a line through samples and transitions: t, the states `names`, mode.
 
-    At a transition stand the states before and after it; between them a row of NaN where one jumps.
+    Each transition gives the states before and after it, with a row of NaN between them at a jump.
     """
     names, taken = list(names), corners["t"].to_numpy()
     jumps = np.zeros(len(corners), dtype=bool)
@@ -125,24 +125,24 @@ def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> 
 def interleaved(
     time: np.ndarray, instants: np.ndarray, jumps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which samples stay, and how a line goes through them and the transitions.
+    """Return the samples to keep, and the order of samples and transitions along a line.
 
     Parameters
     ----------
     time : ndarray
-        Of the samples.
+        Times of the samples.
     instants : ndarray
-        Of the transitions.
+        Times of the transitions.
     jumps : ndarray of bool
-        At which of these the line is broken.
+        Whether the line is broken at each transition.
 
     Returns
     -------
     tuple of ndarray
-        A mask of the samples that are at no transition, and the order in time of these samples,
-        the sides before transitions, one gap for each jump and the sides after, one behind another.
+        A mask of the samples away from transitions, and the order in time of the concatenation of
+        these samples, the states before transitions, one gap for each jump, and the states after.
     """
-    # A sample at the instant of a transition may stand on either side of it.
+    # A sample at the instant of a transition may be on either side of it.
     near = distance_to_nearest(time, instants)
     kept = near > SAME_INSTANT_RATIO * (time[-1] - time[0])
     turn = 3 * np.arange(instants.size)
@@ -152,13 +152,13 @@ def interleaved(
 
 
 def jump() -> dict[str, Any]:
-    """Return how a jump is drawn."""
+    """Return the line style of a jump."""
     width = thickness(0.8)
     return {"color": color("impact"), "linewidth": width, "linestyle": (0, (2, 1.2)), "zorder": 3}
 
 
 def shade(number: int) -> dict[str, Any]:
-    """Return how stretches in the mode of that place among those shaded are filled."""
+    """Return the fill style of the shaded mode with this index."""
     own = MODE_COLORS[number % len(MODE_COLORS)]
     return {
         "facecolor": (own, 0.3),
@@ -168,14 +168,14 @@ def shade(number: int) -> dict[str, Any]:
 
 
 def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, Any]]:
-    """Return colour and line style of the modes in which time is spent, in the system's order.
+    """Return colour and line style of the visited modes, in the system's order.
 
     Parameters
     ----------
     spent : Series
-        By mode, the time in it; the longest has the colour of the motion.
+        Time in each mode; the longest has the colour of the motion.
     modes : sequence of str
-        All of the system's.
+        All modes of the system.
     """
     most = spent.idxmax()
     others = [mode for mode in modes if mode in spent.index and mode != most]
@@ -187,7 +187,7 @@ def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, 
 
 
 def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
-    """Return the stretches of time in one mode: mode, start, end; without those of no length."""
+    """Return the intervals in one mode: mode, start, end; without empty ones."""
     changes = corners[corners["mode before"].astype(str) != corners["mode after"].astype(str)]
     first, last = samples["t"].iloc[0], samples["t"].iloc[-1]
     # The mode of the first sample is that before the first change, if there is one.
@@ -203,7 +203,7 @@ def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
     return found[found["end"] > found["start"]].reset_index(drop=True)
 
 
-# --- One periodic orbit in a phase plane.
+# --- Periodic orbits
 
 ORBIT_POINTS_PER_PERIOD = 1000
 
@@ -221,9 +221,8 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
     x, y : str, optional
-        Which states, or ``"t"``; the first two that are not cyclic by default, and of a system that
-        has one alone, this one over time. Of an actuator its block between the stoppers, as it is
-        drawn if neither is given.
+        States on the axes, or ``"t"``; by default the first two non-cyclic states, or a single one
+        over time, and for an actuator the block between the stoppers.
 
     Returns
     -------
@@ -233,7 +232,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     Raises
     ------
     InvalidParameter
-        If `orbit` is none, or has no such state.
+        If `orbit` is not an orbit, or a state is unknown.
 
     See Also
     --------
@@ -282,7 +281,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
 
 
 def _closed(orbit: Orbit) -> pd.DataFrame:
-    """Return the samples of an orbit, from its beginning to where it closes."""
+    """Return the samples of an orbit over one period."""
     samples = orbit.samples(ORBIT_POINTS_PER_PERIOD)
     last = samples.iloc[[0]].copy()
     last["t"] += orbit.periods * orbit.period
@@ -294,7 +293,7 @@ def _closed(orbit: Orbit) -> pd.DataFrame:
 
 
 def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
-    """Mark the crossings of the section, and the section itself where it is a line."""
+    """Mark the crossings of the section, and the section itself if it is a line."""
     rows, section = orbit.section(), captions(orbit.system)
     label = crosses(section) or ("period begins" if orbit.system.forced else "cycle begins")
     if section["section"]:
@@ -308,7 +307,7 @@ def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
     )  # fmt: skip
 
 
-# --- The motion over time: one panel a state, impacts marked, modes shaded.
+# --- States over time
 
 FIGURE_PERIODS = 6  # forcing periods by default
 RUN_POINTS_PER_PERIOD = 400
@@ -333,15 +332,15 @@ def plot_run(
     Parameters
     ----------
     run : Run
-        With its events kept.
+        A run with events.
     first, last : float, optional
-        Forcing periods between which to draw, times where nothing forces the system; the last 6
-        periods of the run by default, or the whole of one without forcing.
+        Drawn interval in forcing periods, in time for an autonomous system; by default the last 6
+        periods, or the whole run of an autonomous system.
     ax : matplotlib Axes or sequence of these, optional
-        Where to draw, one for each state; a new figure by default.
+        Axes to draw on, one per state; a new figure by default.
     states : sequence of str, optional
-        Which states; all by default, or the first 6. Of an actuator the block between its stoppers
-        and the frame, as they are drawn if this is not given.
+        The states to draw; by default at most the first 6, and for an actuator the block between
+        its stoppers, and the frame.
 
     Returns
     -------
@@ -351,7 +350,7 @@ def plot_run(
     Raises
     ------
     InvalidParameter
-        If the run kept no events, does not cover those periods, or has no such state.
+        If the run has no events, does not cover the periods, or a state is unknown.
 
     See Also
     --------
@@ -390,7 +389,7 @@ def plot_run(
     shades = {mode: shade(i) for i, mode in enumerate(shaded)}
     for panel, name in zip(axes, chosen, strict=True):
         for stretch in stretches[stretches["mode"] != most].itertuples():
-            # The edge keeps a stretch visible that is thinner than a dot.
+            # The edge keeps intervals visible that are thinner than a pixel.
             panel.axvspan(
                 stretch.start / unit, stretch.end / unit, linewidth=0.8, zorder=0,
                 **shades[stretch.mode],
@@ -406,7 +405,7 @@ def plot_run(
 
 
 def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:
-    """Return the samples to draw: as many as the eye can tell apart."""
+    """Return the samples to draw, at the resolution of a figure."""
     begin, end = run.extent
     if run.system.forced:
         if first is None:
@@ -423,7 +422,7 @@ def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit
         broken = np.column_stack([before, after, np.full(len(jumps), np.nan)]).ravel()
         ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **jump())
     hits = corners[corners["impact"] & ~moves(corners, name, samples)]
-    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+    if len(hits):  # matplotlib places a line without points outside the figure
         ax.plot(
             hits["t"] / unit, hits[f"{name} after"], color=color("impact"), clip_on=False, **IMPACT
         )

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_pareto", "plot_sensitivity", "plot_tolerance_analysis"]
 
-# --- A Pareto front: what two aims cost each other.
+# --- Pareto fronts
 
 
 @styled
 def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
-    """Draw a Pareto front, and where the searches began.
+    """Draw a Pareto front, and the start of the searches.
 
-    Each axis says which way is better.
+    Axis labels state the better direction.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     Raises
     ------
     InvalidParameter
-        If a table is none of a front.
+        If a table is not from a front.
 
     See Also
     --------
@@ -98,7 +98,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
 
 
 def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
-    """Return the aims of the orbit where searches began, as far as they have names."""
+    """Return the aims of the initial orbit of the searches, if they have names."""
     known = {each.name: each for each in start.system.orbit_quantities}
     return {name: known[name](start) for name in aims} if set(aims) <= set(known) else {}
 
@@ -107,11 +107,11 @@ def _better(sense: str) -> str:
     return "more is better" if sense == "maximize" else "less is better"
 
 
-# --- Tolerance analysis: how quantities are spread, which part is as specified, what it is due to.
+# --- Tolerance analyses
 
-OUTSIDE = "0.85"  # what is out of specification
-PALE = "#72b2dd"  # a blue on which lines are seen
-MAX_HISTOGRAMS = 4  # quantities that are shown where nobody says which
+OUTSIDE = "0.85"  # values out of specification
+PALE = "#72b2dd"  # a blue with visible lines on it
+MAX_HISTOGRAMS = 4  # most quantities by default
 
 
 @styled
@@ -131,9 +131,9 @@ def plot_tolerance_analysis(
     Parameters
     ----------
     analysis : ToleranceAnalysis or StoredStudy
-        The store of one, running or finished, tells neither specification nor indices.
+        A store, running or finished, has neither specification nor indices.
     quantity : str or sequence of str, optional
-        Columns of the table; what is specified by default, or the first that vary.
+        Columns of the table; by default those with a specification, or the first that vary.
     ax : matplotlib Axes, optional
         Where to draw the histogram of one quantity; a new figure of a column's width by default.
 
@@ -145,7 +145,7 @@ def plot_tolerance_analysis(
     Raises
     ------
     InvalidParameter
-        If `analysis` is none, or has no such quantity.
+        If `analysis` is not a tolerance analysis, or a quantity is unknown.
 
     See Also
     --------
@@ -217,7 +217,7 @@ def _shown(analysis: Spread, quantity: str | Sequence[str] | None) -> list[str]:
 
 
 def _histogram(ax: Any, analysis: Spread, name: str) -> None:
-    """Draw how a quantity is spread."""
+    """Draw the histogram of a quantity."""
     points = analysis.points
     values = points[name].dropna().to_numpy()
     low, high = analysis.specification.get(name, (-math.inf, math.inf))
@@ -251,7 +251,7 @@ def _histogram(ax: Any, analysis: Spread, name: str) -> None:
 
 
 def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
-    """Return the ends of the axis: all values, and bounds that lie near them."""
+    """Return the limits of the axis: all values, and nearby bounds."""
     if not len(values):
         return 0.0, 1.0
     first, last = float(values.min()), float(values.max())
@@ -286,10 +286,10 @@ def _bars(ax: Any, analysis: Spread, name: str) -> None:
     label_axis(ax.xaxis, Label("first-order (filled) and total index"))
 
 
-# --- A tornado chart: by how much each parameter moves a quantity of an orbit.
+# --- Tornado charts
 
-MIN_BAR_RATIO = 1e-9  # part of the longest bar: rounding
-MAX_BARS = 15  # bars that are read at a glance
+MIN_BAR_RATIO = 1e-9  # part of the longest bar below which a bar is rounding
+MAX_BARS = 15
 
 
 @styled

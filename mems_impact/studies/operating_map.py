@@ -187,7 +187,7 @@ def operating_map(
     """Compute the attractor at each point of a grid; ``operating_map(actuator, drive, …)``.
 
     The grid is over two parameters. Every point starts from the initial state and is simulated
-    until the motion repeats itself, so that a periodic motion takes few periods. Points of one
+    until the motion is periodic, so that a periodic motion takes few periods. Points of one
     automaton run together in compiled code.
 
     Parameters

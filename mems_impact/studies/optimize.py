@@ -528,7 +528,7 @@ DOMINANCE_RTOL = 1e-6  # least relative improvement of an objective by a dominat
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ParetoFront(Result):
-    """Optima of two objectives, none of which dominates another.
+    """Non-dominated optima of two objectives.
 
     Attributes
     ----------

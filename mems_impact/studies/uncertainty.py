@@ -336,7 +336,7 @@ def tolerance_analysis(
     """Propagate manufacturing tolerances; ``tolerance_analysis(actuator, drive, over=…)``.
 
     Every point is a system with parameters sampled from their distributions, and is simulated until
-    its motion repeats itself, as in `operating_map`.
+    its motion is periodic, as in `operating_map`.
 
     Parameters
     ----------

@@ -92,5 +92,5 @@ def test_functions_from_anywhere_run_compiled_and_say_where_they_are_not_kept(fo
 def test_a_function_that_draws_on_an_object_says_that_it_is_not_kept(folder):
     found, said = go(folder, SCRIPT + UNKEPT)
     assert found == ["[1.0]"]
-    assert f"{NOT_KEPT}: its functions draw on objects that are others in" in said
+    assert f"{NOT_KEPT}: its functions depend on objects that differ" in said
     assert "(_FuncPtr)" in said

@@ -128,15 +128,15 @@ def test_the_multipliers_are_those_of_the_orbit(picture):
     floquet = floquet_of(picture)
     orbit = mi.find_orbit(picture.run)
     np.testing.assert_array_equal(floquet.multipliers, orbit.multipliers)
-    assert floquet.told == "stable, 1 forcing period, 1 impact"
+    assert floquet.description == "stable, 1 forcing period, 1 impact"
 
 
 def test_where_there_is_no_orbit_it_is_told():
     setting = first_setting(zhao()).with_value("amplitude", 0.24).with_value("omega", 0.45)
     chaotic = take_snapshot(zhao(), setting)
     floquet = floquet_of(chaotic)
-    assert floquet.multipliers.size == 0 or floquet.told
-    assert "\n" not in floquet.told
+    assert floquet.multipliers.size == 0 or floquet.description
+    assert "\n" not in floquet.description
 
 
 def test_the_diagram_is_a_sweep_over_the_slider():

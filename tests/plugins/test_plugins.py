@@ -88,7 +88,7 @@ def test_a_broken_command_is_one_line_and_the_others_go_on(cli):
     first, second = done.stderr.splitlines()
     assert first == (
         "mems-impact: warning: broken ('toy_mems.broken:command') of the package toy-mems fails "
-        "(RuntimeError: no licence for today); it is left out: mend or remove the package"
+        "(RuntimeError: no licence for today); it is ignored: repair or remove the package"
     )
     assert "no such command 'broken'" in second
     assert cli("devices").stderr == ""

@@ -260,7 +260,7 @@ def misspelt_far_away(mode, t, y, p):
 UNCOMPILED = [
     (of_a_dict, "cannot be compiled by numba: .*'KNOWN': Cannot determine Numba type"),
     (of_texts, "cannot be compiled by numba: "),
-    (of_an_array, "it makes a list, an array or a text while it runs"),
+    (of_an_array, "it creates a list, an array or a string at run time"),
     (sometimes_nothing, "returns nothing on some path"),
     (sometimes_more, "cannot be compiled by numba: "),
     (misspelt_far_away, "cannot be compiled by numba: .*'vel'"),

@@ -119,7 +119,7 @@ def test_a_pickle_holds_system_and_functions_once():
     assert here < 1.6 * arrays
     assert half < 0.7 * here
     # The lambda that is the period goes with its code, once.
-    assert pickle.dumps(branch).count(b"_unpacked") == 1
+    assert pickle.dumps(branch).count(b"_load_function") == 1
 
 
 def simulated(amplitude):

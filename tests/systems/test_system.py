@@ -79,7 +79,9 @@ def test_a_sequence_of_impacts_without_rest_ends_the_run():
         "floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (mode, (0.0, -p.e * y.v))
     )
     lost = ball(flow=lambda mode, t, y, p: (y.v, -p.g), guards=[floor])
-    with pytest.raises(mi.RunError, match=r"has come to its end .* rest= of the Impact") as caught:
+    with pytest.raises(
+        mi.RunError, match=r"a chatter sequence has ended .* rest= of the Impact"
+    ) as caught:
         mi.simulate(lost, duration=2.0, options=PLAIN)
     partial = caught.value.trajectory
     assert len(partial.impacts) > 15

@@ -269,12 +269,12 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     """Return why numba cannot compile `function`, or None."""
     from numba import types
 
-    from mems_impact.integrators.jit.closures import compiling
+    from mems_impact.integrators.jit.closures import try_compile
     from mems_impact.integrators.jit.numba_support import jit_disabled
 
     if jit_disabled():
         return ""
-    found = compiling(function, (types.float64, types.Array(types.float64, 1, "C")))
+    found = try_compile(function, (types.float64, types.Array(types.float64, 1, "C")))
     if found.problem:
         return f"numba cannot compile it ({found.problem})"
     if not isinstance(found.returned, types.Float | types.Integer):

@@ -7,8 +7,8 @@ compiled automaton serves all values. With a free block, and the frame sticking 
     m1 a1 = load + on_frame - friction,        load = k x2 + c v2 - pull - sum of forces
     m2 (a1 + a2) = -load + on_block
 
-of which Equations (1) to (3) of the paper are the case without terms; a1 is the acceleration of the
-frame, a2 that of the block relative to it. Only the voltage of the drive depends on time.
+Equations (1) to (3) of the paper are the case without terms; a1 is the acceleration of the frame,
+a2 that of the block relative to it. Only the voltage of the drive depends on time.
 """
 
 from __future__ import annotations

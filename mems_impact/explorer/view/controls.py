@@ -56,9 +56,9 @@ class Controls:
     subject : Subject
     dials : tuple of SliderSpec
     setting : PageSetting
-        That they begin with.
+        Initial setting.
     changed : callable
-        ``changed(change)`` is called with a function from the setting to the one that is wanted.
+        ``changed(change)`` is called with a function from the old setting to the new one.
     reset : callable
         Called without arguments.
     save : callable
@@ -189,7 +189,7 @@ class Controls:
         )
 
         def chosen(_attr: str, _old: str, new: str) -> None:
-            if new in options:  # the page may say anything
+            if new in options:  # the browser may send any value
                 change: dict[str, Any] = {field: new}
                 self._change(lambda setting: replace(setting, **change))
 

@@ -57,21 +57,21 @@ from mems_impact.explorer.view.panels import (
 __all__ = ["Page"]
 
 FIRST_STATUS = "computing; a new system is compiled first, about 7 s, once"
-STALE_RUN_SECONDS = 0.5  # s that a run may take though the slider has moved on
-ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
+STALE_RUN_SECONDS = 0.5  # s for which an outdated run continues
+ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s without changes before the computation
 
 
 class Page:
-    """A page of the explorer, as long as somebody looks at it.
+    """A page of the explorer, for one browser session.
 
     Parameters
     ----------
     document : Document
-        Bokeh's, of one session.
+        Bokeh document of one session.
     subject : Subject
     dials : tuple of SliderSpec
     query : mapping of str to iterable of str
-        Of the address.
+        Query of the address.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class Page:
         self.address, self.parcel = Div(visible=False), Div(visible=False)
         told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
         self.address.js_on_change("text", told)
-        self.document.js_on_event(DocumentReady, told)  # the first picture may be there before
+        self.document.js_on_event(DocumentReady, told)  # the first picture may be complete earlier
         self.parcel.js_on_change("text", CustomJS(code=_asset("download.js")))
         roots = {
             "title": self.title,
@@ -258,7 +258,7 @@ class Page:
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""
         name = "".join(letter if letter.isalnum() else "_" for letter in self.subject.title)
-        self._saved += 1  # so that the same file may be saved twice
+        self._saved += 1  # a change, even for the same file
         told = {"name": f"{name}.{ending}", "number": self._saved, "copied": copied}
         self.parcel.text = json.dumps(told | {"content": base64.b64encode(content).decode()})
 
@@ -279,7 +279,7 @@ PANEL_CAPTIONS = {
 
 
 def _text(text: str, **styles: str) -> Div:
-    # As text: a sentence may quote what stands in the address.
+    # As text, since a message may quote the address.
     return Div(text=text, render_as_text=True, sizing_mode="stretch_width", styles=styles)
 
 

@@ -45,16 +45,14 @@ __all__ = [
     "TimeSeriesPanel",
 ]
 
-# --- What the panels of the page share: a figure, colours, units.
+# --- Common to panels: figure, colours, units
 
-with wearing():  # what the colours of figures mean, they mean here
+with wearing():  # colours as in figures
     MOTION, IMPACT, FRAME, UP, DOWN, UNSTABLE, VOLTAGE, GUIDE = map(
         color, ("motion", "impact", "frame", "up", "down", "unstable", "voltage", "guide")
     )
-LEFT_BORDER_PX = (
-    62  # room for numbers of any length, lest the page is laid out anew for each picture
-)
-STALE_ALPHA = 0.15  # of dots that belong to other values than those of the sliders
+LEFT_BORDER_PX = 62  # fits numbers of any length, so that the layout of the page is fixed
+STALE_ALPHA = 0.15  # of dots for other values than those of the sliders
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
 
@@ -75,7 +73,7 @@ class Panel(Protocol):
 
 
 def new_figure(height: int, **given: Any) -> Any:
-    """Return an empty figure as wide as its place on the page."""
+    """Return an empty figure with the width of its place on the page."""
     made = figure(
         height=height, sizing_mode="stretch_width", tools=TOOLS, toolbar_location="above",
         min_border_left=LEFT_BORDER_PX, min_border_right=12, **given,
@@ -92,29 +90,29 @@ def new_figure(height: int, **given: Any) -> Any:
 
 
 def plain_numbers() -> BasicTickFormatter:
-    """Return what writes 0.0004 rather than 4.000e-4."""
+    """Return a tick formatter that writes 0.0004 rather than 4.000e-4."""
     return BasicTickFormatter(power_limit_low=-6)
 
 
 def source(called: str, *columns: str) -> ColumnDataSource:
-    """Return a source of those columns, empty as yet."""
+    """Return an empty data source with these columns."""
     return ColumnDataSource({name: [] for name in columns}, name=called)
 
 
 def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
-    """Return the unit in which values are best told, and in brackets what it is called.
+    """Return the display unit of values, and its name in brackets.
 
     Parameters
     ----------
     system : System
     name : str
-        The state or parameter whose unit they have.
+        State or parameter with the unit of the values.
     values : array_like
 
     Returns
     -------
     tuple of float and str
-        What they are to be divided by; " [µm]", or nothing for pure numbers.
+        Divisor of the values; " [µm]", or "" for pure numbers.
     """
     numbers = np.asarray(values, dtype=float)
     finite = numbers[np.isfinite(numbers)]
@@ -123,7 +121,7 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
     return factor, f" [{unit}]" if unit else ""
 
 
-# --- The bifurcation diagram, and where the run stands in it.
+# --- Bifurcation diagram with the run
 
 
 ROOM = 0.2  # of the range of the states, for labels
@@ -183,7 +181,7 @@ class BifurcationPanel:
         self.state_factor = 1.0
 
     def show(self, picture: RunSnapshot) -> None:
-        """Show where another run stands."""
+        """Show the run of another picture."""
         name = picture.setting.parameter
         known = self.diagram is not None and self.diagram.asked.setting.parameter == name
         self.place.visible = known
@@ -196,7 +194,7 @@ class BifurcationPanel:
         self.place.location = value
 
     def show_diagram(self, diagram: BifurcationDiagram, picture: RunSnapshot) -> None:
-        """Show another diagram, and where the run stands in it."""
+        """Show another diagram with the run."""
         self.diagram = diagram
         system, dial = picture.system, self._dials[diagram.asked.setting.parameter]
         column = diagram.table[diagram.state].to_numpy()
@@ -240,15 +238,15 @@ class BifurcationPanel:
         self._selected(dial.name, value)
 
 
-# --- Cycle by cycle: step and speed of the frame, or the section; and the impacts.
+# --- Cycles: step and speed of the frame, or the section; impacts
 
-BEGINNING = 0.05  # part of the run that does not count for the range of the axis
-MIN_AXIS_RANGE = 1e-4  # range of an axis, as a part of the values: rounding is no news
+BEGINNING = 0.05  # part of the run ignored for the range of the axis
+MIN_AXIS_RANGE = 1e-4  # least range of an axis, as a part of the values, above rounding
 MARGIN = 0.08  # beyond the values, as a part of their range
 
 
 class CyclesPanel:
-    """Two figures, one below the other; the speed has an axis of its own to the right."""
+    """Two figures, one below the other; the speed has its own axis on the right."""
 
     def __init__(self) -> None:
         values, events = new_figure(200), new_figure(130)
@@ -277,7 +275,7 @@ class CyclesPanel:
         values = cycles.value / factor
         self.data.data = {"number": cycles.number, "value": values}
         self.values.yaxis[0].axis_label = cycles.what + told
-        # A kick at the beginning shall not dwarf what comes after it.
+        # Initial large values should not compress the later ones.
         later = values[int(BEGINNING * values.size) :]
         low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)
         low, high = (min(low, 0.0), max(high, 0.0)) if cycles.speed else (low, high)
@@ -301,22 +299,22 @@ class CyclesPanel:
         self.values.xaxis.axis_label = self.events.xaxis.axis_label = words
 
 
-# --- The device in motion: block, spring, stoppers and electrodes, and the ground it walks over.
+# --- Device in motion
 
 BLOCK_HALF_WIDTH_GAPS = 0.6  # half its width, in gaps
 FRAME_THICKNESS_GAPS = 0.22  # thickness of the frame
 TEETH = 7  # of the spring
 TICKS = 24  # of the ground
 CENTER_DISTANCE = 0.5
-EVERY = 2  # sample that is played
-WALKED = 0.4  # gaps that the frame seems to walk in a period
+EVERY = 2  # samples per animation frame
+WALKED = 0.4  # displayed displacement of the frame per period, in gaps
 
 
 class DevicePanel:
-    """A drawing in gaps d, which the browser moves; the eye goes with the frame.
+    """A drawing in units of the gap d, animated by the browser, in coordinates of the frame.
 
-    The frame's steps are too small to be seen, so that the ground is drawn to pass by as many times
-    faster as the caption says.
+    The steps of the frame are too small to see, so that the motion of the ground is magnified by
+    the factor in the caption.
     """
 
     def __init__(self) -> None:
@@ -404,7 +402,7 @@ class DevicePanel:
 
 
 def magnified(picture: RunSnapshot) -> float:
-    """Return how many times faster the ground is to pass by: 1, 2 or 5 times a power of ten."""
+    """Return the magnification of the ground's motion: 1, 2 or 5 times a power of ten."""
     system, x1 = picture.system, picture.motion.frames["x1"]
     assert isinstance(system, ActuatorSystem)
     time = picture.motion.frames["t"]
@@ -425,7 +423,7 @@ def _tooth(place: int) -> float:
     return 0.0 if place in (0, TEETH + 1) else (-1.0) ** place
 
 
-# --- The Floquet multipliers of the orbit, and the unit circle.
+# --- Floquet multipliers
 
 LEAST, MOST = 1.3, 50.0  # how far the axes go
 SEARCHING = "searching for the orbit …"
@@ -433,7 +431,7 @@ TITLE_CHARACTERS = 64  # of a line of the title, in characters
 
 
 class MultiplierPanel:
-    """Multipliers in the complex plane: inside the circle the orbit is stable."""
+    """Multipliers in the complex plane; the orbit is stable if all are inside the unit circle."""
 
     def __init__(self) -> None:
         made = self.layout = new_figure(330, match_aspect=True, title=SEARCHING)
@@ -458,7 +456,7 @@ class MultiplierPanel:
         self.dots.muted = True
 
     def show_orbit(self, floquet: Floquet) -> None:
-        """Show the multipliers of another orbit, or why there is none."""
+        """Show the multipliers of another orbit, or the reason for its absence."""
         values = floquet.multipliers
         colors = np.where(np.abs(values) < 1.0, MOTION, UNSTABLE)
         self.data.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
@@ -466,13 +464,13 @@ class MultiplierPanel:
         largest = float(np.abs(values).max()) if values.size else 0.0
         end = min(MOST, max(LEAST, 1.15 * largest))
         self.corners.data = {"re": [-end, end], "im": [-end, end]}
-        told = floquet.told
+        told = floquet.description
         self.layout.title.text = (
             told if len(told) <= TITLE_CHARACTERS else told[: TITLE_CHARACTERS - 1] + "…"
         )
 
 
-# --- The phase portrait, the Poincaré section, and the point that moves.
+# --- Phase portrait and Poincaré section
 
 
 class PortraitPanel:
@@ -515,7 +513,7 @@ class PortraitPanel:
 
         self.jumps.data = {"x": jump(x), "y": jump(y)}
         rows = picture.section
-        # Over time, those beyond what is shown are left out.
+        # Over time, crossings outside the shown interval are omitted.
         kept = rows["t"] >= (curve["t"][0] if TIME in axes else -np.inf)
         self.dots.data = {"x": rows[x][kept] / factors[x], "y": rows[y][kept] / factors[y]}
         self.layout.xaxis.axis_label, self.layout.yaxis.axis_label = words[x], words[y]
@@ -527,7 +525,7 @@ class PortraitPanel:
             self.cut.location = float(system.out(name, section[1])) / factors[name]
 
 
-# --- The motion over time, impacts marked; of an actuator the block above, the frame below.
+# --- States over time
 
 STATE_CAPTIONS = {"x2": "x2, block in frame", "x1": "x1, frame"}
 HEIGHTS = (190, 140)
@@ -539,7 +537,7 @@ class TimeSeriesPanel:
     Parameters
     ----------
     count : int
-        How many states.
+        Number of states.
     """
 
     def __init__(self, count: int) -> None:

@@ -16,6 +16,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.attractors.recurrence import (
+    AT_REST,
     END_CYCLE,
     END_MODE,
     END_TIME,
@@ -25,7 +26,6 @@ from mems_impact.hybrid.attractors.recurrence import (
     REPEATS,
     RESULTS,
     RETURNS,
-    STILL,
 )
 from mems_impact.hybrid.definition import GENERATED, Typical, function, indented, named_tuple
 from mems_impact.hybrid.event_loop import workspace
@@ -45,19 +45,20 @@ __all__ = [
     "observed",
 ]
 
-# --- Observables of a system as one function over arrays, for compiled code and interpreted.
+# --- Observables
 
 
 @dataclass(frozen=True)
 class CompiledObservables:
-    """The observables that are gathered of a motion, and what gives them.
+    """The observables of a motion, as one function.
 
     Attributes
     ----------
     function : callable
         ``function(mode, code, t, states, p, out)`` writes the observables: with `code` -1 those of
-        the state, the first `gains` of `out`; with the code of a transition those that its events
-        have, behind them. `states` are the state before and after an event, one behind the other.
+        the state, into the first ``len(gains)`` components of `out`; with the code of a transition
+        those of its events, into the components after them. `states` contains the states before and
+        after an event.
     gains, marks : tuple of str
         Names of the observables of the state, and at events.
     """
@@ -69,28 +70,29 @@ class CompiledObservables:
 
 @cache
 def observed(
-    given: tuple[tuple[str, Callable[..., Any], tuple[int, ...]], ...],
+    observables: tuple[tuple[str, Callable[..., Any], tuple[int, ...]], ...],
     states: tuple[str, ...],
     parameters: tuple[str, ...] | None,
     by_array: bool = False,
     typical: Typical | None = None,
 ) -> CompiledObservables:
-    """Return observables as one function; the same one for the same functions.
+    """Return observables as one function; cached.
 
     Parameters
     ----------
-    given : tuple of (str, callable, tuple of int)
-        Name, function, and the codes of events at which it is taken; none for one of the state.
+    observables : tuple of (str, callable, tuple of int)
+        Name, function, and the codes of the events at which it is evaluated; empty for an
+        observable of the state.
     states : tuple of str
     parameters : tuple of str or None
-        By which functions read ``p``; None for those that take it as an array.
+        Names by which functions read ``p``; None if they take an array.
     by_array : bool
-        Whether functions take the state as an array.
+        Whether functions receive the state as an array.
     typical : Typical, optional
-        The units of the numerics, if they are not those of the functions.
+        Units of the numerics, if they differ from those of the functions.
     """
-    gains = [each for each in given if not each[2]]
-    marks = [each for each in given if each[2]]
+    gains = [each for each in observables if not each[2]]
+    marks = [each for each in observables if each[2]]
     n, count = len(states), 0 if parameters is None else len(parameters)
     space: dict[str, Any] = {"__name__": __name__, "nan": math.nan}
     unit = [1.0] * n if typical is None else list(typical.states)
@@ -136,33 +138,33 @@ def _times(name: str, unit: float) -> str:
     return name if unit == 1.0 else f"{name} * {unit!r}"
 
 
-# --- Many points of one automaton, each followed to its attractor by `recurrence`.
+# --- Batches of points
 
-MAX_PERIOD_STARTS = 128  # forcing periods whose beginnings fit between two looks
+MAX_PERIOD_STARTS = 128  # starts of forcing periods that the sample buffer can hold
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecurrenceResult:
-    """What has become of a point, in the units of the numerics.
+    """The attractor of a point, in the units of the numerics.
 
     Attributes
     ----------
     outcome : int
         PERIODIC, APERIODIC, STATIONARY or FAILED of `recurrence`.
     repeats : int
-        Returns after which the motion repeats itself; 0 if it does not.
+        Period of the motion in returns; 0 if it is not periodic.
     returns : int
-        Returns that it was followed for.
+        Number of computed returns.
     measured : int
-        Returns over which was gathered what follows: once round a periodic motion.
-    still : bool
-        Whether nothing moves but cyclic components.
+        Number of returns that the statistics below cover: one period of a periodic motion.
+    at_rest : bool
+        Whether all non-cyclic components are at rest.
     final : HybridState
-        Where it was left: at the last return of a periodic motion.
+        Last state; of a periodic motion that at the last return.
     duration : float
-        Time over which was gathered.
+        Time that the statistics cover.
     endings : int
-        Sequences of impacts that came to their end.
+        Number of complete chatter sequences.
     counts : float array, shape (m,)
         Transitions by guard.
     closest : float array, shape (m,)
@@ -170,19 +172,19 @@ class RecurrenceResult:
     lasted : float array, shape (modes,)
         Time in each mode.
     gains, deviations : dict of str to float
-        What each observable of the state gained in all, and the standard deviation of its gains
-        from return to return.
+        Total change of each observable of the state, and the standard deviation of its change per
+        return.
     marks : dict of str to float array, shape (4,)
-        Of each observable at events: number, sum, smallest, largest.
+        Of each observable at events: number, sum, minimum, maximum.
     states : float array, shape (k, n)
-        The state at the last returns, the latest first: once round, or as many as are known.
+        The states at the last returns, latest first: one period, or all that are stored.
     """
 
     outcome: int
     repeats: int
     returns: int
     measured: int
-    still: bool
+    at_rest: bool
     final: HybridState
     duration: float
     endings: int
@@ -196,23 +198,22 @@ class RecurrenceResult:
 
 
 class AttractorMapper:
-    """An engine with the memory to follow points of one automaton, one after the other.
+    """Maps initial states to attractors, for points of one automaton.
 
     Parameters
     ----------
     problem : Problem
-        Its parameters are replaced by those of each point; their number, and that of the switching
-        times, is that of all points.
+        Each point replaces its parameters and switching times, whose numbers are fixed.
     longest : int
-        Returns after which a motion may repeat itself.
+        Longest period, in returns.
     tolerance : float
-        To which it has to, relative to the size of each component.
+        Relative tolerance for recognising a periodic motion, per component.
     return_kind : int, optional
-        What a return is: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
+        Kind of return: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
     return_index : int, optional
         The direction of the section, or the guard.
     observed : CompiledObservables, optional
-        What is gathered beside counts and times.
+        Observables beside counts and times.
     """
 
     def __init__(
@@ -269,26 +270,26 @@ class AttractorMapper:
         transient: float,
         length: float,
         watch: Callable[[float], None] | None = None,
-        falls: Callable[[int, HybridState, float], None] | None = None,
+        discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
     ) -> list[RecurrenceResult]:
-        """Follow points to where they come to.
+        """Compute the attractors of points.
 
         Parameters
         ----------
         points : sequence of (ProblemParameters, HybridState)
-            The problem's numbers at each, and where the motion starts.
+            Parameters of the problem and initial state of each point.
         transient, length : float
-            Periods of the problem that a motion is given to repeat itself, and over which it is
-            then measured if it has not.
+            Longest transient in periods of the problem, and length of the statistics of a motion
+            that is not periodic by then.
         watch : callable, optional
-            Called several times a second with the points done; it may raise.
-        falls : callable, optional
-            As that of a problem, with the number of the point before the other arguments.
+            Called several times a second with the number of completed points; it may raise.
+        discontinuity_check : callable, optional
+            As `Problem.discontinuity_check`, with the number of the point as first argument.
 
         Returns
         -------
         list of RecurrenceResult
-            One that has failed says so; an ordinary run of it says why.
+            A failed point has the outcome FAILED; an ordinary run gives the reason.
         """
         inputs = np.array([_row(*point) for point in points])
         n, m, modes, _, _ = self._sizes
@@ -308,17 +309,17 @@ class AttractorMapper:
                     work,
                     self._bound.steps_per_call,
                 )
-            except FunctionError:  # told by who runs the point again
+            except FunctionError:  # an ordinary run of the point reports it
                 status = workspace.PAUSED
-            fall = self._loop.take_step_collapse()
-            if fall is not None and falls is not None:
-                falls(int(work["point"]), *fall)
+            collapse = self._loop.take_step_collapse()
+            if collapse is not None and discontinuity_check is not None:
+                discontinuity_check(int(work["point"]), *collapse)
             if watch is not None:
                 watch(float(work["point"]))
-        return [self._settled(result) for result in results]
+        return [self._result(result) for result in results]
 
     def _put(self, name: str, width: str, rows: Floats) -> None:
-        """Let the work lead to rows of numbers: an array, in compiled code its address."""
+        """Write array or address, and the width, of rows of numbers into the work record."""
         self._work[name] = self._bound.place(rows)
         self._work[width] = rows.shape[1]
 
@@ -330,13 +331,13 @@ class AttractorMapper:
         """Free the engine's memory."""
         self._bound.engine.close()
 
-    def _settled(self, result: Floats) -> RecurrenceResult:
+    def _result(self, result: Floats) -> RecurrenceResult:
         n, at = self._sizes[0], self._places
         measured, repeats = int(result[MEASURED]), int(result[REPEATS])
         known = result[at["states"]].reshape(self._longest, n)[: repeats or self._longest]
         squares = result[at["squares"]] / measured if measured else result[at["squares"]] + math.nan
         marks = result[at["marks"]].reshape(-1, recurrence.PARTS)
-        gains, names = self._observed.gains, self._observed.marks
+        gains, mark_names = self._observed.gains, self._observed.marks
         duration, endings = result[at["head"]].tolist()
         cycle, mode = int(result[END_CYCLE]), int(result[END_MODE])
         return RecurrenceResult(
@@ -344,7 +345,7 @@ class AttractorMapper:
             repeats=repeats,
             returns=int(result[RETURNS]),
             measured=measured,
-            still=bool(result[STILL]),
+            at_rest=bool(result[AT_REST]),
             final=HybridState(cycle, float(result[END_TIME]), mode, result[at["y"]]),
             duration=duration,
             endings=int(endings),
@@ -353,7 +354,7 @@ class AttractorMapper:
             lasted=result[at["lasted"]],
             gains=dict(zip(gains, result[at["gains"]].tolist(), strict=True)),
             deviations=dict(zip(gains, np.sqrt(squares).tolist(), strict=True)),
-            marks=dict(zip(names, marks, strict=True)),
+            marks=dict(zip(mark_names, marks, strict=True)),
             states=known[~np.isnan(known).any(axis=1)],
         )
 

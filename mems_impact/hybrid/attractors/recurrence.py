@@ -1,16 +1,17 @@
 """Attractors by recurrence: detection of the period, statistics over it.
 
-Written over the interface of integrators, for both forms: compiled, a whole batch of points goes by
-without Python. Of a point the event loop computes a few steps at a time; what it has written is
-read here, return by return, and gathered.
+Functions over `integrators.interface`, interpreted and compiled; compiled, a whole batch of points
+runs without Python. The event loop computes a few steps of a point at a time; this module reads its
+buffers, return by return, and accumulates statistics.
 
-A *return* is the beginning of a forcing period, a crossing of the section where nothing forces the
-system, or, without a section, an event of one guard. A motion is periodic once 2 n returns in a
-row, and 16 or a fourth of all, are those of n returns ago to within a tolerance, and what is still
-to come of the way there, as the last two differences tell it (a geometric sequence), is below it
-too: a motion that passes an unstable orbit by chance does not pass for one that stays, nor one that
-approaches an orbit slowly for one that has arrived. One of which differences fall, window by window
-of its returns, is followed until it arrives, if it does in so many times its own time.
+A *return* is the beginning of a forcing period; in an autonomous system a crossing of the section
+or, without a section, an event of one guard. A motion has period n if 2 n successive returns, and
+at least 16 or a fourth of all (the smaller number), agree with those n returns earlier within a
+tolerance, and if the remaining distance to the orbit, extrapolated from the last two differences as
+a geometric sequence, is below the tolerance too. The first condition excludes motions that pass
+close to an unstable orbit, the second slow approaches to an orbit. A motion with differences that
+decrease from window to window of its returns is continued until it converges, within a bounded
+multiple of its length.
 """
 
 from __future__ import annotations
@@ -56,17 +57,14 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-# --- What is gathered of a motion from return to return: counts, times, observables.
+# --- Statistics per return
 
-# What is known of the point at work, and where a batch has come to.
+# State of a batch and of its current point.
 WORK = np.dtype(
     [
-        ("observe", np.int64),  # address of what gives the observables
-        ("advance", np.int64),  # and of the event loop
-        (
-            "inputs",
-            np.int64,
-        ),  # addresses of rows of numbers, and how many are in each: a row a point
+        ("observe", np.int64),  # address of the function of observables
+        ("advance", np.int64),  # address of the event loop
+        ("inputs", np.int64),  # addresses and widths of arrays, with one row per point
         ("input_width", np.int64),
         ("results", np.int64),
         ("result_width", np.int64),
@@ -74,40 +72,39 @@ WORK = np.dtype(
         ("memory_width", np.int64),
         ("points", np.int64),
         ("point", np.int64),
-        ("begun", np.int64),  # 1 while the point at work has begun
+        ("begun", np.int64),  # 1 during a point
         ("outcome", np.int64),
-        ("return_kind", np.int64),  # what a return is; and of which guard, or in which direction
+        ("return_kind", np.int64),  # kind of return; direction of the section, or guard
         ("return_index", np.int64),
-        ("longest", np.int64),  # returns after which a motion may repeat itself
+        ("longest", np.int64),  # longest period in returns
         ("tolerance", np.float64),
-        ("noise", np.float64),  # what differs by less does not differ
-        ("smallest", np.float64),  # size below which a component is zero
+        ("noise", np.float64),  # relative differences below this are rounding
+        ("smallest", np.float64),  # size of a component that counts as zero
         ("transient", np.float64),  # periods of the problem
-        ("length", np.float64),  # that a motion is measured then, if it does not repeat itself
-        ("gains", np.int64),  # observables of the state, and at events
+        ("length", np.float64),  # of the statistics of an aperiodic motion, in periods
+        ("gains", np.int64),  # numbers of observables of the state, and at events
         ("marks", np.int64),
         ("returns", np.int64),
-        ("repeats", np.int64),  # after how many returns the motion repeats itself
-        ("measured", np.int64),  # returns in the totals of a motion that wanders
-        ("since", np.float64),  # when the mode began
-        ("last", np.float64),  # when the last return was
-        ("opened", np.int64),  # return at which the present window of distances began
-        ("still", np.int64),  # 1 where nothing moves at the last return
-        ("failed", np.int64),  # 1 where a function of an observable has failed
+        ("repeats", np.int64),  # period in returns, or 0
+        ("measured", np.int64),  # returns in the statistics
+        ("since", np.float64),  # start of the present mode
+        ("last", np.float64),  # time of the last return
+        ("opened", np.int64),  # first return of the present window
+        ("at_rest", np.int64),  # 1 if all non-cyclic components are at rest
+        ("failed", np.int64),  # 1 if an observable has failed
     ]
 )
 
-# What is gathered from return to return: its length in time, accumulations; then counts by guard,
-# smallest margins at closest approaches, times by mode, gains, and for each observable at events
-# the number, sum, smallest and largest of its values.
+# Statistics per return: duration, accumulations; then counts by guard, smallest margins at closest
+# approaches, times by mode, gains, and number, sum, minimum and maximum of each observable at
+# events.
 DURATION, ENDINGS, COUNTS = 0, 1, 2
 NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
-# Rows of the memory: what is gathered since the last return, and of a motion that wanders; the
-# largest size of each component; states and observables at an event; observables at the last
-# return; how often in a row each difference was small; means and squares of gains; the largest
-# differences of the present window of returns and of the last three. Then the last
-# returns (when, mode, state, differences), twice as many as a motion may take to repeat itself;
-# and what was gathered up to each of the last so many.
+# Rows of the memory: statistics since the last return, and in total; largest size of each
+# component; states and observables at an event; observables at the last return; number of
+# successive small differences for each period; means and squares of gains; largest differences of
+# the present window of returns and of the last three. Then a ring of the last 2 `longest` returns
+# (time, mode, state, differences), and the statistics of the last `longest` returns.
 NOW, ALL, SIZES, STATES, VALUES, GAINED, CONFIRMATIONS, MEANS, SQUARES = range(9)
 LARGEST_DISTANCES, RING = 9, 13
 WHEN, WHICH, WHERE = 0, 1, 2
@@ -119,22 +116,22 @@ def scratch_row(w: Any, i: int) -> Any:
 
 
 def return_row(w: Any, k: int) -> Any:
-    """Return the row of return number `k`."""
+    """Return the row of return `k`."""
     return scratch_row(w, RING + k % (2 * w.longest))
 
 
 def return_statistics(w: Any, k: int) -> Any:
-    """Return what was gathered up to return number `k`."""
+    """Return the statistics of return `k`."""
     return scratch_row(w, RING + 2 * w.longest + k % w.longest)
 
 
 def width_of(m: int, modes: int, gains: int, marks: int) -> int:
-    """Return how many numbers are gathered from return to return."""
+    """Return the number of statistics per return."""
     return COUNTS + 2 * m + modes + gains + PARTS * marks
 
 
 def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, out: Any) -> int:
-    """Write observables into `out`: of a state, with `code` -1, or of an event.
+    """Write observables into `out`: of a state if `code` is -1, else of an event.
 
     The code of an event is that of its transition, m + guard at the end of chatter.
 
@@ -143,19 +140,19 @@ def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, ou
     return int(w.observe(mode, code, t, states, engine.parameters, out))
 
 
-def reset_row(s: Any, w: Any, gathered: Any) -> None:
-    """Begin a row of what is gathered."""
+def reset_row(s: Any, w: Any, statistics: Any) -> None:
+    """Initialize a row of statistics."""
     first = COUNTS + s.m
     for i in range(w.memory_width):
-        gathered[i] = math.inf if first <= i < first + s.m else 0.0
+        statistics[i] = math.inf if first <= i < first + s.m else 0.0
     first += s.m + s.modes + w.gains
     for i in range(w.marks):
-        gathered[first + PARTS * i + LOW] = math.inf
-        gathered[first + PARTS * i + HIGH] = -math.inf
+        statistics[first + PARTS * i + LOW] = math.inf
+        statistics[first + PARTS * i + HIGH] = -math.inf
 
 
 def accumulate_event(engine: Any, s: Any, w: Any, event: Any, when: float) -> None:
-    """Take one event to what is gathered since the last return."""
+    """Add one event to the statistics since the last return."""
     now, kind, guard, n = scratch_row(w, NOW), int(event[KIND]), int(event[GUARD]), s.n
     now[COUNTS + 2 * s.m + int(event[MODE_BEFORE])] += when - w.since
     w.since = when
@@ -182,17 +179,17 @@ def accumulate_event(engine: Any, s: Any, w: Any, event: Any, when: float) -> No
             accumulate_value(now, first + PARTS * i, values[w.gains + i])
 
 
-def accumulate_value(gathered: Any, place: int, value: float) -> None:
-    """Take a value of an observable, unless there is none."""
+def accumulate_value(statistics: Any, place: int, value: float) -> None:
+    """Add a value of an observable, unless it is nan."""
     if not math.isnan(value):
-        gathered[place + NUMBER] += 1.0
-        gathered[place + TOTAL] += value
-        gathered[place + LOW] = min(gathered[place + LOW], value)
-        gathered[place + HIGH] = max(gathered[place + HIGH], value)
+        statistics[place + NUMBER] += 1.0
+        statistics[place + TOTAL] += value
+        statistics[place + LOW] = min(statistics[place + LOW], value)
+        statistics[place + HIGH] = max(statistics[place + HIGH], value)
 
 
 def accumulate_aperiodic(s: Any, w: Any) -> None:
-    """Take what was gathered up to this return to the totals of a motion that wanders."""
+    """Add the statistics of this return to those of an aperiodic motion."""
     now, means, squares = scratch_row(w, NOW), scratch_row(w, MEANS), scratch_row(w, SQUARES)
     add(s, w, scratch_row(w, ALL), now)
     w.measured += 1
@@ -204,7 +201,7 @@ def accumulate_aperiodic(s: Any, w: Any) -> None:
 
 
 def add(s: Any, w: Any, total: Any, part: Any) -> None:
-    """Add what was gathered from one return to the next to a total."""
+    """Add the statistics of one return to a total."""
     first, last = COUNTS + s.m, COUNTS + 2 * s.m
     marks = last + s.modes + w.gains
     for i in range(marks):
@@ -218,7 +215,7 @@ def add(s: Any, w: Any, total: Any, part: Any) -> None:
 
 
 def sum_over_period(s: Any, w: Any) -> None:
-    """Put together what was gathered while the motion went round once."""
+    """Compute the statistics of one period of a periodic motion."""
     means, squares = scratch_row(w, MEANS), scratch_row(w, SQUARES)
     reset_row(s, w, scratch_row(w, ALL))
     first, count = COUNTS + 2 * s.m + s.modes, w.repeats
@@ -238,58 +235,58 @@ def sum_over_period(s: Any, w: Any) -> None:
     w.measured = count
 
 
-# --- Where motions come to: many points, each followed until it repeats itself, in one piece.
+# --- Recurrence
 
-# What becomes of a point. One that wanders has not repeated itself within its time.
+# Outcomes of a point.
 UNDECIDED, PERIODIC, APERIODIC, STATIONARY, FAILED = range(5)
-# What a return is.
+# Kinds of return.
 STROBOSCOPIC, AT_SECTION, AT_GUARD = range(3)
-STEPS_PER_CALL = 32  # steps that the event loop takes before what it has written is read
-SUBPERIOD_TOLERANCE = 10.0  # tolerances within which returns are one and the same
-# Returns in a row, at least, that repeat, beside twice round: a motion which passes an unstable
-# orbit by chance has left it by then. The longer it has gone on, the likelier is that: of few
-# returns so large a share is enough.
+STEPS_PER_CALL = 32  # steps of the event loop between two reads of its buffers
+SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is accepted
+# Least number of successive small differences, beside two periods: a motion that passes an unstable
+# orbit has left it by then. A close passage is the likelier, the longer the motion; for few returns
+# a share of their number suffices.
 FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
-WINDOW_SHARE = 0.25  # length of a window, as a part of the returns before it
-# Times the time of a motion, after which none is followed that still approaches an orbit.
+WINDOW_SHARE = 0.25  # length of a window relative to the number of returns before it
+# Longest duration of an approach, in multiples of the planned length of the motion.
 LONGEST_EXTENSION = 64.0
 
-# A row of the inputs: numbers of a point, before its switching times, state and parameters.
+# Columns of the inputs; switching times, state and parameters follow.
 PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, NUMBERS = range(6)
-# A row of the results, before the state at the last return, what was gathered, the squares of what
-# gains are off their means, and the last returns.
-OUTCOME, REPEATS, RETURNS, MEASURED, END_CYCLE, END_TIME, END_MODE, STILL, RESULTS = range(9)
+# Columns of the results; the state at the last return, statistics, squared deviations of gains, and
+# the last returns follow.
+OUTCOME, REPEATS, RETURNS, MEASURED, END_CYCLE, END_TIME, END_MODE, AT_REST, RESULTS = range(9)
 
 
 def memory_shape(n: int, m: int, modes: int, w: Any) -> tuple[int, int]:
     """Return the shape of the memory."""
-    gathered = width_of(m, modes, w["gains"], w["marks"])
-    width = max(gathered, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
+    statistics = width_of(m, modes, w["gains"], w["marks"])
+    width = max(statistics, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
     return 3 * w["longest"] + RING, width
 
 
 def result_width(n: int, m: int, modes: int, w: Any) -> int:
-    """Return how long a row of the results is."""
+    """Return the width of the results."""
     return RESULTS + n + width_of(m, modes, w["gains"], w["marks"]) + w["gains"] + w["longest"] * n
 
 
 def numbers_of(w: Any) -> Any:
-    """Return the inputs of the point at work."""
+    """Return the inputs of the current point."""
     return w.inputs[w.point]
 
 
 def result_of(w: Any) -> Any:
-    """Return the row in which the result of the point at work is written."""
+    """Return the row for the result of the current point."""
     return w.results[w.point]
 
 
 def advance(engine: Any, s: Any, w: Any) -> int:
-    """Let the event loop take some steps."""
+    """Run the event loop for some steps."""
     return loop.run_steps(engine, s, STEPS_PER_CALL)
 
 
 def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
-    """Follow points until all are done, one fails, or a quota of steps is spent.
+    """Compute points until all are complete, one fails, or the quota of steps is used up.
 
     Parameters
     ----------
@@ -301,7 +298,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
     Returns
     -------
     int
-        DONE, PAUSED, or FAILED: the point before ``w.point`` has failed; the next call goes on.
+        DONE, PAUSED, or FAILED: the point before ``w.point`` has failed; the next call continues.
     """
     while w.point < w.points:
         if w.begun == 0:
@@ -330,7 +327,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
 
 
 def start_point(engine: Any, s: Any, w: Any) -> None:
-    """Start at a point, as if nothing had been before."""
+    """Initialize loop and statistics for a point."""
     numbers = numbers_of(w)
     interface.reset(engine, numbers[LONGEST_STEP])
     for i in range(ROWS):
@@ -388,7 +385,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     w.returns = 0
     w.repeats = 0
     w.measured = 0
-    w.still = 0
+    w.at_rest = 0
     w.failed = 0
     w.opened = 0
     w.since = s.t
@@ -406,12 +403,12 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
 
 
 def process_events(engine: Any, s: Any, w: Any) -> None:
-    """Read what the event loop has written, in the order in which it happened."""
-    taken, n, y, sizes = 0, s.n, table_row(s, STATE), scratch_row(w, SIZES)
+    """Read the buffers of the event loop in the order of time."""
+    processed, n, y, sizes = 0, s.n, table_row(s, STATE), scratch_row(w, SIZES)
     for i in range(s.events_written):
         event = event_at(s, i)
         when = event[CYCLE] * s.period + event[TIME]
-        taken = close_periods(engine, s, w, taken, when - 8.0 * EPS * abs(when))
+        processed = close_periods(engine, s, w, processed, when - 8.0 * EPS * abs(when))
         if w.outcome != UNDECIDED:
             return
         accumulate_event(engine, s, w, event, when)
@@ -424,35 +421,37 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
             for j in range(n):
                 y[j] = event[HEAD + n + j]
             close_return(engine, s, w, when, int(event[MODE_AFTER]), y)
-    close_periods(engine, s, w, taken, math.inf)
+    close_periods(engine, s, w, processed, math.inf)
     s.events_written = 0
     s.samples_written = 0
     for j in range(n):
         y[j] = table_row(s, Y)[j] + table_row(s, OFFSET)[j]
         if table_row(s, CYCLIC)[j] == 0.0:
             sizes[j] = max(sizes[j], abs(y[j]))
-    looks = w.return_kind != STROBOSCOPIC and w.outcome == UNDECIDED
-    if looks and stands_still(engine, s, w, s.mode, s.t, y):
+    may_rest = w.return_kind != STROBOSCOPIC and w.outcome == UNDECIDED
+    if may_rest and is_at_rest(engine, s, w, s.mode, s.t, y):
         w.outcome = STATIONARY
 
 
-def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float) -> int:
-    """End the forcing periods before an instant; return how many samples have been read."""
+def close_periods(engine: Any, s: Any, w: Any, processed: int, until: float) -> int:
+    """Process the returns before an instant; return the number of processed samples."""
     y = table_row(s, STATE)
-    while w.return_kind == STROBOSCOPIC and taken < s.samples_written and w.outcome == UNDECIDED:
-        sample = sample_at(s, taken)
+    while (
+        w.return_kind == STROBOSCOPIC and processed < s.samples_written and w.outcome == UNDECIDED
+    ):
+        sample = sample_at(s, processed)
         when = sample[0] * s.period + sample[1]
         if when >= until:
             break
         for j in range(s.n):
             y[j] = sample[3 + j]
         close_return(engine, s, w, when, int(sample[2]), y)
-        taken += 1
-    return taken
+        processed += 1
+    return processed
 
 
 def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) -> None:
-    """End what is gathered at a return, and see whether the motion repeats itself."""
+    """Process a return: complete its statistics, and test for periodicity."""
     now, n, k = scratch_row(w, NOW), s.n, w.returns
     modes = COUNTS + 2 * s.m
     now[modes + mode] += when - w.since
@@ -485,13 +484,13 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
     for j in range(n):
         here[WHERE + j] = y[j]
     w.returns = k + 1
-    if stands_still(engine, s, w, mode, when, y):
-        w.still = 1
+    if is_at_rest(engine, s, w, mode, when, y):
+        w.at_rest = 1
         if w.return_kind != STROBOSCOPIC:
             w.outcome = STATIONARY
             return
     else:
-        w.still = 0
+        w.at_rest = 0
     if w.returns >= (1.0 + WINDOW_SHARE) * w.opened + 2 * w.longest * int(w.opened == 0):
         open_window(w)
     w.repeats = repeats_after(s, w)
@@ -500,7 +499,7 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
 
 
 def repeats_after(s: Any, w: Any) -> int:
-    """Return after how many returns the motion repeats itself, as far as the last one tells."""
+    """Return the period of the motion in returns, 0 if it is not periodic yet."""
     k, n, sizes = w.returns - 1, s.n, scratch_row(w, SIZES)
     confirmations, largest = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
     here = return_row(w, k)
@@ -519,14 +518,14 @@ def repeats_after(s: Any, w: Any) -> int:
         here[WHERE + n + after - 1] = distance
         largest[after - 1] = max(largest[after - 1], distance)
         near = distance <= w.tolerance and k >= 2 * after
-        if near and distance > w.noise:  # what is still to come is distance q / (1 - q)
+        if near and distance > w.noise:  # the remaining distance is distance q / (1 - q)
             gain = before - distance
             near = gain > 0.0 and distance * distance <= w.tolerance * gain
         confirmations[after - 1] = confirmations[after - 1] + 1.0 if near else 0.0
         needed = max(FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns))
         if found == 0 and confirmations[after - 1] >= max(2 * after, needed):
             found = after
-    # A multiplier that turns the differences round lets 2 n be told before n.
+    # With a negative multiplier the period 2 n may be confirmed before n.
     for after in range(1, found):
         distance = here[WHERE + n + after - 1]
         if found % after == 0 and distance <= SUBPERIOD_TOLERANCE * w.tolerance:
@@ -535,7 +534,7 @@ def repeats_after(s: Any, w: Any) -> int:
 
 
 def open_window(w: Any) -> None:
-    """Begin a window of returns; the largest differences in the last three are kept."""
+    """Begin a window of returns; keep the largest differences of the last three."""
     for i in range(w.longest):
         for k in (3, 2, 1):
             scratch_row(w, LARGEST_DISTANCES + k)[i] = scratch_row(w, LARGEST_DISTANCES + k - 1)[i]
@@ -544,14 +543,14 @@ def open_window(w: Any) -> None:
 
 
 def extend_approach(s: Any, w: Any) -> bool:
-    """Let a motion go on where it ends, if it comes to an orbit within a bounded time.
+    """Extend a motion that approaches an orbit, if it will converge within a bounded time.
 
-    The rate of the approach is that of the largest differences in windows, which hold the turns of
-    a spiral too. What it arrives at is still seen by its returns alone (`repeats_after`).
+    The rate of the approach is that of the largest differences in windows, which also contain the
+    turns of a spiral. Only `repeats_after` decides whether the motion is periodic.
     """
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
-    # Windows are as long as a part of the returns before them: so their beginnings are known.
+    # The length of a window is a fixed part of the returns before it, which gives their starts.
     begun = w.opened / (1.0 + WINDOW_SHARE)
     span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
     arrives = math.inf
@@ -562,11 +561,11 @@ def extend_approach(s: Any, w: Any) -> bool:
         )
         if 0.0 < latest < third < math.inf:
             rate = math.log(third / latest) / span
-            left = -math.expm1(-rate * after)  # of a difference, from one to the next
+            left = -math.expm1(-rate * after)  # relative decrease from one difference to the next
             steps = math.log(latest / (w.tolerance * left)) / rate
             arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
-    # A tenth more: rates are rough. What wanders may have come nearer by chance, but not again and
-    # again: the next look comes no later than after as much time as before.
+    # Add a tenth, since the rate is approximate. An aperiodic motion may approach by chance, but
+    # not repeatedly: extend by at most the length so far, then check again.
     needed = done * 1.1 * max(1.0, arrives / w.returns)
     if needed > LONGEST_EXTENSION * length:
         return False
@@ -577,8 +576,8 @@ def extend_approach(s: Any, w: Any) -> bool:
     return True
 
 
-def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> bool:
-    """Return whether nothing moves but cyclic components."""
+def is_at_rest(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> bool:
+    """Return whether all non-cyclic components are at rest."""
     slope, sizes = table_row(s, MARGINS_AT), scratch_row(w, SIZES)
     t = when - math.floor(when / s.period) * s.period
     interface.flow(engine, mode, t, y, slope)
@@ -590,12 +589,12 @@ def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) ->
 
 
 def write_result(engine: Any, s: Any, w: Any) -> None:
-    """Write what has become of a point."""
+    """Write the result of a point."""
     n, result = s.n, result_of(w)
     result[OUTCOME] = w.outcome
     result[REPEATS] = w.repeats
     result[RETURNS] = w.returns
-    result[STILL] = w.still
+    result[AT_REST] = w.at_rest
     y, width = table_row(s, Y), width_of(s.m, s.modes, w.gains, w.marks)
     cycle, time, mode = s.cycle, s.t, s.mode
     if w.outcome == PERIODIC:
@@ -606,7 +605,7 @@ def write_result(engine: Any, s: Any, w: Any) -> None:
             result[RESULTS + j] = last[WHERE + j]
         sum_over_period(s, w)
     else:
-        whole = math.floor(time / s.period + 1e-12)  # where nothing happens the loop counts on
+        whole = math.floor(time / s.period + 1e-12)  # without events the time base does not move
         cycle, time = cycle + whole, max(0.0, time - whole * s.period)
         for j in range(n):
             result[RESULTS + j] = y[j] + table_row(s, OFFSET)[j]

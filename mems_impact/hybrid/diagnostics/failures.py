@@ -29,7 +29,7 @@ __all__ = [
     "find_invalid_value",
 ]
 
-# --- Guards whose margin depends on time alone: no transition ends its fall.
+# --- Margins that depend on time alone
 
 AT_TIMES = (
     "the margin depends on time alone, which no transition changes: give the times as switches= "
@@ -38,7 +38,7 @@ AT_TIMES = (
 
 
 def depends_on_time_only(margin: Callable[[Sequence[float]], float], y: Sequence[float]) -> bool:
-    """Return whether a margin is the same about a state, whichever component is moved."""
+    """Return whether a margin is independent of all components of the state."""
     try:
         here = margin(y)
         for c, value in enumerate(y):
@@ -50,11 +50,11 @@ def depends_on_time_only(margin: Callable[[Sequence[float]], float], y: Sequence
     return True
 
 
-# --- What is told of a function that failed while a run was going on.
+# --- Functions that fail in a run
 
 
 def definition_of(automaton: Automaton) -> Definition | None:
-    """Return what a user wrote of an automaton, where that is how it was made."""
+    """Return the user's definition of an automaton, or None if it has none."""
     if automaton.recipe is None or automaton.recipe[0] is not automaton_of:
         return None
     definition: Definition = automaton.recipe[1][0]
@@ -62,7 +62,7 @@ def definition_of(automaton: Automaton) -> Definition | None:
 
 
 def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Fault) -> FunctionError:
-    """Return the sentence about a call that failed, by making it once more, watched closely."""
+    """Return the error of a failed call, diagnosed by a repeated, checked call."""
     definition = definition_of(automaton)
     if definition is None:
         found = _by_array(automaton, parameters, fault)
@@ -74,8 +74,8 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
     if fault.error is not None:
         return _by_exception(automaton, fault.role, fault.error)
     time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
-    problem = f"fails compiled at t = {time:.6g}, and does not where it is interpreted"
-    remedy = 'let it run with Options(engine="interpreted")'
+    problem = f"fails compiled at t = {time:.6g}, but not interpreted"
+    remedy = 'use Options(engine="interpreted")'
     if definition is None:
         return function.error(problem, remedy)
     return FunctionError(f"a {function.kind} of the system", problem, remedy)
@@ -84,25 +84,25 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
 def find_invalid_value(
     automaton: Automaton, parameters: Sequence[float], point: EvaluationPoint
 ) -> FunctionError | None:
-    """Return the sentence about flow or margins that are no numbers at a point, if they are not."""
+    """Return the error of flow or margins that are invalid at a point, or None."""
     definition = definition_of(automaton)
     if definition is None:
         return None
-    tried = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    checked = CheckedFunctions(definition, parameters[: len(definition.parameters)])
     return _first(
-        lambda: tried.flow(point),
-        *(_margin(tried, i, point) for i in range(len(definition.guards))),
+        lambda: checked.flow(point),
+        *(_margin(checked, i, point) for i in range(len(definition.guards))),
     )
 
 
-def _margin(tried: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable[[], Any]:
-    guard = tried.definition.guards[i]
+def _margin(checked: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable[[], Any]:
+    guard = checked.definition.guards[i]
 
     def call() -> None:
         if guard.modes is None or point.mode in guard.modes:
-            tried.margin(i, point)
+            checked.margin(i, point)
             if guard.rate is not None:
-                tried.rate(i, point)
+                checked.rate(i, point)
 
     return call
 
@@ -110,17 +110,17 @@ def _margin(tried: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable
 def _by_name(
     automaton: Automaton, definition: Definition, parameters: Sequence[float], fault: Fault
 ) -> FunctionError | None:
-    tried = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    checked = CheckedFunctions(definition, parameters[: len(definition.parameters)])
     point = EvaluationPoint(fault.mode, fault.time, fault.y.tolist())
     if fault.role == JACOBIAN:
-        return _first(lambda: tried.jacobian(point))
+        return _first(lambda: checked.jacobian(point))
     if fault.role != TRANSITION:
         return find_invalid_value(automaton, parameters, point)
     m = len(automaton.guards)
     if fault.code == 2 * m:
-        return _first(lambda: tried.transition("switch_transition", None, point))
+        return _first(lambda: checked.transition("switch_transition", None, point))
     kind = "transition" if fault.code < m else "rest"
-    return _first(lambda: tried.transition(kind, fault.code % m, point))
+    return _first(lambda: checked.transition(kind, fault.code % m, point))
 
 
 def _by_array(
@@ -150,9 +150,9 @@ def _by_exception(automaton: Automaton, role: int, error: Exception) -> Function
     found = function.explain_exception(error)[0]
     if not is_own(function.call):
         return found
-    # What the package has put around a function of the user has no name that the user knows.
-    role_of_it = f"a {function.kind} of the system"
-    return FunctionError(role_of_it, found.problem, found.remedy, found.file, found.line)
+    # The package's wrapper of a user function has no name that the user knows.
+    description = f"a {function.kind} of the system"
+    return FunctionError(description, found.problem, found.remedy, found.file, found.line)
 
 
 def _function(automaton: Automaton, role: int) -> UserFunction:
@@ -161,7 +161,7 @@ def _function(automaton: Automaton, role: int) -> UserFunction:
 
 
 def _first(*calls: Callable[[], Any]) -> FunctionError | None:
-    """Return the first sentence that a call comes to."""
+    """Return the first error that a call raises."""
     for call in calls:
         try:
             call()
@@ -172,13 +172,13 @@ def _first(*calls: Callable[[], Any]) -> FunctionError | None:
     return None
 
 
-# --- Which of a user's functions numba cannot compile, and why.
+# --- Functions that numba cannot compile
 
-INTERPRETED_REMEDY = "write it over numbers, tuples and math, or take Options(engine='interpreted')"
+INTERPRETED_REMEDY = "write it over numbers, tuples and math, or use Options(engine='interpreted')"
 
 
 class _Case(NamedTuple):
-    """A function, the types that it is called with, and how many numbers it shall return."""
+    """A function, the types of its arguments, and the number of values that it must return."""
 
     function: UserFunction
     arguments: tuple[Any, ...]
@@ -187,18 +187,18 @@ class _Case(NamedTuple):
 
 
 def explain_compile_error(automaton: Automaton, error: BaseException) -> FunctionError | None:
-    """Return the sentence about functions that could not be compiled together.
+    """Return the error of an automaton that could not be compiled.
 
-    Each of them is compiled by itself, to find the one. None if `error` is about something else.
+    Each function is compiled by itself. None if `error` has another cause.
     """
     from numba.core.errors import NumbaError
 
-    from mems_impact.integrators.jit.closures import compiling, summarize_numba_error
+    from mems_impact.integrators.jit.closures import summarize_numba_error, try_compile
 
     definition = definition_of(automaton)
     for case in _of_arrays(automaton) if definition is None else _of_names(definition):
         call = getattr(case.function.call, "py_func", case.function.call)
-        found = compiling(call, case.arguments)
+        found = try_compile(call, case.arguments)
         if found.problem:
             file, line = place_of(call)
             problem = f"cannot be compiled by numba: {found.problem}"
@@ -245,7 +245,7 @@ def _of_names(definition: Definition) -> Iterator[_Case]:
 
 
 def _of_arrays(automaton: Automaton) -> Iterator[_Case]:
-    """Yield the functions of an automaton that was written over arrays."""
+    """Yield the functions of an automaton over arrays."""
     from numba import types
 
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "F")
@@ -258,7 +258,7 @@ def _of_arrays(automaton: Automaton) -> Iterator[_Case]:
 
 
 def _unlike(returned: Any, case: _Case) -> str:
-    """Return what a function returns where it should return something else."""
+    """Return a description of a return type that differs from the required one, or ""."""
     from numba import types
 
     def is_number(kind: Any) -> bool:

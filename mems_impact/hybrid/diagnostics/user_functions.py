@@ -1,8 +1,8 @@
 """Checked calls of user functions, and explanations of their exceptions.
 
-What a function must return or write, `CheckedFunctions` asks of every call. What is wrong comes
-back as one sentence, a `FunctionError` with the function, the line and the remedy; as `DomainError`
-where only these values may be to blame: a logarithm of a negative number, a table that ends.
+`CheckedFunctions` checks the results of every call. A mistake raises `FunctionError` with the
+function, the line and the remedy; an error that may depend on the values, such as the logarithm of
+a negative number or the end of a table, raises `DomainError`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ __all__ = [
     "place_of",
 ]
 
-# --- Arrays that watch over those who read and write them.
+# --- Arrays with checked access
 
 
 class ArrayMisuse(Exception):
-    """What was done to an array, and the remedy."""
+    """An invalid access to an array, with a remedy."""
 
     def __init__(self, problem: str, remedy: str) -> None:
         super().__init__(f"{problem}; {remedy}")
@@ -46,7 +46,7 @@ class ArrayMisuse(Exception):
 
 
 class CheckedVector(list[Any]):
-    """A list that says what is done wrong to it, None being what was never written."""
+    """A list with checked access; None marks unwritten components."""
 
     def __init__(self, name: str, values: Iterable[Any], *, fixed: bool = False) -> None:
         super().__init__(values)
@@ -73,7 +73,7 @@ class CheckedVector(list[Any]):
 
 
 class GuardedMatrix:
-    """A square matrix, filled with zeros, that says what is done wrong to it."""
+    """A square matrix of zeros with checked access."""
 
     def __init__(self, name: str, size: int) -> None:
         self._name, self._size = name, size
@@ -99,17 +99,17 @@ class GuardedMatrix:
         return place[0] % n, place[1] % n
 
 
-# --- What is wrong with a user's function, told as one sentence with the line where it is wrong.
+# --- Errors of user functions, with their lines
 
 _PACKAGE = str(Path(__file__).resolve().parents[2])
 LIBRARY_FOLDERS = tuple(
     str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib")
 )
-DOMAIN = "compiled it goes on with nan or inf there: treat this case apart"
+DOMAIN = "compiled it continues with nan or inf there: treat this case separately"
 
 
 class UserFunction(NamedTuple):
-    """A function of a system, and what it is of it."""
+    """A function of a system and its role."""
 
     kind: str
     call: Callable[..., Any]
@@ -117,24 +117,24 @@ class UserFunction(NamedTuple):
 
     @property
     def role(self) -> str:
-        """What it is of the system, and its name."""
+        """The role of the function in the system, and its name."""
         name = getattr(self.call, "__name__", type(self.call).__name__)
         name = "a lambda" if name == "<lambda>" else repr(name)
         return f"{self.kind} of {self.guard!r}, {name}," if self.guard else f"{self.kind} {name}"
 
     def error(self, problem: str, remedy: str) -> FunctionError:
-        """Return the sentence about a result of it."""
+        """Return an error about a result of the function."""
         return FunctionError(self.role, problem, remedy, *place_of(self.call))
 
     def explain_exception(self, error: BaseException) -> tuple[FunctionError, bool]:
-        """Return the sentence about what it raised, and whether it is wrong whatever the values."""
-        problem, remedy, always = _told(error)
+        """Return the error for an exception, and whether it is independent of the values."""
+        problem, remedy, always = _explanation(error)
         place = innermost_user_line(error.__traceback__, self.call)
         return FunctionError(self.role, problem, remedy, *place), always
 
 
 def place_of(function: Callable[..., Any]) -> tuple[str, int]:
-    """Return the file and the line in which a function begins."""
+    """Return the file and the line where a function begins."""
     code = getattr(getattr(function, "py_func", function), "__code__", None)
     if code is None or code.co_filename == GENERATED:
         return "", 0
@@ -142,12 +142,12 @@ def place_of(function: Callable[..., Any]) -> tuple[str, int]:
 
 
 def is_user_file(file: str) -> bool:
-    """Return whether a file is neither of the package nor of a library."""
+    """Return whether a file is outside the package and all libraries."""
     return file != GENERATED and not file.startswith((_PACKAGE, *LIBRARY_FOLDERS))
 
 
 def is_own(function: Callable[..., Any]) -> bool:
-    """Return whether a function is the package's own."""
+    """Return whether a function belongs to the package."""
     code = getattr(getattr(function, "py_func", function), "__code__", None)
     return code is not None and code.co_filename.startswith((_PACKAGE, GENERATED))
 
@@ -155,7 +155,7 @@ def is_own(function: Callable[..., Any]) -> bool:
 def innermost_user_line(
     trace: TracebackType | None, function: Callable[..., Any]
 ) -> tuple[str, int]:
-    """Return the innermost line of the user's in a traceback; else where `function` begins."""
+    """Return the innermost user line in a traceback; else the first line of `function`."""
     own = place = place_of(function)
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
@@ -166,7 +166,7 @@ def innermost_user_line(
 
 
 def describe_value(value: Any) -> str:
-    """Return what a function gave in place of numbers."""
+    """Return a description of a value that should have been numbers."""
     match value:
         case None:
             return "nothing"
@@ -181,20 +181,20 @@ def describe_value(value: Any) -> str:
 
 
 def suggestion(error: AttributeError) -> str:
-    """Return what may have been meant by the name of a state or a parameter."""
+    """Return a suggestion for an unknown state or parameter."""
     known = getattr(error.obj, "_fields", ())
     near = get_close_matches(str(error.name), known, n=1)
     return f"did you mean {near[0]}?" if near else f"there are {', '.join(known) or 'none'}"
 
 
-def _told(error: BaseException) -> tuple[str, str, bool]:
-    """Return problem, remedy, and whether it is wrong whatever the values."""
+def _explanation(error: BaseException) -> tuple[str, str, bool]:
+    """Return problem, remedy, and whether the error is independent of the values."""
     raised = f"raises {type(error).__name__}: {error}"
     match error:
         case ArrayMisuse():
             return error.problem, error.remedy, True
         case RecursionError():
-            return "calls itself without end", "let it end", True
+            return "has unbounded recursion", "end the recursion", True
         case AttributeError() if type(error.obj).__name__ == "State":
             problem = f"reads y.{error.name}, but there is no such state"
             return problem, suggestion(error), True
@@ -204,20 +204,20 @@ def _told(error: BaseException) -> tuple[str, str, bool]:
         case AttributeError() if isinstance(error.obj, list):
             return f"reads .{error.name} of an array", "write y[0], y[1], …", True
         case AttributeError() | NameError() | TypeError() | ImportError():
-            return raised, "mend this line", True
+            return raised, "correct this line", True
         case ArithmeticError() | ValueError():
             return raised, DOMAIN, False
         case _:
-            return raised, "let it have a value wherever the system goes", False
+            return raised, "define it for all states that the system reaches", False
 
 
-# --- The functions of a system, tried out: called interpreted, on values that watch over them.
+# --- Checked calls
 
 MAX_COMPONENTS = 8  # components of a state in a message
 
 
 class EvaluationPoint(NamedTuple):
-    """Where a function is called; `mode` as the function gets it."""
+    """The arguments of a call; `mode` as the function receives it."""
 
     mode: Any
     t: float
@@ -225,7 +225,7 @@ class EvaluationPoint(NamedTuple):
 
 
 class DomainError(Exception):
-    """A function has no value somewhere; `error` says it as a sentence."""
+    """A function is undefined at some values; `error` is the message."""
 
     def __init__(self, error: FunctionError) -> None:
         super().__init__(str(error))
@@ -239,7 +239,7 @@ class CheckedFunctions:
     ----------
     definition : Definition
     parameters : sequence of float
-        Those of the user, without what is hidden behind them.
+        The user's parameters, without hidden ones.
     """
 
     def __init__(self, definition: Definition, parameters: Sequence[float]) -> None:
@@ -247,14 +247,14 @@ class CheckedFunctions:
         self.states, self.n = definition.states, len(definition.states)
         self.by_array = writes_into_arrays(definition.flow)
         self.p = named_tuple("Parameters", definition.parameters)(*parameters)
-        self._twice: set[Any] = set()  # what has been called twice at one point
+        self._twice: set[Any] = set()  # functions and modes with a repeated call
 
     def state(self, y: Sequence[float]) -> Any:
-        """Return a state as functions get it."""
+        """Return a state as functions receive it."""
         return list(y) if self.by_array else named_tuple("State", self.states)(*y)
 
     def flow(self, at: EvaluationPoint) -> list[float]:
-        """Return the slope."""
+        """Return the flow."""
         function = UserFunction("flow", self.definition.flow)
         if not self.by_array:
             return self._tuple(function, self._call(function, at), at)
@@ -271,11 +271,11 @@ class CheckedFunctions:
         return self._scalar("margin", i, at)
 
     def constraint(self, i: int, at: EvaluationPoint) -> float:
-        """Return what a constraint comes to, which is zero where it holds."""
+        """Return the value of constraint `i`, zero if it holds."""
         return self._number(UserFunction("constraint", self.definition.constraints[i][1]), at)
 
     def rate(self, i: int, at: EvaluationPoint) -> float:
-        """Return the rate that is given of the margin of guard `i`."""
+        """Return the user's rate of the margin of guard `i`."""
         return self._scalar("rate", i, at)
 
     def transition(self, kind: str, i: int | None, at: EvaluationPoint) -> tuple[int, list[float]]:
@@ -298,7 +298,7 @@ class CheckedFunctions:
         return self._existing(function, mode), self._tuple(function, state, at)
 
     def jacobian(self, at: EvaluationPoint) -> list[list[float]]:
-        """Return the Jacobian that is given."""
+        """Return the user's Jacobian."""
         assert self.definition.jacobian is not None
         function = UserFunction("jacobian", self.definition.jacobian)
         entries = GuardedMatrix("J", self.n)
@@ -320,8 +320,8 @@ class CheckedFunctions:
         return float(value)
 
     def _call(self, function: UserFunction, at: EvaluationPoint, *out: Any) -> Any:
-        """Call a function as the engine does; twice where it has not been called in this mode."""
-        call = getattr(function.call, "py_func", function.call)  # of one that numba compiled
+        """Call a function as the engine does; twice for its first call in a mode."""
+        call = getattr(function.call, "py_func", function.call)  # the source of a numba function
         mode, t, y = at
         state = self.state(y)
         fresh = [GuardedMatrix("J", self.n) if not isinstance(a, list) else list(a) for a in out]
@@ -332,7 +332,7 @@ class CheckedFunctions:
                     "writes into y", "leave it as it is, and write into the last argument"
                 )
         except Exception as error:
-            raise self._blamed(function, error, at, fresh) from error
+            raise self._explained(function, error, at, fresh) from error
         if (call, mode) not in self._twice:
             self._twice.add((call, mode))
             try:
@@ -340,15 +340,15 @@ class CheckedFunctions:
             except Exception as error:
                 again = error
             if not same((result, *map(list, out)), (again, *map(list, fresh))):
-                problem = "gives two results for the same mode, time and state"
+                problem = "returns two results for the same mode, time and state"
                 remedy = "let it depend on its arguments alone: no random numbers, no counters"
                 raise function.error(problem, remedy)
         return result
 
-    def _blamed(
+    def _explained(
         self, function: UserFunction, error: Exception, at: EvaluationPoint, out: Sequence[Any]
     ) -> FunctionError | DomainError:
-        """Return the sentence about an exception, after a call that watches more closely."""
+        """Return the error for an exception, after a call with checked arrays."""
         if self.by_array and not isinstance(error, ArrayMisuse):
             name = "dy" if function.kind == "flow" else "new"
             watched = [CheckedVector(name, a) if isinstance(a, list) else a for a in out]
@@ -363,7 +363,7 @@ class CheckedFunctions:
         return DomainError(FunctionError(found.role, problem, found.remedy, found.file, found.line))
 
     def _tuple(self, function: UserFunction, values: Any, at: EvaluationPoint) -> list[float]:
-        """Return a tuple of one number for each state as a list."""
+        """Return a tuple with one number per state as a list."""
         names = ", ".join(self.states[:MAX_COMPONENTS]) + (", …" if self.n > MAX_COMPONENTS else "")
         remedy = f"return a tuple of {self.n}, for {names}, on every path"
         if not isinstance(values, tuple):
@@ -390,7 +390,7 @@ class CheckedFunctions:
         return [float(value) for value in values]
 
     def _existing(self, function: UserFunction, mode: Any) -> int:
-        """Return a mode that there is."""
+        """Return an existing mode."""
         modes = self.definition.modes
         if isinstance(mode, Integral) and int(mode) in (ENDS, NO_FIT, *range(len(modes))):
             return int(mode)
@@ -402,13 +402,14 @@ class CheckedFunctions:
         self, function: UserFunction, value: Any, what: str, at: EvaluationPoint
     ) -> DomainError:
         problem = f"gives {value}{what} {self.place(at)}"
-        return DomainError(function.error(problem, "treat this case apart, or start elsewhere"))
+        remedy = "treat this case separately, or start elsewhere"
+        return DomainError(function.error(problem, remedy))
 
     def place(self, at: EvaluationPoint) -> str:
-        """Return where a point is, worded to follow what is wrong there."""
+        """Return the values of a point, for the end of a message."""
         *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
-        told = list(zip(self.states, at.y, sizes, strict=True))
-        numbers = [f"{name} = {value * size:.6g}" for name, value, size in told[:MAX_COMPONENTS]]
+        components = list(zip(self.states, at.y, sizes, strict=True))[:MAX_COMPONENTS]
+        numbers = [f"{name} = {value * size:.6g}" for name, value, size in components]
         numbers += ["…"] if self.n > MAX_COMPONENTS else []
         return f"at {', '.join(numbers)}, t = {at.t * time:.6g}, mode {self._mode(at)}"
 
@@ -424,5 +425,5 @@ def same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(same, one, other))
     try:
         return bool(one == other) or bool(one != one and other != other)
-    except ValueError:  # arrays, about which more is said elsewhere
+    except ValueError:  # arrays, which other checks report
         return True

@@ -1,10 +1,10 @@
 """Chatter: completion of accumulating impacts.
 
-Under a constant closing acceleration the speeds of separation, and with them the flights, shrink by
-a constant ratio. What remains after a flight of length T is T ratio/(1 - ratio); then the contact
-persists, which is an impact without rebound. On average over the flights it does so from the first:
-two bodies that slide on meanwhile keep their momentum, and the gap between them comes back to zero.
-Functions over the engine's contract, as in `detection`.
+Under a constant closing acceleration the separation speeds, and with them the flights, shrink by a
+constant ratio. After a flight of length T the sequence lasts for another T ratio/(1 - ratio); then
+the contact persists, as after an impact without rebound. On average over the flights the bodies
+move as if in contact from the first impact: momentum is conserved, and the gap returns to zero.
+Functions over `integrators.interface`, as in `event_detection`.
 """
 
 from __future__ import annotations
@@ -40,22 +40,23 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-# A flight is weak if it is lower than this part of what makes up the gap, or of the highest flight
-# of its sequence, or than the absolute tolerance: below that its impacts are not counted one by
-# one, while the gap still has digits.
+# A flight is weak if its height is below this part of the sum of the size of the gap (see
+# `margin_error_scales`) and the highest flight of its sequence, or below the absolute tolerance.
+# The sequence is then completed, while the gap still has significant digits.
 NEGLIGIBLE_FLIGHT_HEIGHT = 5e-11
-ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
-LATE = 100.0  # those this much longer are told no better
-CHATTER_END_RTOL = 1e-4  # the end of a sequence is known to about this part of its last flight
+SHORT_FLIGHT_FACTOR = 1e3  # flights shorter than predicted by this factor belong to no sequence
+LONG_FLIGHT_FACTOR = 100.0  # flights longer than predicted by this factor end a sequence
+CHATTER_END_RTOL = 1e-4  # error of the accumulation point relative to the last flight
 CHATTER_BISECTIONS = 60
 
 
 def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Complete a sequence of impacts at `guard` once its flights are weak.
 
-    After `margin_error_scales` of the state after the impact, `y` at ``s.t``. They become those at
-    the end of the sequence, all that moves having moved on until then; or stay, and the sequence
-    goes on. Returns False if it plainly goes on: then what `margin_error_scales` left still stands.
+    Requires `margin_error_scales` of the state after the impact, `y` at ``s.t``. Both become those
+    at the accumulation point, with all motion until then; or they are unchanged, and the sequence
+    continues. Returns False if it continues and the scratch rows of `margin_error_scales` are still
+    valid.
     """
     past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
     mode, t, code = s.mode, s.t, s.m + guard
@@ -68,14 +69,14 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         entered[j] = y[j]
     touch = interface.transition(engine, mode, code, t, entered)
     if not finite(s, entered):
-        remaining = 0.0  # no way to go on from there, as the caller finds
+        remaining = 0.0  # the caller reports the failure
     if remaining > 0.0:
-        # Every flight leaves the gap as it was. So on average the bodies move as if they were in
-        # touch already, where there is a mode in which they are.
+        # Every flight restores the gap. So on average the bodies move as if in contact, if there is
+        # a mode for the contact.
         together = touch != mode and 0 <= touch < s.modes
         s.mode = touch if together else mode
-        # The closing acceleration changes a little, and has done so in the last flight: that is
-        # in its length and in the ratio of its speeds. To first order, all of it together is this.
+        # First-order correction for a slowly varying closing acceleration, which also affects the
+        # length of the last flight and the ratio of its speeds.
         rk4_probe(engine, s, s.mode, t, entered, remaining, left)
         h = 0.125 * interval
         first = acceleration(engine, s, mode, t, entered, guard, h)
@@ -104,7 +105,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
 
 
 def finite(s: Any, y: Any) -> bool:
-    """Return whether all of a state are finite numbers."""
+    """Return whether all components of a state are finite."""
     all_are = True
     for j in range(s.n):
         all_are = all_are and math.isfinite(y[j])
@@ -114,12 +115,13 @@ def finite(s: Any, y: Any) -> bool:
 def remaining_chatter_time(
     engine: Any, s: Any, t: float, y: Any, guard: int
 ) -> tuple[float, float]:
-    """Note the impact at `t`; return how long its sequence still lasts, and the last flight.
+    """Record the impact at `t`; return the remaining time of its sequence, and the last flight.
 
-    Or the last flights, from the impact that led into the same mode.
+    If impacts lead to several modes in turn, the last flight is the time since the previous impact
+    that led to the same mode.
 
-    After `margin_error_scales`. Infinity if there is no sequence, or none that may be completed
-    yet.
+    Requires `margin_error_scales`. The time is infinite if there is no sequence that can be
+    completed yet.
     """
     m, speed = s.m, table_row(s, MARGINS_AT)[s.m + guard]
     hit_time, hit_begin, hit_interval = (
@@ -130,8 +132,8 @@ def remaining_chatter_time(
     hit_speed, hit_reach = table_row(s, HIT_SPEED), table_row(s, HIT_REACH)
     hit_mode, hit_others = table_row(s, HIT_MODE), table_row(s, HIT_OTHERS)
     hit_time[guard] = t
-    # Flights in different modes shrink by different ratios: what repeats is the way back to a mode.
-    # One to which nothing leads back is given up for the mode of now.
+    # Flights in different modes shrink by different ratios: compare impacts that lead to the same
+    # mode. A mode that does not recur is replaced by the present one.
     elsewhere = hit_begin[guard] > -math.inf and s.mode != hit_mode[guard]
     if elsewhere:
         hit_others[guard] += 1.0
@@ -146,7 +148,7 @@ def remaining_chatter_time(
     if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.transitions_now > 1):
         return math.inf, interval
     ratio = speed / before
-    # Three impacts make a sequence, so that a run taken up before them knows as much.
+    # A sequence needs three impacts, so that a run restarted before them detects it too.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
     height = 0.25 * before * interval
     size, gain = table_row(s, SIZE)[guard], table_row(s, GAIN)[guard]
@@ -154,24 +156,24 @@ def remaining_chatter_time(
     hit_reach[guard] = reach
     if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + reach), s.atol * gain):
         return math.inf, interval
-    # A flight that acceleration turns round lasts 2 u/a. A body that another one throws back
-    # arrives far too soon for its speed. With friction the acceleration changes during the flight.
+    # A flight under acceleration a lasts 2 u/a. A body that another body throws back arrives much
+    # sooner. With friction the acceleration changes during the flight.
     flight = max(interval, EPS * abs(t))
     a = acceleration(engine, s, s.mode, t, y, guard, 0.125 * flight)
-    if 2.0 * before > ABRUPT * abs(a) * flight:
+    if 2.0 * before > SHORT_FLIGHT_FACTOR * abs(a) * flight:
         return math.inf, interval
     for k in range(m):
         other = k != guard and table_row(s, IMPACT)[k] == 1 and hit_time[k] > since
         if other and share_state(engine, s, t, y, guard, k):
-            return math.inf, interval  # two gaps in alternation
+            return math.inf, interval  # impacts alternate between two gaps
     if shrinking:
         return interval * ratio / (1.0 - ratio), interval
-    # Flights that drown in the rounding of the gap, or of time, need not shrink.
+    # Flights below the rounding of the gap, or of time, need not shrink.
     if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
         return 0.0, interval
-    # Nor one that lasts far longer than speed and acceleration say: no step sees the end of such a
-    # low flight in time.
-    if 2.0 * LATE * before < -a * interval:
+    # Nor need one that lasts far longer than speed and acceleration predict: steps detect the end
+    # of such a low flight late.
+    if 2.0 * LONG_FLIGHT_FACTOR * before < -a * interval:
         return 0.0, interval
     return math.inf, interval
 
@@ -185,7 +187,7 @@ def acceleration(
     guard: int,
     h: float,
 ) -> float:
-    """Return how fast the rate of `guard` changes along the flow of `mode`, over the time `h`."""
+    """Return the mean derivative of the rate of `guard` along the flow over the time `h`."""
     g, ahead = table_row(s, G), table_row(s, STATE_AHEAD)
     m = s.m
     h = min(h, 0.5 * (next_switch(s, t) - t))
@@ -198,17 +200,18 @@ def acceleration(
 
 
 def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard: int) -> bool:
-    """Carry the state in ENTERED over `remaining` into LEFT, with ``s.mode``.
+    """Propagate the state in ENTERED over the time `remaining` into LEFT, with ``s.mode``.
 
-    A guard that fires on the way is handled if it belongs to what is in contact at `guard`, as the
-    end of a slip that its impacts have caused. Returns False if the sequence cannot be completed
-    yet: one step does not follow the flow so far, as in a stiff system, or what fires is another
-    impact, or has nothing to do with it, or is not alone. Overwrites STATE_AHEAD.
+    A guard that fires before the end is handled if the impacts at `guard` affect it, for example a
+    slip end. Returns False if the sequence cannot be completed yet: one step is too inaccurate, as
+    in a stiff system, or the guard that fires is an impact, is unaffected, or is not the only one.
+    Overwrites STATE_AHEAD.
     """
     entered, left, g = table_row(s, ENTERED), table_row(s, LEFT), table_row(s, G)
     mode = s.mode
     rk4_probe(engine, s, mode, t, entered, remaining, left)
-    # What follows faster than the sequence ends, as a charge behind a resistance, would be lost.
+    # Compare with two half steps, which detects components faster than the sequence, such as a
+    # charge behind a resistance.
     halves = table_row(s, STATE_AHEAD)
     rk4_probe(engine, s, mode, t, entered, 0.5 * remaining, halves)
     rk4_probe(engine, s, mode, t + 0.5 * remaining, halves, 0.5 * remaining, halves)
@@ -236,7 +239,7 @@ def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard
 
 
 def affects(engine: Any, s: Any, mode: int, t: float, other: int, guard: int) -> bool:
-    """Return whether an impact without rebound at `guard`, PAST to ENTERED, moves `other`."""
+    """Return whether the impact without rebound at `guard`, PAST to ENTERED, changes `other`."""
     g = table_row(s, G)
     past, entered = table_row(s, PAST), table_row(s, ENTERED)
     interface.margins(engine, mode, t, past, g)

@@ -26,12 +26,12 @@ from mems_impact.integrators.jit.numba_support import (
     pointer,
 )
 
-_making = threading.Lock()  # threads that start together want the same loop, compiled once
+_compiling = threading.Lock()  # simultaneous threads compile a loop only once
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function`, written over the engine's contract, compiled; it releases the GIL."""
-    with _making:
+    """Return `function`, written over `integrators.interface`, compiled; it releases the GIL."""
+    with _compiling:
         return _compiled(function)
 
 
@@ -110,15 +110,15 @@ def _observe(engine, w, mode, code, t, states, out):  # type: ignore[no-untyped-
 @overload(recurrence.advance, jit_options={**JIT, **INNER})
 def _advance(engine, s, w):  # type: ignore[no-untyped-def]
     if _is_work(w):
-        bite = recurrence.STEPS_PER_CALL
-        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), bite))
+        steps = recurrence.STEPS_PER_CALL
+        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), steps))
 
 
 @overload(saltation.run_loop, jit_options={**JIT, **INNER})
 def _run_on(s, w):  # type: ignore[no-untyped-def]
     if isinstance(w, types.Record) and "plain" in w.fields:
-        bite = saltation.BITE
-        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), bite))
+        steps = saltation.STEPS_PER_CALL
+        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), steps))
 
 
 @overload(recurrence.scratch_row, jit_options={**JIT, **INNER})
@@ -144,13 +144,13 @@ def _is_work(kind: Any) -> bool:
 
 
 def address_of_loop(handle: Any, clock: Any) -> int:
-    """Return where the compiled event loop is, for an engine's record and that of a run.
+    """Return the address of the compiled event loop for the types of two records.
 
-    As a C function of two addresses and the quota: what calls it need not be compiled with it.
+    It is a C function of two addresses and the quota, which callers can use without recompilation.
     """
     entry: Any = compiled(loop.run_steps)
     kinds = typeof(handle), typeof(clock), types.int64
-    with _making:
+    with _compiling:
         entry.compile(kinds)
-    made = entry.overloads[kinds]
-    return int(made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name))
+    result = entry.overloads[kinds]
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))

@@ -1,14 +1,12 @@
 """Event detection: margins of guards, hidden crossings, the Poincaré section.
 
-Functions over the engine's contract, like the loop itself, which calls them. Scratch rows that a
-function overwrites are those of `workspace`: ``G`` always, others as its docstring says.
+Functions over `integrators.interface`, called by the loop. Scratch rows are those of `workspace`: a
+function may overwrite ``G``, and the rows that its docstring lists.
 
-An engine tells margins that have changed their sign over a step. Those that came to zero and went
-back are found by a look at their values and rates at both ends, and where these leave doubt, by
-walking through the step.
+The engine detects margins that change sign over a step. A double crossing within a step is detected
+from the values and rates at both ends and, if these are inconclusive, by a scan of the step.
 
-An engine sees that a step ends on the other side of the section. Where it may have been there and
-come back in between, the step is walked through, as for margins.
+Crossings of the section are treated in the same way.
 """
 
 from __future__ import annotations
@@ -46,21 +44,21 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-# --- What fires, and when: margins and rates read so that no decision hangs on rounding.
+# --- Signs of margins and rates beyond rounding
 
-ROUNDINGS = 64.0  # what lies within so many roundings of zero has no sign
-SURELY = 1e3  # what is so many times its error below zero is so wherever that is measured
-TOLERANCES = 1e3  # a margin so many tolerances below zero is no error of the integration
-TINY_BIAS = 1e-300  # by which a margin that starts at zero is lifted
+ROUNDINGS = 64.0  # rounding errors within which a value counts as zero
+CERTAINTY = 1e3  # errors below zero at which a rate is negative without another check
+TOLERANCES = 1e3  # integration errors below zero at which a margin is truly negative
+TINY_BIAS = 1e-300  # bias of a margin that starts at zero
 
 
 def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> None:
-    """Write what the margins and their rates are made up of, for each its size and its gain.
+    """Estimate the conditioning of margins and rates: for each its size and its gain.
 
     The size is the sum of |dg/dy_j| |y_j|, the gain that of |dg/dy_j|: roundings of the state move
     a margin by EPS * size, the tolerances by rtol * size + atol * gain. Roundings of time move it
-    by EPS |dg/dt| t. Left in SIZE, GAIN and, the last product, TIMED; LOOKED holds the margins.
-    Overwrites MOVED.
+    by EPS |dg/dt| t. The results are in SIZE, GAIN and TIMED (the last product without EPS), the
+    margins in MARGINS_AT. Overwrites STATE_SHIFTED.
     """
     n, count = s.n, 2 * s.m
     base, g, moved = table_row(s, MARGINS_AT), table_row(s, G), table_row(s, STATE_SHIFTED)
@@ -86,26 +84,26 @@ def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> Non
 
 
 def rounding_error(s: Any, k: int) -> float:
-    """Return within how much of zero margin or rate `k` has no sign.
+    """Return the rounding error of margin or rate `k`, with a safety factor.
 
-    After `margin_error_scales`.
+    Requires `margin_error_scales`.
     """
     rounding: float = ROUNDINGS * EPS * (table_row(s, SIZE)[k] + table_row(s, TIMED)[k])
     return rounding
 
 
 def integration_error(s: Any, k: int) -> float:
-    """Return what the integration may make of margin or rate `k`; after `margin_error_scales`."""
+    """Return the integration error of margin or rate `k`; requires `margin_error_scales`."""
     size, gain = table_row(s, SIZE)[k], table_row(s, GAIN)[k]
     error: float = s.rtol * size + s.atol * gain
     return error
 
 
 def rk4_probe(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: Any) -> None:
-    """Follow the flow of `mode` from (t, y) over `h` by one step of Runge and Kutta, into `out`.
+    """Integrate `mode` from (t, y) over `h` by one classical Runge-Kutta step, into `out`.
 
-    Over times so short that its error, of the fifth power, is below rounding or does not matter.
-    Overwrites STAGE, SLOPE, SUM; `y` and `out` may be the same.
+    For times so short that its error, of fifth order, is below rounding or irrelevant. Overwrites
+    STAGE, SLOPE, SUM; `y` and `out` may be the same.
     """
     n = s.n
     stage, slope, total = table_row(s, STAGE), table_row(s, SLOPE), table_row(s, SUM)
@@ -127,12 +125,11 @@ def rk4_probe(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: A
 
 
 def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether margin `i` is about to fall, by what comes next.
+    """Return whether margin `i` decreases along the flow ahead.
 
-    After `margin_error_scales`. The flow is followed for longer and longer until the margin has
-    moved by more than rounding: a gap that opens with no speed and no acceleration, as that of a
-    body which a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE,
-    SUM.
+    Requires `margin_error_scales`. The time ahead grows until the margin has changed by more than
+    rounding. This decides gaps that open with zero speed and acceleration, for example when a
+    moving wall releases a body. Overwrites STATE_AHEAD, STAGE, SLOPE, SUM.
     """
     g, ahead = table_row(s, G), table_row(s, STATE_AHEAD)
     seen, drift = rounding_error(s, i), rounding_error(s, s.m + i)
@@ -151,12 +148,11 @@ def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) ->
 
 
 def is_decreasing(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether margin `i` really falls at (t, y); after `margin_error_scales`.
+    """Return whether margin `i` truly decreases at (t, y); requires `margin_error_scales`.
 
-    The polynomial of a step has the integration error, and a difference of large numbers its
-    rounding; below them a margin seems to fall through zero where it does not, again and again.
-    A rate that is clearly negative is believed, else the flow is asked. Overwrites what
-    `decreases_ahead` does.
+    Within the integration error of the interpolant, and within rounding, a margin may falsely
+    appear to cross zero. A clearly negative rate is accepted; otherwise the flow decides.
+    Overwrites the rows of `decreases_ahead`.
     """
     m = s.m
     rate = table_row(s, MARGINS_AT)[m + i]
@@ -174,17 +170,17 @@ def first_violated_guard(
     but: int,
     after: int,
 ) -> int:
-    """Return the first guard, by order, that fires where the state is put; or NONE.
+    """Return the first guard, by order, that fires at (t, y); or NONE.
 
-    Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. Of
-    guards that only record, those fire whose margin has come there now. The guard `but` is left
-    out, and with it, since then a state is only tried, those that only record. Of impacts alone,
-    those up to `after`, in order, come last. Overwrites what `margin_error_scales` and
-    `decreases_ahead` do.
+    A guard fires if its margin is zero or negative, to rounding, and decreases; or if it is clearly
+    negative and not a gap. A guard that only records fires if its margin has reached zero now. The
+    guard `but` is excluded; with it guards that only record are excluded too, since the state is
+    then tentative. If only impacts fire, those up to `after`, in order, come last. Overwrites the
+    rows of `margin_error_scales` and `decreases_ahead`.
     """
     order = table_row(s, ORDER)
     margin_error_scales(engine, s, mode, t, y)
-    first = behind = NONE
+    first = next_impact = NONE
     for i in range(s.m):
         if table_row(s, RECORDS)[i] == 1 and (
             but != NONE or recorded_already(engine, s, mode, i, t)
@@ -193,17 +189,17 @@ def first_violated_guard(
         if i != but and fires_here(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
-            behind_it = after != NONE and table_row(s, IMPACT)[i] == 1 and order[i] > order[after]
-            if behind_it and (behind == NONE or order[i] < order[behind]):
-                behind = i
-    return behind if behind != NONE and table_row(s, IMPACT)[first] == 1 else first
+            is_later = after != NONE and table_row(s, IMPACT)[i] == 1 and order[i] > order[after]
+            if is_later and (next_impact == NONE or order[i] < order[next_impact]):
+                next_impact = i
+    return next_impact if next_impact != NONE and table_row(s, IMPACT)[first] == 1 else first
 
 
 def recorded_already(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
-    """Return whether the margin of guard `i`, which only records, has not fallen to zero now.
+    """Return whether the crossing of guard `i`, which only records, is already recorded.
 
-    After `margin_error_scales` of a state that a transition has left, PAST being the one before it,
-    or that is looked at again because of a margin in doubt.
+    Requires `margin_error_scales` of the state after a transition (PAST is the state before it), or
+    of a state whose margins are checked again.
     """
     looked, passed, g = table_row(s, MARGINS_AT)[i], table_row(s, BELOW_ZERO), table_row(s, G)
     rounding = rounding_error(s, i)
@@ -212,23 +208,24 @@ def recorded_already(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
     elif looked > rounding and passed[i] == 1:
         interface.margins(engine, mode, t, table_row(s, PAST), g)
         if g[i] < -rounding:
-            passed[i] = 0.0  # thrown up, if not far; else it is where its fall was told
+            passed[i] = 0.0  # the transition lifted it, by less than the threshold
     elif (
         looked < -violation_threshold(s, i)
         and passed[i] == 0
         and interface.bias(engine, i) <= TINY_BIAS
     ):
-        # Another mode may begin to watch it where it is negative already: that is no fall.
+        # A margin that is already negative when another mode activates its guard has not crossed
+        # zero.
         interface.margins(engine, mode, t, table_row(s, PAST), g)
         passed[i] = 2.0 if g[i] > 0.0 else 1.0
     return bool(passed[i] == 1)
 
 
 def fires_here(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether guard `i` fires where the state is put; after `margin_error_scales`."""
+    """Return whether guard `i` fires at (t, y); requires `margin_error_scales`."""
     m, looked = s.m, table_row(s, MARGINS_AT)
     rate = looked[m + i]
-    # What closes within the rounding of time does so now; what is no number never does.
+    # A margin that reaches zero within the rounding of time fires now; nan never fires.
     if not looked[i] <= rounding_error(s, i) + ROUNDINGS * EPS * abs(rate * t):
         return False
     if table_row(s, IMPACT)[i] == 0 and looked[i] < -violation_threshold(s, i):
@@ -239,9 +236,9 @@ def fires_here(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool
 
 
 def violation_threshold(s: Any, i: int) -> float:
-    """Return how far below zero margin `i` must be to be there for no error's sake.
+    """Return the depth below zero that integration errors of margin `i` cannot explain.
 
-    After `margin_error_scales`.
+    Requires `margin_error_scales`.
     """
     rate = table_row(s, MARGINS_AT)[s.m + i]
     far: float = TOLERANCES * integration_error(s, i) + 1e-6 * abs(rate) * s.scale
@@ -249,9 +246,9 @@ def violation_threshold(s: Any, i: int) -> float:
 
 
 def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
-    """Return a gap that is clearly negative and does not open, as a start may be; or NONE.
+    """Return a gap that is clearly negative and does not open, possible at a start only; or NONE.
 
-    Where a run begins, guards that only record and are negative have PASSED.
+    At the start of a run, set BELOW_ZERO of negative guards that only record.
     """
     m = s.m
     looked = table_row(s, MARGINS_AT)
@@ -266,26 +263,26 @@ def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
 
 
 def certainly_decreasing(s: Any, k: int, rate: float) -> bool:
-    """Return whether a rate is so far below zero that nobody needs to look again.
+    """Return whether a rate is so far below zero that no further check is needed.
 
-    Measured by the `margin_error_scales` at the start of the arc, or later, with much room.
+    The scales of the latest `margin_error_scales` suffice, with a large safety factor.
     """
-    return bool(rate < -SURELY * (rounding_error(s, k) + integration_error(s, k)))
+    return bool(rate < -CERTAINTY * (rounding_error(s, k) + integration_error(s, k)))
 
 
-# --- The search within a step: which guard fires first in it, and when.
+# --- First event within a step
 
-MIN_SUBSTEP_RATIO = 2.0**-10  # part of a step below which nothing is looked for inside it
-# By which what rates have been seen to change fades from step to step. At 1/2, a margin that swings
-# several times within a step, and changes less over the next one, was believed too soon.
-FADING = 0.9
+MIN_SUBSTEP_RATIO = 2.0**-10  # shortest part of a step in a scan
+# Factor per step by which the observed change of a rate decays. At 1/2, a margin that oscillates
+# several times within a step, and changes less over the next one, was certified too early.
+RATE_CHANGE_DECAY = 0.9
 
 
 def update_margins(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
-    """Take down the margins where a step has ended; return whether anything may have fired in it.
+    """Read the margins at the end of a step; return whether a guard may have fired in it.
 
-    Which margins may have been at zero unseen, by values and rates at both ends, is left in
-    SUSPECT, with the side of zero on which they began.
+    SUSPECT_SIDE is nonzero for each margin that may have an undetected zero, by values and rates at
+    both ends: the side of zero, 1 or -1, on which it began.
     """
     then, now, bend, suspect = (
         table_row(s, MARGINS_BEFORE),
@@ -298,50 +295,50 @@ def update_margins(engine: Any, s: Any, status: int, before: float, t: float) ->
     for k in range(2 * m):
         then[k] = now[k]
     interface.end_margins(engine, now)
-    something = status == interface.ROOT
+    suspected = status == interface.ROOT
     for i in range(m):
         suspect[i] = 0.0
         fired = status == interface.ROOT and interface.root_directions(engine, i) < 0
         bias = interface.bias(engine, i)
-        # A margin that does not apply is constant; one that is lifted is in doubt.
-        moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
-        if moves and h > 0.0 and bias <= TINY_BIAS:
-            bend[i] = max(abs(now[m + i] - then[m + i]) / h, FADING * bend[i])
-            # A root is where the margin is zero but for what the engine tells roots apart.
+        # An inactive margin is constant; one with a bias is checked elsewhere.
+        changes = fired or now[i] != then[i] or now[m + i] != then[m + i]
+        if changes and h > 0.0 and bias <= TINY_BIAS:
+            bend[i] = max(abs(now[m + i] - then[m + i]) / h, RATE_CHANGE_DECAY * bend[i])
+            # At a root the margin is zero within the root tolerance of the engine.
             start, end = then[i] + bias, 0.0 if fired else now[i] + bias
             side = -1.0 if passed[i] == 1 else 1.0
             start, end = side * start, side * end
-            stays_there = certify_no_crossing(
+            certified = certify_no_crossing(
                 start, side * then[m + i], end, side * now[m + i], h, bend[i]
             )
-            # One that may be below zero has come above it, and fallen, if it has not stayed there.
+            # A margin on the negative side may have become positive and fallen again.
             above = start >= 0.0 and end >= 0.0
-            if not stays_there and (above or side < 0.0):
+            if not certified and (above or side < 0.0):
                 suspect[i] = side
-                something = True
+                suspected = True
         if now[i] + bias > 0.0:
             passed[i] = 0.0
-    return something
+    return suspected
 
 
 def first_event_in_step(
     engine: Any, s: Any, status: int, before: float, t: float
 ) -> tuple[int, float]:
-    """Return the guard that fires first in the step from `before` to `t`, and when; or NONE.
+    """Return the guard that fires first in the step from `before` to `t`, or NONE, and the time.
 
-    A margin fires where the engine says so; where it has dipped below zero at its closest
-    approach, a root of its rate; and where a look inside the step finds it. Overwrites STATE and
-    what `first_violated_guard` does.
+    Guards fire at roots that the engine found, before a negative closest approach (a root of the
+    rate), and at hidden crossings that a scan of the step finds. Overwrites STATE and the rows of
+    `first_violated_guard`.
     """
     m = s.m
     order = table_row(s, ORDER)
     y = table_row(s, STATE)
     now, suspect = table_row(s, MARGINS_AFTER), table_row(s, SUSPECT_SIDE)
     guard, t_event = NONE, t
-    together = 0
+    roots = 0
     for i in range(m):
         if status == interface.ROOT and interface.root_directions(engine, i) < 0:
-            together += 1
+            roots += 1
     for i in range(m):
         fired = status == interface.ROOT and interface.root_directions(engine, i) < 0
         t_crossing = math.inf
@@ -353,7 +350,7 @@ def first_event_in_step(
         if t_crossing == math.inf:
             if fired:
                 rate = now[m + i]
-                t_crossing = t - refine_root(engine, s, i, before, t) if together == 1 else t
+                t_crossing = t - refine_root(engine, s, i, before, t) if roots == 1 else t
             elif (
                 status == interface.ROOT
                 and interface.root_directions(engine, m + i) > 0
@@ -361,7 +358,7 @@ def first_event_in_step(
                 and now[i] + bias <= 0.0
                 and table_row(s, BELOW_ZERO)[i] != 1
             ):
-                # There may be another dip before this one.
+                # An earlier crossing within the step is possible.
                 end = now[i] + bias
                 t_crossing = find_hidden_crossing(engine, s, i, before, t, end, 1.0)
                 if t_crossing == math.inf:
@@ -379,7 +376,7 @@ def first_event_in_step(
             if certain:
                 guard, t_event = i, t_crossing
             else:
-                # It is left alone until it has risen, or a step ends where it falls.
+                # Ignore the margin until it has risen, or decreases at the end of a step.
                 s.negative_by_error = 1
                 s.starts_negative = 1
                 depth = abs(table_row(s, MARGINS_AT)[i])
@@ -388,10 +385,10 @@ def first_event_in_step(
 
 
 def refine_root(engine: Any, s: Any, i: int, before: float, t: float) -> float:
-    """Return how long before `t`, where margin `i` has fired, it was zero.
+    """Return the time between the zero of margin `i` and `t`, where it fired.
 
-    CVODE stops a little late, by some hundred roundings of time: impact after impact that adds up.
-    A margin that stays at zero it may tell anywhere there. Overwrites STATE and G.
+    CVODE stops late by about a hundred roundings of time, which adds up over many impacts. If a
+    margin remains zero, CVODE may report any instant of that interval. Overwrites STATE and G.
     """
     now, g, y = table_row(s, MARGINS_AFTER), table_row(s, G), table_row(s, STATE)
     margin, rate = now[i] + interface.bias(engine, i), now[s.m + i]
@@ -436,20 +433,20 @@ def find_hidden_crossing(
     end: float,
     side: float,
 ) -> float:
-    """Return when margin `i` first falls below zero inside the last step; infinity if it does not.
+    """Return when margin `i` first becomes negative inside the last step; else infinity.
 
-    A step of a flow that is nearly a polynomial may be long enough for two minima of a margin. What
-    the margin may do between two instants is bounded by its values and rates there and by how much
-    the rates change (`certify_no_crossing`): for most steps that says enough. This step is walked
-    through, in parts so short that the bound holds; its margin is `end` where it ends. One that
-    begins below zero (`side` -1) must come above it first: until then the same is asked of its
-    negative. Overwrites STATE and, where it finds something, what `margin_error_scales` does.
+    A step of a nearly polynomial flow may contain several minima of a margin. Values and rates at
+    two instants, and the change of the rates, bound the margin between them
+    (`certify_no_crossing`), which suffices for most steps. Any other step is scanned in parts so
+    short that the bound holds. `end` is the margin at the end of the step. A margin that begins
+    negative (`side` -1) must become positive first; until then its negative is scanned. Overwrites
+    STATE and, after a crossing, the rows of `margin_error_scales`.
     """
     m = s.m
     then, now = table_row(s, MARGINS_BEFORE), table_row(s, MARGINS_AFTER)
     bias = interface.bias(engine, i)
     a, g_a, r_a = before, then[i] + bias, then[m + i]
-    curved = table_row(s, RATE_CHANGE)[i]
+    curvature = table_row(s, RATE_CHANGE)[i]
     g, y = table_row(s, G), table_row(s, STATE)
     finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
     width = 0.5 * (t - before)
@@ -460,13 +457,15 @@ def find_hidden_crossing(
             interface.interpolate(engine, b, y)
             interface.margins(engine, s.mode, b, y, g)
             g_b, r_b = g[i] + bias, g[m + i]
-        curved = max(curved, abs(r_b - r_a) / (b - a))
-        sure = certify_no_crossing(side * g_a, side * r_a, abs(g_b), side * r_b, b - a, curved)
-        if b - a > finest and not sure:
+        curvature = max(curvature, abs(r_b - r_a) / (b - a))
+        certain = certify_no_crossing(
+            side * g_a, side * r_a, abs(g_b), side * r_b, b - a, curvature
+        )
+        if b - a > finest and not certain:
             width *= 0.5
             continue
-        if not sure and side * r_a < 0.0 < side * r_b:
-            # One closest approach, by the rates: the margin there decides.
+        if not certain and side * r_a < 0.0 < side * r_b:
+            # By the rates there is one closest approach; its margin decides.
             closest = bisect_rate(engine, s.mode, m + i, a, b, side, y, g)
             interface.interpolate(engine, closest, y)
             interface.margins(engine, s.mode, closest, y, g)
@@ -489,9 +488,9 @@ def find_hidden_crossing(
 def bisect_rate(
     engine: Any, mode: int, k: int, a: float, b: float, side: float, y: Any, g: Any
 ) -> float:
-    """Bisect rate `k` on the last step, from falling at `a` to rising at `b`.
+    """Bisect rate `k` on the last step: negative at `a`, positive at `b`.
 
-    With `side` -1 its negative. Overwrites the state `y` and the margins and rates `g`.
+    Bisect its negative if `side` is -1. Overwrites the state `y` and the margins and rates `g`.
     """
     for _ in range(80):
         middle = 0.5 * (a + b)
@@ -507,26 +506,26 @@ def bisect_rate(
 
 
 def certify_no_crossing(
-    g_a: float, r_a: float, g_b: float, r_b: float, h: float, curved: float
+    g_a: float, r_a: float, g_b: float, r_b: float, h: float, curvature: float
 ) -> bool:
-    """Return whether a margin with these values and rates stays positive over `h` in between.
+    """Return whether a margin with these values and rates at both ends of `h` remains positive.
 
-    From either end it keeps above a parabola that bends down twice as much as its rates have been
-    seen to change, or as rates and values contradict each other.
+    From either end its lower bound is a parabola with twice the curvature that its rates have
+    shown, or that the discrepancy between rates and values implies.
     """
     defect = abs(g_b - g_a - 0.5 * h * (r_a + r_b))
-    drop = 0.25 * curved * h * h + 3.0 * defect
+    drop = 0.25 * curvature * h * h + 3.0 * defect
     return g_a + 0.5 * h * r_a > drop and g_b - 0.5 * h * r_b > drop
 
 
-# --- Crossings of the section that engines do not tell: those that come in pairs within a step.
+# --- Pairs of section crossings within a step
 
-CAUTION = 8.0  # times the bend seen of late is reckoned with
-MAX_CROSSINGS_PER_STEP = 16  # crossings of one step that are noted: no method's polynomial has more
+BEND_SAFETY = 8.0  # factor on the recent bend
+MAX_CROSSINGS_PER_STEP = 16  # no method's interpolant has more
 
 
 def init_section(engine: Any, s: Any, y: Any) -> None:
-    """Take down where an arc begins at (``s.t``, `y`): the side of the section, and the way on.
+    """Record distance, rate and side of the section where an arc begins at (``s.t``, `y`).
 
     Overwrites SLOPE.
     """
@@ -538,77 +537,78 @@ def init_section(engine: Any, s: Any, y: Any) -> None:
     s.section_side = sign(s.section_distance if s.section_distance != 0.0 else s.section_speed)
 
 
-def detect_crossings(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
-    """Note the crossings between `before` and ``s.t``, where the state is `y`.
+def detect_crossings(engine: Any, s: Any, before: float, y: Any, direction: int) -> None:
+    """Record the crossings between `before` and ``s.t``, where the state is `y`.
 
-    `told` is the sign of one there that the engine tells, or 0: that one is not noted. Rates would
-    cost a flow a step, so values alone are asked at first: a parabola follows from the paces of the
-    last two steps, and what keeps clear of the section even if it bends far more has not crossed
-    it. What does not bend cannot have done so twice. Overwrites STATE and SLOPE.
+    `direction` is the sign of a crossing at ``s.t`` that the engine found, or 0; that crossing is
+    not recorded here. Rates would cost one evaluation of the flow per step, so the first check uses
+    values only: the mean rates of the last two steps give a parabola. A component that remains
+    clear of the section with a much larger bend has not crossed it, and one without bend cannot
+    cross it twice. Overwrites STATE and SLOPE.
     """
     h = s.t - before
     if s.section < 0 or not h > 0.0:
         return
-    apart = y[s.section] - s.level
-    pace = (apart - s.section_distance) / h
-    # The pace of a step is the rate in its middle; where an arc begins it is the rate there.
-    turned = pace - s.section_speed
-    # The first steps of an arc may be so short that rounding alone makes their paces.
-    if abs(turned) * h <= ROUNDINGS * EPS * (abs(s.level) + abs(apart)):
-        turned = 0.0
-    bend = turned / (0.5 * (h + s.section_step))
+    distance = y[s.section] - s.level
+    mean_rate = (distance - s.section_distance) / h
+    # The mean rate of a step is the rate at its midpoint; at the start of an arc, the rate there.
+    rate_change = mean_rate - s.section_speed
+    # The first steps of an arc may be so short that rounding dominates their mean rates.
+    if abs(rate_change) * h <= ROUNDINGS * EPS * (abs(s.level) + abs(distance)):
+        rate_change = 0.0
+    bend = rate_change / (0.5 * (h + s.section_step))
     s.section_bend = max(abs(bend), 0.5 * s.section_bend)
-    end = 0.0 if told != 0 else apart
+    end = 0.0 if direction != 0 else distance
     if s.section_side == 0:
-        s.section_side = sign(apart)
+        s.section_side = sign(distance)
     elif bend != 0.0 and not certify_no_crossing(
         s.section_side * s.section_distance,
-        s.section_side * (pace - 0.5 * h * bend),
+        s.section_side * (mean_rate - 0.5 * h * bend),
         s.section_side * end,
-        s.section_side * (pace + 0.5 * h * bend),
+        s.section_side * (mean_rate + 0.5 * h * bend),
         h,
-        CAUTION * s.section_bend,
+        BEND_SAFETY * s.section_bend,
     ):
         scan_step(engine, s, before, end)
-    s.section_distance, s.section_speed, s.section_step = end, pace, h
-    if told != 0 or apart != 0.0:
-        s.section_side = told if told != 0 else sign(apart)
+    s.section_distance, s.section_speed, s.section_step = end, mean_rate, h
+    if direction != 0 or distance != 0.0:
+        s.section_side = direction if direction != 0 else sign(distance)
 
 
 def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
-    """Note the crossings between `before` and ``s.t``, where the section is `end` away.
+    """Record the crossings between `before` and ``s.t``, at the distance `end`.
 
-    In parts so short that by its rates the component keeps clear of the section, or crosses it but
-    once. Overwrites STATE and SLOPE.
+    Parts of the step are so short that by its rates the component stays clear of the section, or
+    crosses it once. Overwrites STATE and SLOPE.
     """
     t, y = s.t, table_row(s, STATE)
     interface.interpolate(engine, before, y)
     a, g_a, r_a = before, s.section_distance, rate_at(engine, s, before, y)
     rounding = ROUNDINGS * EPS * (abs(s.level) + max(abs(g_a), abs(end)))
     finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
-    width, curved, left = t - before, 0.0, MAX_CROSSINGS_PER_STEP
+    width, curvature, left = t - before, 0.0, MAX_CROSSINGS_PER_STEP
     while a < t and left > 0:
         b = a + width if a + 1.5 * width < t else t
         interface.interpolate(engine, b, y)
         g_b, r_b = y[s.section] - s.level if b < t else end, rate_at(engine, s, b, y)
         h, side = b - a, s.section_side
-        curved = max(curved, abs(r_b - r_a) / h)
-        over = side * g_b < -rounding
-        if over:
-            sure = max(side * r_a, side * r_b) < -curved * h
+        curvature = max(curvature, abs(r_b - r_a) / h)
+        crossed = side * g_b < -rounding
+        if crossed:
+            certain = max(side * r_a, side * r_b) < -curvature * h
         else:
-            sure = certify_no_crossing(
-                side * g_a, side * r_a, max(side * g_b, 0.0), side * r_b, h, curved
+            certain = certify_no_crossing(
+                side * g_a, side * r_a, max(side * g_b, 0.0), side * r_b, h, curvature
             )
-        if h > finest and not sure:
+        if h > finest and not certain:
             width *= 0.5
             continue
-        if not over and not sure and side * r_a < 0.0 < side * r_b:
+        if not crossed and not certain and side * r_a < 0.0 < side * r_b:
             nearest = bisect_section_rate(engine, s, a, b)
             interface.interpolate(engine, nearest, y)
             if side * (y[s.section] - s.level) < -rounding:
-                b, over = nearest, True
-        if over:
+                b, crossed = nearest, True
+        if crossed:
             b = bisect_section(engine, s, a, b)
             interface.interpolate(engine, b, y)
             s.section_side = -side
@@ -622,7 +622,7 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
 
 
 def bisect_section(engine: Any, s: Any, inside: float, outside: float) -> float:
-    """Bisect the section on the last step: on its side at `inside`, beyond it at `outside`.
+    """Bisect the section on the last step, between its two sides at `inside` and `outside`.
 
     Overwrites STATE.
     """
@@ -640,7 +640,7 @@ def bisect_section(engine: Any, s: Any, inside: float, outside: float) -> float:
 
 
 def bisect_section_rate(engine: Any, s: Any, a: float, b: float) -> float:
-    """Bisect the rate on the last step, from towards the section at `a` to away from it at `b`.
+    """Bisect the rate on the last step: towards the section at `a`, away from it at `b`.
 
     Overwrites STATE and SLOPE.
     """
@@ -658,7 +658,7 @@ def bisect_section_rate(engine: Any, s: Any, a: float, b: float) -> float:
 
 
 def rate_at(engine: Any, s: Any, t: float, y: Any) -> float:
-    """Return the rate of the section's component; up to a switch that of the arc before it.
+    """Return the rate of the section's component; at a switch, its limit from the left.
 
     Overwrites SLOPE.
     """
@@ -668,6 +668,6 @@ def rate_at(engine: Any, s: Any, t: float, y: Any) -> float:
     return rate
 
 
-def sign(apart: float) -> int:
+def sign(distance: float) -> int:
     """Return 1 above, -1 below, 0 at the section."""
-    return 1 if apart > 0.0 else (-1 if apart < 0.0 else 0)
+    return 1 if distance > 0.0 else (-1 if distance < 0.0 else 0)

@@ -1,10 +1,10 @@
-"""Tolerances of the flights between impacts of a sequence.
+"""Tolerances of flights within a chatter sequence.
 
-A margin that begins near zero, rises and falls again makes a flight. An error d of the position
-moves the impact at its end by d/u, u being the speed there: of a flight that is itself hardly
-higher than the tolerance it would spoil all digits, and the next flight inherits that. So what a
-flight is integrated to is the relative tolerance of its height. Functions over the engine's
-contract, as in `detection`.
+A flight is an arc between two impacts: a margin begins near zero, rises and falls again. An error d
+of the position shifts the impact at its end by d/u, where u is the impact speed. If the flight is
+hardly higher than the tolerance, this error is of the order of the flight itself, and propagates to
+the next flight. So flights are integrated to the relative tolerance of their height. Functions over
+`integrators.interface`, as in `event_detection`.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from mems_impact.hybrid.event_loop.workspace import (
 )
 from mems_impact.integrators import interface
 
-GLANCE = 2.0**-20  # over this part of the time scale accelerations are measured
-EARLY = 0.25  # part of a flight after which the arc may end before the flight does
-BRIEF = 1e4  # flights shorter than so many roundings of time have no digits left
+ACCELERATION_STEP = 2.0**-20  # step of the differences for accelerations, in time scales
+EARLY_SHARE = 0.25  # first part of a flight, in which no other margin may reach zero
+MIN_FLIGHT_ROUNDINGS = 1e4  # flights shorter than so many roundings of time are not resolved
 
 
 def sharpen(engine: Any, s: Any, y: Any) -> None:
-    """Set the tolerances of the arc that begins at ``s.t`` with the margins and rates in NOW.
+    """Set the tolerances of the arc that begins at ``s.t`` with the margins in MARGINS_AFTER.
 
-    Of all impacts that it may end with, the lowest flight counts. One at whose beginning another
-    margin comes to zero is none: its acceleration changes there, as with the end of a slip.
-    Overwrites SLOPE, AHEAD and what `margin_error_scales` does.
+    The lowest flight among the possible impacts counts. A flight in whose first part another margin
+    reaches zero, such as a slip end, is ignored, since its acceleration changes there. Overwrites
+    SLOPE, STATE_AHEAD and the rows of `margin_error_scales`.
     """
     m, t, now = s.m, s.t, table_row(s, MARGINS_AFTER)
-    watched = False
-    for i in range(m):  # a margin that does not apply is 1, with the rate 1
-        watched = watched or (table_row(s, IMPACT)[i] == 1 and (now[i] != 1.0 or now[m + i] != 1.0))
-    share, lasts = 1.0, math.inf
-    if watched:
+    active = False
+    for i in range(m):  # an inactive margin and its rate are 1
+        active = active or (table_row(s, IMPACT)[i] == 1 and (now[i] != 1.0 or now[m + i] != 1.0))
+    share, flight_time = 1.0, math.inf
+    if active:
         slope, ahead, g = table_row(s, SLOPE), table_row(s, STATE_AHEAD), table_row(s, G)
-        h = min(GLANCE * s.scale, 0.5 * (next_switch(s, t) - t))
+        h = min(ACCELERATION_STEP * s.scale, 0.5 * (next_switch(s, t) - t))
         interface.flow(engine, s.mode, t, y, slope)
         for j in range(s.n):
             ahead[j] = y[j] + h * slope[j]
@@ -60,7 +60,9 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
                 margin, rate, a = max(now[i], 0.0), now[m + i], falls / h
                 height = margin + 0.5 * rate * rate / a
                 flight = (rate + math.sqrt(2.0 * a * height)) / a
-                if flight > BRIEF * EPS * abs(t) and not cut_off(s, i, EARLY * flight):
+                if flight > MIN_FLIGHT_ROUNDINGS * EPS * abs(t) and not cut_off(
+                    s, i, EARLY_SHARE * flight
+                ):
                     if not measured:
                         margin_error_scales(engine, s, s.mode, t, y)
                         interface.margins(engine, s.mode, t + h, ahead, g)
@@ -68,12 +70,12 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
                     rounding, error = rounding_error(s, i), integration_error(s, i)
                     if height > rounding and s.rtol * height < share * error:
                         share = s.rtol * max(height, rounding) / error
-                        lasts = flight
-    interface.sharpen(engine, share, lasts)
+                        flight_time = flight
+    interface.sharpen(engine, share, flight_time)
 
 
 def cut_off(s: Any, i: int, time: float) -> bool:
-    """Return whether another margin than `i`, as it falls now, comes to zero within `time`."""
+    """Return whether a margin other than `i` reaches zero within `time` at its present rate."""
     now = table_row(s, MARGINS_AFTER)
     sooner = False
     for k in range(s.m):

@@ -1,15 +1,14 @@
 """The event loop.
 
-Plain functions over arrays and one record, resumable at every return, so that a driver in Python
-can drain the event buffer, show progress and hear Ctrl-C between two calls. Interpreted they run
-as they stand; `hybrid.event_loop.compiled` has numba compile them unchanged.
+Plain functions over arrays and one record. The loop can be resumed after every return, so that a
+driver in Python can drain the event buffer, show progress and handle Ctrl-C between two calls.
+`hybrid.event_loop.compiled` compiles the functions with numba.
 
-An arc is integrated step by step until a guard fires. What fires is found in four ways: the
-engine's own root finding (a margin changes sign over a step), the rate guards (a margin dipped
-below zero and came back within a step, so its closest approach is a root too), a look inside the
-step where the margin may have done so twice, and a look at all margins after every transition
-(what fires in the same instant). All are in `event_detection`; `chatter` completes
-sequences of impacts; `workspace` holds what the loop remembers.
+An arc is integrated step by step until a guard fires. Events are detected in four ways: roots of
+margins that the engine finds (a sign change over a step); roots of their rates (a closest approach,
+where the margin may be negative); a scan of a step that may contain several minima; and a check of
+all margins after every transition (simultaneous events). All are in `event_detection`; `chatter`
+completes sequences of impacts; `workspace` defines the memory of the loop.
 """
 
 from __future__ import annotations
@@ -81,20 +80,20 @@ from mems_impact.integrators import interface
 
 __all__ = ["run_steps"]
 
-REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
+REBASE_PERIODS = 16.0  # longest arc, which preserves the accuracy of t
 SWITCH_RTOL = 1e-14  # part of the period within which an instant is that of a switch
-# A step is very short if it is by this factor shorter than those of late, whose length is forgotten
-# by another factor from step to step: a method closes in on a jump of the flow by more than that.
-SHORT, FORGOTTEN = 1e-2, 0.7
-FEW_FALLS = 4  # after which only the 8th, 16th, 32nd … is told: a stiff system has them for ever
+# A step collapses if it is shorter than recent steps by the first factor; the recent length decays
+# by the second factor per step. Steps shrink faster than that towards a jump of the flow.
+COLLAPSE_RATIO, RECENT_STEP_DECAY = 1e-2, 0.7
+MAX_COLLAPSES = 4  # all reported; then the 8th, 16th, 32nd …, since a stiff system has many
 
 
 def run_steps(engine: Any, s: Any, quota: int) -> int:
-    """Integrate until the end, a full buffer, a spent quota of steps or a failure.
+    """Integrate until the end, a full buffer, the quota of steps or a failure.
 
     Parameters
     ----------
-    engine : an engine of the contract in `mems_impact.integrators.interface`
+    engine : an engine with the interface `mems_impact.integrators.interface`
     s : LOOP_STATE record
     quota : int
         Steps that this call may take.
@@ -102,10 +101,10 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     Returns
     -------
     int
-        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `workspace`). ``s.collapse_length`` is
-        above zero where the last step was so short that the flow may jump. ``s.failure`` is the
-        engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
-        mode after NO_SUCH_MODE.
+        PAUSED, BUFFER_FULL, DONE, or the reason why the run ended (see `workspace`).
+        ``s.collapse_length`` is above zero where the last step was so short that the flow may jump.
+        ``s.failure`` is the engine's code after FAILED, the guard after INADMISSIBLE,
+        WITHOUT_EFFECT and NOT_FINITE, the mode after NO_SUCH_MODE.
     """
     y = table_row(s, Y)
     while True:
@@ -141,12 +140,12 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         if status == interface.HANDOVER:
             log_event(s, s.t, HANDOVER, interface.method_memory(engine, s.mode), s.mode, y, y)
             s.restart = 1
-            s.first_arc = s.negative_by_error  # a margin in doubt is looked at again
+            s.first_arc = s.negative_by_error  # check uncertain margins again
             continue
         s.steps += 1
         s.arc_steps += 1
         if status == interface.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
-            status = interface.STOPPED  # the last step has ended at the switch already
+            status = interface.STOPPED  # the last step ended at the switch
         if status == interface.CLOSE_ROOTS and s.arc_steps > 1:
             interface.state(engine, y)
             log_event(s, s.t, REBASE, 0, s.mode, y, y)
@@ -154,19 +153,19 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.first_arc = s.negative_by_error
             continue
         if status < 0 or s.arc_steps > s.max_steps:
-            if s.arc_steps > 1:  # else y is where the arc, and its first step, began
+            if s.arc_steps > 1:  # otherwise y is the start of the arc
                 s.t = interface.time(engine)
                 interface.state(engine, y)
             s.failure = min(status, 0)
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = interface.time(engine)
-        something = update_margins(engine, s, status, before, t)
+        suspected = update_margins(engine, s, status, before, t)
         if s.starts_negative == 1:
             clear_bias(engine, s)
 
         guard, t_event = NONE, t
-        if something:
+        if suspected:
             guard, t_event = first_event_in_step(engine, s, status, before, t)
         if s.negative_by_error == 1 and guard == NONE and status != interface.STOPPED:
             interface.state(engine, y)
@@ -182,25 +181,25 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         s.t = end if over else t_event
         if s.t > before:
             s.switched = 0
-        rooted = status == interface.ROOT and s.t == t
+        at_root = status == interface.ROOT and s.t == t
         if over or t_event < t:
             interface.interpolate(engine, s.t, y)
         else:
             interface.state(engine, y)
         detect_crossings(
-            engine, s, before, y, interface.root_directions(engine, 2 * s.m) if rooted else 0
+            engine, s, before, y, interface.root_directions(engine, 2 * s.m) if at_root else 0
         )
         if over:
             return DONE
-        if rooted:
+        if at_root:
             log_root_events(engine, s, t, y)
-        if guard == NONE and status == interface.STEPPED and falls(s, t - before):
+        if guard == NONE and status == interface.STEPPED and step_collapsed(s, t - before):
             interface.interpolate(engine, before, table_row(s, COLLAPSE_STATE))
             s.collapse_length = t - before
             s.collapse_cycle = s.cycle
             s.collapse_time = before
             s.collapse_mode = s.mode
-            quota = 0  # lest the next one be told in its place
+            quota = 0  # report this collapse before the next one
         s.step_cut = int(status != interface.STEPPED)
         if guard != NONE and not at_switch:
             status = resolve_instant(engine, s, y, guard)
@@ -208,7 +207,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
                 return status
         elif at_switch:
             if t > s.period:
-                # The first switch of the next period, whatever its sum with the period rounds to.
+                # Set the first switch of the next period exactly.
                 rebase_time(s, 1)
                 s.t = table_row(s, SWITCHES)[0]
             status = resolve_instant(engine, s, y, 2 * s.m)
@@ -220,7 +219,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
 
 
 def begin_arc(engine: Any, s: Any, y: Any) -> None:
-    """Move the time base, put the cyclic components aside and restart the engine at (s.t, y)."""
+    """Move the time base, store the cyclic offsets and restart the engine at (s.t, y)."""
     if s.t >= s.period:
         rebase_time(s, whole_periods(s.t, s.period))
     if s.cycle != s.events_from:
@@ -232,13 +231,13 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
             y[i] = 0.0
     s.stop = next_switch(s, s.t)
 
-    # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
-    # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
+    # A margin that starts at zero gets a tiny positive bias: otherwise CVODE determines its sign a
+    # tenth of a step ahead and misses an earlier re-impact.
     now, bend = table_row(s, MARGINS_AFTER), table_row(s, RATE_CHANGE)
     interface.margins(engine, s.mode, s.t, y, now)
-    # One that still falls has had its transition, which changed nothing: it is left alone. One that
-    # has been recorded falls no second time, though rounding may have left it above zero; and below
-    # zero is where it may be.
+    # A negative margin that still decreases has had its transition, without effect; it gets no
+    # bias. A recorded crossing is not recorded again, even if rounding left the margin positive;
+    # such a margin may stay negative.
     m, passed = s.m, table_row(s, BELOW_ZERO)
     s.starts_negative = 0
     for i in range(m):
@@ -249,11 +248,11 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
             clear = now[i] < -violation_threshold(s, i)
         below = clear and passed[i] == 1
         lift = now[i] <= 0.0 and now[m + i] >= 0.0 and not below
-        fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
+        recorded = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
         if lift:
             passed[i] = 0.0
-        hair = TINY_BIAS if lift else -TINY_BIAS
-        interface.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        tiny = TINY_BIAS if lift else -TINY_BIAS
+        interface.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + tiny if lift or recorded else 0.0)
         if clear and not below:
             s.starts_negative = 1
     sharpen(engine, s, y)
@@ -269,7 +268,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
 
 
 def rebase_time(s: Any, periods: int) -> None:
-    """Count time from the start of a later period."""
+    """Measure time from the start of a later period."""
     s.cycle += periods
     s.t -= periods * s.period
     for i in range(s.m):
@@ -278,23 +277,23 @@ def rebase_time(s: Any, periods: int) -> None:
 
 
 def clear_bias(engine: Any, s: Any) -> None:
-    """Take the lift from margins that have become positive: from now on zero is their limit."""
+    """Remove the bias of margins that have become positive."""
     now = table_row(s, MARGINS_AFTER)
     for i in range(s.m):
         if interface.bias(engine, i) > TINY_BIAS and now[i] > rounding_error(s, i):
             interface.set_bias(engine, i, 0.0)
 
 
-def falls(s: Any, h: float) -> bool:
-    """Return whether a step of the method's own length is so short that it is to be told."""
+def step_collapsed(s: Any, h: float) -> bool:
+    """Return whether a step that the method chose has collapsed and should be reported."""
     if s.step_cut == 1:
         return False
-    short = h < SHORT * s.recent_step
-    s.recent_step = h if short else max(h, FORGOTTEN * s.recent_step)
+    short = h < COLLAPSE_RATIO * s.recent_step
+    s.recent_step = h if short else max(h, RECENT_STEP_DECAY * s.recent_step)
     if not short:
         return False
     s.collapses += 1
-    return bool(s.collapses <= FEW_FALLS or s.collapses & (s.collapses - 1) == 0)
+    return bool(s.collapses <= MAX_COLLAPSES or s.collapses & (s.collapses - 1) == 0)
 
 
 def any_margin_below(s: Any) -> int:
@@ -306,11 +305,11 @@ def any_margin_below(s: Any) -> int:
 
 
 def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
-    """Carry out all transitions of the instant ``s.t``, beginning with `guard`.
+    """Perform all transitions of the instant ``s.t``, beginning with `guard`.
 
-    `guard` is ``2 m`` for a switch of the drive. Returns DONE if the instant settles, BUFFER_FULL
-    to be called again, or what ends the run. `y`, ``s.mode`` and ``s.t`` are left as they are after
-    it, which is later where a sequence of impacts is completed.
+    `guard` is ``2 m`` for a switch of the drive. Returns DONE if no guard fires any more,
+    BUFFER_FULL to be called again, or the reason why the run ends. Updates `y`, ``s.mode`` and
+    ``s.t``, which is later if a chatter sequence is completed.
     """
     m = s.m
     looked, past, passed = table_row(s, MARGINS_AT), table_row(s, PAST), table_row(s, BELOW_ZERO)
@@ -335,7 +334,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
                 margin_error_scales(engine, s, mode, s.t, y)
                 closing = looked[m + guard] < -rounding_error(s, m + guard)
             if not closing:
-                # A contact that is not closing: a rebound would throw the body through the wall.
+                # The contact is not closing: a rebound would move the body into the wall.
                 code, kind = m + guard, ACCUMULATION
         s.mode = interface.transition(engine, mode, code, s.t, y)
         s.failure = guard
@@ -361,21 +360,21 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
         if is_cycling(s, y) and changed and kind != SWITCH:
             if kind == TRANSITION:
                 return CYCLING
-            break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
-        # Impacts of bodies in a row go through it from end to end, again and again: if one end
-        # always came first, they would grow beyond all bounds with the length of the row.
+            break  # the cycle consists of rounding errors of bodies in contact
+        # Impacts of a row of bodies travel from end to end repeatedly: if one end always had
+        # priority, their number would grow without bound with the length of the row.
         struck, after = guard, guard if impact else NONE
         guard, mode = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after), s.mode
         if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
             if not 0 <= s.mode < s.modes:
-                s.events_written -= 1  # the end of the sequence, which led nowhere
+                s.events_written -= 1  # remove the accumulation without a valid mode
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
             if not finite(s, y):
                 return NOT_FINITE
             guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after)
         if not changed and kind != SWITCH and table_row(s, RECORDS)[struck] == 0:
-            # Nothing moved: looking again would find the same.
+            # Without a change the same guard would fire again.
             if kind == TRANSITION and guard != NONE and table_row(s, IMPACT)[guard] == 1:
                 s.failure = guard
                 return WITHOUT_EFFECT
@@ -385,9 +384,9 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
 
 
 def is_cycling(s: Any, y: Any) -> bool:
-    """Return whether mode and state of this instant have been there before.
+    """Return whether mode and state have occurred before in this instant.
 
-    One of them is remembered, and replaced whenever their number has doubled.
+    One state is stored, and replaced whenever the number of transitions has doubled.
     """
     same = s.transitions_now > 1 and s.mode == s.mark_mode
     for i in range(s.n):
@@ -400,11 +399,11 @@ def is_cycling(s: Any, y: Any) -> bool:
 
 
 def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
-    """Record closest approaches and crossings of the section: roots that end no contract."""
+    """Record closest approaches and crossings of the section, which do not end an arc."""
     m = s.m
     now = table_row(s, MARGINS_AFTER)
     for i in range(m):
-        # What approaches a wall without leaving it by more than rounding is in contact.
+        # A closest approach at a margin of zero is a contact.
         if (
             table_row(s, IMPACT)[i] == 1
             and interface.root_directions(engine, m + i) > 0
@@ -425,7 +424,7 @@ def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
     while sample_due(s):
         t = sample_time(s)
         if last and limit < t <= limit * (1.0 + 4.0 * EPS):
-            t = limit  # the end of the run, rounded in another way
+            t = limit  # equal to the end of the run except for rounding
         if t > limit or (t == limit and not last):
             return
         interface.interpolate(engine, max(t, s.arc_start), y)

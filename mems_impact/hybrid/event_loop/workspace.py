@@ -1,9 +1,9 @@
 """Workspace of the event loop: status codes, loop state, rows of the event log.
 
-Compiled code compares plain integers; the enumerations give them their names.
+Compiled code uses plain integers, named by the enumerations.
 
-All of it is reached through the one record that the functions of the loop pass on as ``s``: numba
-would carry an array through every call as nine words, and compiles the longer for each of them.
+Functions of the loop receive one record ``s`` with the addresses of all arrays: numba passes an
+array as nine words through every call, which increases compile time.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import Any
 
 import numpy as np
 
-# --- Codes: what the event loop answers, and what its rows are.
+# --- Status codes and kinds of events
 
 
 class Status(IntEnum):
-    """What the event loop answers."""
+    """Return values of the event loop."""
 
-    PAUSED = 0  # its quota of steps is spent
+    PAUSED = 0  # the quota of steps is used up
     BUFFER_FULL = 1
     DONE = 2
-    FAILED = 3  # the engine cannot go on
+    FAILED = 3  # the engine cannot continue
     STEP_BUDGET = 4
     EVENT_BUDGET = 5
-    CYCLING = 6  # the same state comes back within an instant
+    CYCLING = 6  # a state recurs within one instant
     INADMISSIBLE = 7  # the start lies beyond a guard
     WITHOUT_EFFECT = 8  # an impact changes nothing
     NO_SUCH_MODE = 9
@@ -35,25 +35,25 @@ class Status(IntEnum):
 
 
 class Kind(IntEnum):
-    """What a row of the event buffer tells."""
+    """Kind of a row of the event buffer."""
 
     TRANSITION = 0
-    ACCUMULATION = 1  # a sequence of impacts has come to its end
+    ACCUMULATION = 1  # a chatter sequence has ended
     SWITCH = 2  # of the drive
-    APPROACH = 3  # closest, of bodies that part without an impact
+    APPROACH = 3  # closest approach without impact
     SECTION_CROSSING = 4
-    REBASE = 5  # nothing: the loop cuts a long arc
-    HANDOVER = 6  # the engine goes on by another method; with what it remembers of the mode
+    REBASE = 5  # no event: the loop divides a long arc
+    HANDOVER = 6  # the engine changes its method; GUARD is its memory of the mode
 
 
-# --- What the event loop knows, remembers and writes: codes, the clock, rows of numbers, events.
+# --- Memory of the event loop
 
-# What `loop.run_steps` answers, for compiled code: see `Status`.
+# Return values of `loop.run_steps`: see `Status`.
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int, list(Status)[:7])
 INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 
-# What a transition returns in place of a mode: it ends the run; it does not say how a sequence of
-# impacts goes on; no mode fits the state.
+# Special return values of a transition: the run ends; a chatter sequence has no rest transition; no
+# mode fits the state.
 ENDS, NO_REST, NO_FIT = -3, -2, -4
 
 # Kinds of rows in the event buffer: see `Kind`.
@@ -62,45 +62,45 @@ TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE, HANDOVER =
 # Columns of the event buffer; the states before and after follow.
 CYCLE, TIME, KIND, GUARD, MODE_BEFORE, MODE_AFTER, HEAD = 0, 1, 2, 3, 4, 5, 6
 
-ROOM = 40  # rows that one step, or one transition, may add at most, beside one a guard
+ROOM = 40  # most rows that one step, or one transition, can add, and one per guard
 NONE = -1
 EPS = 2.0**-52
 
-# Rows of the table, with a number for each guard or component of the state. All are as long as the
-# longest, so that a function counts to ``s.n`` or ``s.m``.
-# What the loop knows: guards of one instant are handled in ascending ORDER; 1 where a guard is an
-# IMPACT, or a component CYCLIC; the SWITCHES of the drive, ascending times in (0, period].
+# Rows of the table, with a value for each guard or component of the state; only the first ``s.n``
+# or ``s.m`` values are used. Constants: simultaneous guards are handled in ascending ORDER; IMPACT
+# is 1 for an impact, CYCLIC is 1 for a cyclic component; SWITCHES of the drive are ascending times
+# in (0, period].
 ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
-# The state at ``s.t``, cyclic components counting from the start of the arc; what they gathered
-# before it; and a state of this instant, to be known again.
+# The state at ``s.t``, with cyclic components relative to the start of the arc; their offsets; and
+# an earlier state of this instant, which detects cycling.
 Y, OFFSET, CYCLE_MARK = 4, 5, 6
-# The last impact at each guard: when. Where impacts lead to one mode after the other, the last one
-# that led into the MODE of the one before it, and how many OTHERS lay in between: where flights
-# BEGIN with it, how long after that one, how fast the bodies separated, and how high the flights
-# have been since they began to shrink.
+# Chatter at each guard: HIT_TIME of the last impact; and of the last impact that led to HIT_MODE:
+# its time HIT_BEGIN, the interval before it, the speed of separation, the largest height of the
+# shrinking flights, and the number of impacts since then that led to other modes.
 HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
-# Margins and rates where the last step began and where it ended, how fast the rates change, and for
-# a margin that may have been at zero in between the side of zero where it began, 1 or -1.
+# Margins and rates at the start and end of the last step, the recent change of the rates, and for a
+# margin that may have an undetected zero the side of zero on which it began, 1 or -1.
 MARGINS_BEFORE, MARGINS_AFTER, RATE_CHANGE, SUSPECT_SIDE = 11, 12, 13, 14
-# 1 for a guard that only records; and for such a one 1 from where its margin has fallen through
-# zero until it is above again, 2 where a transition has taken it there and it is to be recorded.
+# RECORDS is 1 for a guard that only records. Its BELOW_ZERO is 1 after a recorded crossing until
+# the margin is positive again, 2 if a transition made it negative and the event is not yet
+# recorded.
 RECORDS, BELOW_ZERO = 15, 16
-# Scratch that is only good until the next call. A function says what it leaves there.
+# Scratch, valid until the next call; docstrings list the results that functions leave there.
 G, STATE, MARGINS_AT, STATE_SHIFTED, STATE_AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = (
     range(17, 29)
 )
 SIZE, GAIN, TIMED = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
-# The state from which a step was taken that had become very short.
+# The state at the start of a collapsed step.
 COLLAPSE_STATE, ROWS = 35, 36
 
-# All that the loop remembers between two calls, and where it finds and writes the rest.
+# State of the loop between two calls, with the addresses of its arrays.
 LOOP_STATE = np.dtype(
     [
         ("table", np.int64),  # address of the rows of numbers, ROWS of them
         ("width", np.int64),  # numbers in each
         ("events", np.int64),  # address of the event buffer
-        ("event_rows", np.int64),  # how many it holds
+        ("event_rows", np.int64),  # its capacity
         ("samples", np.int64),  # address of the sample buffer
         ("sample_rows", np.int64),
         ("n", np.int64),  # states
@@ -109,9 +109,9 @@ LOOP_STATE = np.dtype(
         ("cycle", np.int64),  # periods completed before the time base
         ("t", np.float64),  # time since the start of that period
         ("mode", np.int64),
-        ("modes", np.int64),  # how many there are
+        ("modes", np.int64),  # number of modes
         ("period", np.float64),
-        ("scale", np.float64),  # no more than this is looked ahead, and no less far than its 1e-12
+        ("scale", np.float64),  # time scale of the problem
         ("rtol", np.float64),
         ("atol", np.float64),
         ("end_cycle", np.int64),  # where the run ends
@@ -119,9 +119,9 @@ LOOP_STATE = np.dtype(
         ("first_arc", np.int64),  # 1 before the first arc: guards may be violated at the start
         ("switched", np.int64),  # 1 after the switch of this instant
         ("restart", np.int64),  # 1 if the next step begins an arc
-        ("transitions_now", np.int64),  # transitions of this instant so far, 0 where it has settled
-        ("pending_guard", np.int64),  # the guard for which there was no room in the buffer, or NONE
-        ("mark_mode", np.int64),  # with MARK: a state of this instant, to be known again
+        ("transitions_now", np.int64),  # transitions in this instant so far, 0 between instants
+        ("pending_guard", np.int64),  # a guard to be handled after BUFFER_FULL, or NONE
+        ("mark_mode", np.int64),  # mode of CYCLE_MARK
         ("stop", np.float64),  # next switching time of the drive
         ("steps", np.int64),
         ("arc_steps", np.int64),
@@ -131,23 +131,23 @@ LOOP_STATE = np.dtype(
         ("cycle_events", np.int64),  # events since `events_from`, against the budget
         ("events_from", np.int64),
         ("events_written", np.int64),  # rows written to the event buffer
-        ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
+        ("failure", np.int64),  # code of the engine, guard or mode, depending on the status
         ("arc_start", np.float64),
         ("section", np.int64),  # its component; NONE without a section
         ("level", np.float64),
-        ("direction", np.int64),  # in which the section is crossed, 0 for both
-        ("section_side", np.int64),  # of the section, 1 or -1; 0 where that is not known
-        ("section_distance", np.float64),  # its component less the level, where the last step ended
-        ("section_speed", np.float64),  # at which that changed over the last step
+        ("direction", np.int64),  # direction of recorded crossings, 0 for both
+        ("section_side", np.int64),  # side of the section, 1 or -1; 0 if unknown
+        ("section_distance", np.float64),  # component minus level at the end of the last step
+        ("section_speed", np.float64),  # mean rate of that distance over the last step
         ("section_step", np.float64),  # length of that step
-        ("section_bend", np.float64),  # recent change of that speed in a unit of time
+        ("section_bend", np.float64),  # recent rate of change of that speed
         ("starts_negative", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("negative_by_error", np.int64),  # 1 while a margin is negative by the error of a step
-        ("recent_step", np.float64),  # length of the steps of late, 0 where an arc begins
-        ("step_cut", np.int64),  # 1 if the last step ended early: at a root, or at a switch
-        ("collapses", np.int64),  # how often steps have become very short, with no event in reach
-        ("collapse_length", np.float64),  # of such a step that is still to be reported, else 0
-        ("collapse_cycle", np.int64),  # where that step begins
+        ("recent_step", np.float64),  # recent step length, 0 at the start of an arc
+        ("step_cut", np.int64),  # 1 if the last step ended at a root or a switch
+        ("collapses", np.int64),  # number of step collapses without an event nearby
+        ("collapse_length", np.float64),  # length of an unreported collapsed step, else 0
+        ("collapse_cycle", np.int64),  # start of that step
         ("collapse_time", np.float64),
         ("collapse_mode", np.int64),
         ("per_period", np.int64),  # samples per period, 0 for none
@@ -159,7 +159,7 @@ LOOP_STATE = np.dtype(
 
 
 def table_row(s: Any, i: int) -> Any:
-    """Return row `i` of the table: a list in Python, in compiled code a pointer."""
+    """Return row `i` of the table: a list, in compiled code a pointer."""
     return s.table[i]
 
 
@@ -184,7 +184,7 @@ def sample_at(s: Any, i: int) -> Any:
 
 
 def whole_periods(t: float, period: float) -> int:
-    """Return how many periods fit into `t`; the quotient alone may be rounded to the next."""
+    """Return the number of whole periods in `t`, exact despite the rounding of the quotient."""
     whole = math.floor(t / period)
     if whole * period > t:
         whole -= 1
@@ -198,7 +198,7 @@ def next_switch(s: Any, t: float) -> float:
     if s.switches == 0:
         return math.inf
     switches = table_row(s, SWITCHES)
-    # After the last switch of a period comes the first one of the next.
+    # The last switch of a period is followed by the first one of the next period.
     stop: float = s.period + switches[0]
     for i in range(s.switches - 1, -1, -1):
         if switches[i] > t:

@@ -23,23 +23,23 @@ from mems_impact.hybrid.variational.saltation import (
 
 
 class Arc(NamedTuple):
-    """An arc of fixed length and its sensitivities; or N of them, with one axis more in front.
+    """An arc of fixed length and its sensitivities; or N arcs along a first axis.
 
     Attributes
     ----------
     end : float array, shape (n,)
         The state at the end.
     by_state : float array, shape (n, free)
-        Its derivatives by the free components of the initial state.
+        Derivatives by the free components of the initial state.
     by_parameter : float array, shape (n, directions)
     slope_start, slope_end : float array, shape (n,)
         The flow at both ends.
     minima, minima_time : float array, shape (m,)
-        Smallest margin at a closest approach inside the arc, inf where there is none, and when.
+        Smallest margin at a closest approach inside the arc (inf if there is none), and its time.
     touches : float array, shape (m, 1 + free + directions, n)
-        State and columns there.
+        State and columns at that time.
     margins, rates : float array, shape (2, m)
-        At both ends, whatever the guards say.
+        Margins and rates at both ends.
     """
 
     end: Floats
@@ -55,7 +55,7 @@ class Arc(NamedTuple):
 
 
 class Event(NamedTuple):
-    """A transition and its derivatives; or N of them, with one axis more in front.
+    """A transition and its derivatives; or N transitions along a first axis.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Event(NamedTuple):
     jump_by_state, jump_by_time, jump_by_parameter
         Of the state after; shapes (n, n), (n,), (n, directions).
     mode : int
-        The mode that the transition leads to.
+        The mode after the transition.
     """
 
     after: Floats
@@ -83,14 +83,13 @@ class Event(NamedTuple):
 
 
 class Variational:
-    """Arcs and events of a problem with their derivatives; one engine, used over and over.
+    """Computes arcs and events of a problem with their derivatives, on one engine.
 
     Parameters
     ----------
     problem : Problem
     directions : float array, shape (k, count)
-        Directions in the space of the parameters by which to differentiate; each has length of
-        order one.
+        Directions of differentiation in parameter space, of length of order one.
     """
 
     def __init__(self, problem: Problem, directions: Floats) -> None:
@@ -110,7 +109,7 @@ class Variational:
         self._problem = with_columns(problem, extended, parameters, self._size)
         self._bound = create_engine(self._problem)
         self._variational = variational_workspace(problem, self.k, self._size)
-        # A state and its columns where an arc begins.
+        # State and columns at the start of an arc.
         self._begin = np.zeros(self._size)
         for c, i in enumerate(self.free):
             self._begin[self.n * (1 + c) + i] = 1.0
@@ -121,7 +120,7 @@ class Variational:
         return self._problem.time_scale or self._problem.period
 
     def at(self, p: Floats, directions: Floats) -> Variational:
-        """Return the same at other parameters and directions in their space; it shares the engine.
+        """Return a copy at other parameters and directions, which shares the engine.
 
         The problem's period and time scale still bound the steps.
         """
@@ -136,30 +135,30 @@ class Variational:
         times: Floats,
         motions: Floats | None = None,
     ) -> tuple[Arc, Event]:
-        """Go through N segments, each from a state of its own, whatever the guards say.
+        """Compute N segments from given states, without event detection.
 
         Parameters
         ----------
         segments : int array, shape (N, 2)
-            Mode, and code of the transition at the end (or `propagation.NO_EVENT`).
+            Mode, and code of the transition at the end (or `saltation.NO_EVENT`).
         states : float array, shape (N, n)
         times : float array, shape (N, 4)
-            Start; end; the time from the end to the nearest switch of the drive, which no
-            difference may look across; when the margins at the end are looked at.
+            Start; end; time from the end to the nearest switch of the drive, which limits the
+            differences; time at which the margins at the end are evaluated.
         motions : float array, shape (N, k, 2), optional
-            Where a switch of the drive moves with the parameters, differences at one instant would
-            look across it. So each column of the parameters is carried at instants that move at
-            the rate motions[i, j, 0] + motions[i, j, 1] t, and referred to fixed ones at the end.
+            If a switch of the drive moves with the parameters, differences at a fixed instant would
+            cross it. So each parameter column is propagated at instants that move at the rate
+            motions[i, j, 0] + motions[i, j, 1] t, and converted to a fixed instant at the end.
 
         Returns
         -------
         arcs, events
-            All of N; an event that is none leaves the state as it is.
+            N of each; NO_EVENT leaves the state unchanged.
 
         Raises
         ------
         OrbitError
-            If the engine fails or the budget of steps is spent.
+            If the engine fails or exceeds the budget of steps.
         """
         count, n, m, k = len(segments), self.n, self.m, self.k
         codes = np.zeros((count, 3), dtype=np.int64)
@@ -168,7 +167,7 @@ class Variational:
         y = np.tile(self._begin, (count, 1))
         y[:, :n] = states
         into = self._variational.with_rows(count)
-        way = SegmentBatch(
+        batch = SegmentBatch(
             variational=into,
             segments=codes,
             times=times,
@@ -179,7 +178,7 @@ class Variational:
             after=np.zeros((count, n)),
         )
         try:
-            failed = self._bound.call(propagate_segments, self._block, way)
+            failed = self._bound.call(propagate_segments, self._block, batch)
         except FunctionError as error:
             raise OrbitError(error.reason, error.remedy) from error
         if failed >= 0:
@@ -189,23 +188,23 @@ class Variational:
             )
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT
-        way.after[none] = y[none, :n]
+        batch.after[none] = y[none, :n]
         into.margin[none], into.jump[none] = 0.0, 0.0
         into.jump[none, :, 1 : n + 1] = np.eye(n)
         arcs = Arc(
             end=columns[:, 0],
             by_state=columns[:, 1:free].transpose(0, 2, 1),
             by_parameter=columns[:, free:].transpose(0, 2, 1),
-            slope_start=way.slopes[:, 0],
-            slope_end=way.slopes[:, 1],
+            slope_start=batch.slopes[:, 0],
+            slope_end=batch.slopes[:, 1],
             minima=into.minima[:, 0],
             minima_time=into.minima[:, 1],
             touches=into.touches.reshape(count, m, -1, n),
-            margins=way.margins[:, :, :m],
-            rates=way.margins[:, :, m:],
+            margins=batch.margins[:, :, :m],
+            rates=batch.margins[:, :, m:],
         )
         events = Event(
-            after=way.after,
+            after=batch.after,
             margins=into.margin[:, :m, 0],
             rates=into.margin[:, m:, 0],
             margin_by_state=into.margin[:, :, 1 : n + 1],
@@ -224,7 +223,7 @@ class Variational:
         return Arc(*(part[0] for part in arcs))
 
     def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
-        """Carry out the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
+        """Perform the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
         _, events = self._one(mode, code, y, (t, t, room, t))
         return Event(*(part[0] for part in events))
 

@@ -1,15 +1,15 @@
 """Vector fields of the variational equations.
 
-All derivatives of an automaton's functions are taken along directions, by central differences of
-sixth order, with a step along a direction of length one that the automaton tells. With 1e-3, and
-for states and parameters of order one, truncation and rounding are both near 1e-13, so that no
-automaton has to bring a Jacobian.
+All derivatives of an automaton's functions are directional, by central differences of sixth order
+with the automaton's step along a direction of length one. With a step of 1e-3, and states and
+parameters of order one, truncation and rounding errors are both near 1e-13, so that an automaton
+needs no Jacobian.
 
 A *column* is a perturbation: one for each component of the initial state that is not cyclic, then
 one for each direction in the space of parameters.
 
-Exponents of runs want far fewer digits than Newton's method, of many more periods: their columns
-are carried by differences of second order, which take a third of the calls.
+Lyapunov exponents need far fewer digits than Newton's method, over many more periods: their columns
+use differences of second order, with a third of the calls.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def extended_flow(
     """Return the flow of the state and its columns.
 
     The extended state is y (n), then `free` + `directions` columns of length n. The extended
-    parameters are p (count), the `directions` in the space of p, for each of them the motion of
+    parameters are p (count), the `directions` in the space of p, for each direction the motion of
     time (two numbers, see `mems_impact.hybrid.variational.derivatives`), and scratch of 2 n +
     count.
     """
@@ -110,19 +110,19 @@ def extended_flow(
     return extended
 
 
-FINER = 1.0 / 128.0  # of the automaton's step, where rounding and truncation of second order meet
+STEP_RATIO = 1.0 / 128.0  # of the automaton's step; balances rounding and second-order truncation
 
 
 @cache
 def stretched_flow(
     flow: Callable[..., Any], n: int, columns: int, count: int, step: float
 ) -> Callable[..., Any]:
-    """Return the flow of the state and `columns` perturbations of it, for the exponents of runs.
+    """Return the flow of the state and `columns` perturbations, for Lyapunov exponents.
 
     The extended state is y (n), then the columns. The extended parameters are p (count), then
     scratch of 2 n.
     """
-    width = FINER * step
+    width = STEP_RATIO * step
 
     def stretched(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         shifted = p[count : count + n]

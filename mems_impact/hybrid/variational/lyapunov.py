@@ -1,9 +1,8 @@
 """Lyapunov exponents of a run.
 
-`LyapunovIntegrator` runs a problem chunk by chunk and carries columns along (`propagation`);
-`largest` is for studies: a `Problem` and a `HybridState` on the attractor in, the largest exponent
-per period, its standard error and the periods used out. It draws on nothing but its arguments, so
-that its result is the same to the last bit wherever and however often it is asked for; all
+`LyapunovIntegrator` runs a problem chunk by chunk and propagates perturbations (`saltation`).
+`largest` serves studies: it returns the largest exponent per period, its standard error and the
+number of periods. Its result depends only on its arguments and is reproducible to the last bit. All
 integration releases the GIL.
 """
 
@@ -35,22 +34,22 @@ from mems_impact.hybrid.variational.saltation import (
     variational_workspace,
 )
 
-CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
-MIN_CHUNKS = 16  # chunks of which a standard error is told
+CHUNK = 60  # periods per chunk, a multiple of the periods 1 to 6 of orbits
+MIN_CHUNKS = 16  # number of chunks for a standard error
 GOLDEN_SECTION = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Exponents(NamedTuple):
-    """Lyapunov exponents, largest first, as far as they are known.
+    """Lyapunov exponents, largest first.
 
     Attributes
     ----------
     per_period : float array, shape (k,)
-        In one period of the problem; -inf where nothing is left of perturbations.
+        Exponents per period of the problem; -inf if perturbations vanish.
     errors : float array, shape (k,)
-        Standard errors; nan as long as there are fewer than `MIN_CHUNKS` chunks.
+        Standard errors; nan for fewer than `MIN_CHUNKS` chunks.
     periods : float
-        Over which they were averaged.
+        Length of the average.
     """
 
     per_period: Floats
@@ -59,7 +58,7 @@ class Exponents(NamedTuple):
 
 
 class LyapunovIntegrator:
-    """A run that goes on chunk by chunk, and what k perturbations of it have grown by.
+    """A run, continued chunk by chunk, and the growth of k perturbations.
 
     Parameters
     ----------
@@ -67,12 +66,12 @@ class LyapunovIntegrator:
     start : HybridState
         On the attractor.
     count : int, optional
-        k, up to the number of components that are not cyclic.
+        k, at most the number of non-cyclic components.
     chunk : int, optional
-        Periods in one.
+        Periods per chunk.
     uneven : bool, optional
-        Whether chunks are of half to three halves of that length, all different: nothing forces the
-        system, and what it does may have a period near theirs.
+        Whether chunk lengths vary from one half to three halves of that length, for autonomous
+        systems, whose period may be close to the length of a chunk.
     """
 
     def __init__(
@@ -143,7 +142,7 @@ class LyapunovIntegrator:
 
     @property
     def result(self) -> Exponents:
-        """What is known by now."""
+        """The exponents so far."""
         grown = np.array(self.grown).reshape(-1, self._setup.k)
         lengths, periods = np.array(self.lengths), sum(self.lengths)
         known = grown.sum(axis=0) / periods if periods else np.full(self._setup.k, math.nan)
@@ -156,19 +155,19 @@ class LyapunovIntegrator:
 
     @property
     def speed(self) -> float:
-        """How fast the state changes now, in the units of the numerics."""
+        """The present rate of change of the state, in the units of the numerics."""
         slope = np.abs(self._slopes()[0])
         return float(slope[self._setup.cyclic == 0].max(initial=0.0))
 
     def advance_exponents(
         self, count: int = 1, progress: Callable[[float], None] | None = None
     ) -> None:
-        """Run some chunks more.
+        """Run further chunks.
 
         Raises
         ------
         RunError
-            If the run cannot go on. As on Ctrl-C, the chunks done are kept.
+            If the run cannot continue. As on Ctrl-C, complete chunks are kept.
         """
         done = len(self.lengths)
         lengths = np.array([self._length(done + i) for i in range(count)])
@@ -189,9 +188,9 @@ class LyapunovIntegrator:
                     grown,
                     self._bound.steps_per_call,
                 )
-                fall = self._memory.take_step_collapse()
-                if fall is not None and self.problem.discontinuity_check is not None:
-                    self.problem.discontinuity_check(*fall)
+                collapse = self._memory.take_step_collapse()
+                if collapse is not None and self.problem.discontinuity_check is not None:
+                    self.problem.discontinuity_check(*collapse)
                 if progress is not None:
                     progress(float(clock["cycle"] + clock["t"] / clock["period"] - begin))
         finally:
@@ -208,10 +207,10 @@ class LyapunovIntegrator:
             self._run.engine.export_memory(),
         )
 
-    def turn(self, progress: Callable[[float], None] | None = None) -> None:
-        """Run one chunk that does not count: the columns turn to where they grow most.
+    def align(self, progress: Callable[[float], None] | None = None) -> None:
+        """Run one uncounted chunk, in which columns align with the directions of fastest growth.
 
-        Another one if events have changed what was taken to be fixed.
+        A second chunk follows if events have changed components that were assumed fixed.
         """
         self.advance_exponents(1, progress)
         loose = self._at.changed == 1
@@ -222,17 +221,17 @@ class LyapunovIntegrator:
         self.lengths.clear()
 
     def _length(self, number: int) -> float:
-        """Return the periods in a chunk."""
+        """Return the length of a chunk in periods."""
         if not self.uneven:
             return float(self.chunk)
         return self.chunk * (0.5 + GOLDEN_SECTION * number % 1.0)
 
     def _failure(self, periods: float) -> RunError:
-        """Return why neither run nor columns go on: an ordinary run, up to there, says so."""
+        """Return the error that stopped run or columns, from an ordinary run up to there."""
         reason = "a perturbation of the run cannot be integrated"
         remedy = "check parameters and drive at this time; loosen or tighten rtol and atol"
         if not self._work["lost"]:
-            reason, remedy = "the run ends before that", "give it less time, or another start"
+            reason, remedy = "the run ends earlier", "reduce the run length, or change the start"
             try:
                 run(self.problem, self.final, periods, consume=lambda _: None)
             except RunError as error:
@@ -254,10 +253,11 @@ class LyapunovIntegrator:
         return dy.reshape(-1, self._setup.variational.n)
 
     def _begin(self, loose: NDArray[np.bool_]) -> None:
-        """Put the columns somewhere in general, but for what the mode of the start holds fixed.
+        """Set the columns to generic directions, except in components that the initial mode fixes.
 
-        What no flow changes may be held by a constraint, as the velocity of a stuck frame is, or be
-        `loose`: changed by events, as that of a body without forces between its impacts.
+        A component that the flow does not change is either fixed by a constraint, such as the
+        velocity of a stuck frame, or `loose`: changed by events only, such as the velocity of a
+        body that is free between impacts.
         """
         at, n, k = self._at, self._setup.variational.n, self._setup.k
         columns = at.y[n:].reshape(k, n)
@@ -279,7 +279,7 @@ def largest(
     periods: int,
     chunk: int = 16,
 ) -> tuple[float, float, int]:
-    """Return the largest exponent per period, its standard error, and the periods it took.
+    """Return the largest exponent per period, its standard error, and the number of periods.
 
     Parameters
     ----------
@@ -287,49 +287,49 @@ def largest(
     start : HybridState
         On the attractor.
     tolerance : float
-        Done when the error is below.
+        Stop when the error is below this value.
     sure : float
-        Done when the exponent is so many errors, and `tolerance`, away from zero: its sign is told.
+        Stop when the exponent differs from zero by so many errors, and by `tolerance`.
     periods : int
-        Done after so many.
+        Stop after this number of periods.
     chunk : int, optional
-        Periods between two looks; at least `MIN_CHUNKS` of them are taken, after one in which the
-        perturbation turns to where it grows most.
+        Periods between two checks; at least `MIN_CHUNKS` chunks are used, after one in which the
+        perturbation aligns with the direction of fastest growth.
 
     Raises
     ------
     RunError
-        If the run cannot go on.
+        If the run cannot continue.
     """
     stretching = LyapunovIntegrator(problem, start, chunk=chunk)
-    stretching.turn()
+    stretching.align()
     count = MIN_CHUNKS
     while True:
         stretching.advance_exponents(count)
         (exponent,), (error,), done = stretching.result
-        told = abs(exponent) > max(sure * error, tolerance)
-        if error <= tolerance or told or done + chunk > periods:
+        decided = abs(exponent) > max(sure * error, tolerance)
+        if error <= tolerance or decided or done + chunk > periods:
             return float(exponent), float(error), int(done)
         count = 1
 
 
 def standard_errors(grown: Floats, lengths: Floats) -> Floats:
-    """Return the standard errors of the rates at which columns grow.
+    """Return the standard errors of the growth rates of columns.
 
-    Successive chunks depend on each other, so they are joined to longer and longer blocks, and the
-    largest estimate counts (Flyvbjerg and Petersen 1989). Down to two, the halves of the run: what
-    the rate still changes between them shows too, as where it settles with log(t)/t.
+    Successive chunks are correlated, so they are combined to longer and longer blocks, and the
+    largest estimate counts (Flyvbjerg and Petersen 1989). The last blocks are the two halves of the
+    run, whose difference shows a slow convergence of the rate, such as log(t)/t.
 
-    Beside it counts that columns are not yet where they grow most, and that the run ends somewhere
-    on its way round: a factor of order one, and so 1/T of the rate over a time T. Rates that two
-    halves have in common to within d are past that. With columns that approach each other at a rate
-    g, a first half is off by some g exp(-g T), and one off by a differs from the other by
-    a g T > a^2 T, so that a is below sqrt(d/T).
+    A second contribution is the incomplete alignment of the columns and the incomplete last cycle
+    of the run: a factor of order one, hence 1/T in the rate over a time T. It is smaller if the
+    rates of the two halves agree within d. For columns that approach each other at a rate g, the
+    error of the first half is about a = g exp(-g T), and the halves differ by a g T > a^2 T, so
+    that a is below sqrt(d/T).
 
     Parameters
     ----------
     grown : float array, shape (N, k)
-        Logarithms, of N chunks of a run.
+        Logarithms of the growth in N chunks of a run.
     lengths : float array, shape (N,)
     """
     errors = np.full(grown.shape[1], math.nan)

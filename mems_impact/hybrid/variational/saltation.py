@@ -1,11 +1,11 @@
 """Propagation of perturbations: arcs, saltation matrices, orthonormalization.
 
-One call takes all arcs and events of an orbit, with what they do to perturbations.
+One call propagates perturbations through all arcs and events of an orbit.
 
-Written over the interface of integrators, for both forms. Along a run perturbations follow its log
-of events, and after each the state is the run's; nothing that is asked of them moves the run by a
-rounding. The run has an integrator of its own, and the columns are carried through its events by
-that of the extended flow.
+Functions over `integrators.interface`, interpreted and compiled. Along a run perturbations follow
+its event log, and after each event their base state is that of the run. The run has its own
+integrator, so that perturbations do not change it even by rounding; a second integrator, of the
+extended flow, propagates the columns.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.event_loop.event_detection import (
-    FADING,
     MIN_SUBSTEP_RATIO,
+    RATE_CHANGE_DECAY,
     ROUNDINGS,
     TOLERANCES,
     bisect_rate,
@@ -54,15 +54,14 @@ from mems_impact.hybrid.event_loop.workspace import (
 from mems_impact.hybrid.problem import Problem
 from mems_impact.integrators import interface
 
-# --- The way of an orbit through its segments, written over the engine's contract, for both
-# forms.
+# --- Segments of an orbit
 
-FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
-NO_EVENT = -1  # as the code of what ends a segment
+MAX_BACKWARD_TIME = 1.0  # longest arc of negative length
+NO_EVENT = -1  # code of a segment without transition at its end
 WORK_ROWS = 11  # rows of `work`
-# Sixth differences of a smooth function are below this part of what it changes by. Where they are
-# not, steps are taken finer by this factor, up to so many times.
-ROUGH, FINER, REFINED = 1e-3, 0.125, 3
+# Sixth differences of a smooth function are below this part of its change. Otherwise the step is
+# reduced by the second factor, up to so many times.
+SMOOTHNESS_RTOL, STEP_REDUCTION, MAX_REDUCTIONS = 1e-3, 0.125, 3
 
 
 class VariationalWorkspace(NamedTuple):
@@ -71,21 +70,20 @@ class VariationalWorkspace(NamedTuple):
     Attributes
     ----------
     n, m, parameters, directions, max_steps : int
-        Components of the state, guards, parameters, directions in their space, steps that an arc
-        may take.
+        Numbers of state components, guards, parameters and directions; most steps per arc.
     width : float
         Step of the differences.
     constrained : int array, shape (modes,)
         1 for a mode whose states lie on a manifold.
     minima : float array, shape (N, 2, m)
-        Gets the smallest value that each margin has at a closest approach inside the arc (inf if it
-        has none), and when. Of approaches between which an engine sees no change of the rate's
-        sign, only those are told that come near zero or below it.
+        Output: the smallest value of each margin at a closest approach inside the arc (inf if there
+        is none), and its time. Approaches that the engine does not detect by a sign change of the
+        rate count only if they may be near zero or below.
     touches : float array, shape (N, m, n (1 + columns))
-        Gets state and columns there.
+        Output: state and columns at that time.
     margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
-        Get margins and rates before the event, and the state after it, with their derivatives: the
-        value, then by each component of the state, by time, by each direction.
+        Output: margins and rates before the event, and the state after it, each with its
+        derivatives: value, by each state component, by time, by each direction.
     work : float array, shape (WORK_ROWS, 2 m + n or more)
     """
 
@@ -134,26 +132,26 @@ def variational_workspace(problem: Problem, directions: int, size: int) -> Varia
 
 
 class SegmentBatch(NamedTuple):
-    """N segments, and what is written of them. Arrays have a row for each segment.
+    """Inputs and results of N segments. Arrays have a row for each segment.
 
     Attributes
     ----------
     variational : VariationalWorkspace
     segments : int array, shape (N, 3)
-        Mode and code of what ends the segment (or NO_EVENT); gets the mode that this leads to.
+        Mode, code of the transition at the end (or NO_EVENT); output: mode after it.
     times : float array, shape (N, 4)
-        Start, end, how far differences in time may go from the end, and when the margins at the
-        end are looked at.
+        Start, end, largest step of differences in time at the end, and the time at which the
+        margins at the end are evaluated.
     motions : float array, shape (N, 2 directions)
-        How instants move with each parameter: at the rate a + b t.
+        Rates a + b t at which instants move with each parameter.
     states : float array, shape (N, n (1 + columns))
-        State and columns at the start; gets those at the end.
+        State and columns at the start; output: at the end.
     slopes : float array, shape (N, 2, n)
-        Gets the flow at start and end.
+        Output: the flow at start and end.
     margins : float array, shape (N, 2, 2 m)
-        Gets margins and rates at start and end.
+        Output: margins and rates at start and end.
     after : float array, shape (N, n)
-        Gets the state after the event.
+        Output: the state after the event.
     """
 
     variational: VariationalWorkspace
@@ -166,67 +164,67 @@ class SegmentBatch(NamedTuple):
     after: Any
 
 
-def propagate_segments(engine: Any, block: Any, way: Any) -> int:
-    """Go through the segments of `way`, each from a state of its own, whatever the guards say.
+def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
+    """Compute the segments of a batch from their initial states, without event detection.
 
     Parameters
     ----------
     engine
-        Of the extended flow (see `mems_impact.hybrid.variational.flow`).
+        Engine of the extended flow (see `mems_impact.hybrid.variational.flow`).
     block : float array, shape (parameters * (1 + directions),)
-        p and the directions in its space.
-    way : SegmentBatch
+        Parameters and directions.
+    batch : SegmentBatch
 
     Returns
     -------
     int
-        Number of the segment that cannot be integrated, or -1.
+        Number of a segment whose integration failed, or -1.
     """
-    into = way.variational
+    into = batch.variational
     n, directions = into.n, into.directions
-    free = way.states.shape[1] // n - 1 - directions
+    free = batch.states.shape[1] // n - 1 - directions
     slope = into.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
-    for i in range(way.segments.shape[0]):
-        mode, code = way.segments[i, 0], way.segments[i, 1]
-        start, end = way.times[i, 0], way.times[i, 1]
-        y, motions = way.states[i], way.motions[i]
+    for i in range(batch.segments.shape[0]):
+        mode, code = batch.segments[i, 0], batch.segments[i, 1]
+        start, end = batch.times[i, 0], batch.times[i, 1]
+        y, motions = batch.states[i], batch.motions[i]
         for j in range(2 * directions):
             interface.set_parameter(engine, block.size + j, motions[j])
         if into.constrained[mode] == 1:
             project(engine, mode, start, y, into, i)
-        interface.margins(engine, mode, start, y, way.margins[i, 0])
+        interface.margins(engine, mode, start, y, batch.margins[i, 0])
         interface.flow(engine, mode, start, y, slope)
         for c in range(n):
-            way.slopes[i, 0, c] = slope[c]
+            batch.slopes[i, 0, c] = slope[c]
         for j in range(directions):
             moved = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
                 y[n * (1 + free + j) + c] += slope[c] * moved
-        if not integrate(engine, mode, y, start, end, into, i, watched=True):
+        if not integrate(engine, mode, y, start, end, into, i, approaches=True):
             return i
-        # From the left, where a drive that switches at the end has not done so yet.
+        # The limit from the left, before a switch of the drive at the end.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
         for c in range(n):
-            way.slopes[i, 1, c] = slope[c]
+            batch.slopes[i, 1, c] = slope[c]
         for j in range(directions):
             moved = motions[2 * j] + motions[2 * j + 1] * end
             for c in range(n):
                 y[n * (1 + free + j) + c] -= slope[c] * moved
-        interface.margins(engine, mode, way.times[i, 3], y, way.margins[i, 1])
+        interface.margins(engine, mode, batch.times[i, 3], y, batch.margins[i, 1])
         if code != NO_EVENT:
-            differentiate_event(engine, mode, code, end, y, way.times[i, 2], into, i)
+            differentiate_event(engine, mode, code, end, y, batch.times[i, 2], into, i)
             for c in range(n):
-                way.after[i, c] = y[c]
-            way.segments[i, 2] = interface.transition(engine, mode, code, end, way.after[i])
+                batch.after[i, c] = y[c]
+            batch.segments[i, 2] = interface.transition(engine, mode, code, end, batch.after[i])
     return -1
 
 
 def project(engine: Any, mode: int, t: float, y: Any, into: Any, place: int) -> None:
-    """Put a state onto what its mode holds, and its columns into the tangent space.
+    """Project a state onto the manifold of its mode, and its columns onto the tangent space.
 
-    Those of parameters, with which the manifold moves, come last. The row `place` of margin and
+    The columns of parameters, which may move the manifold, come last. Row `place` of margin and
     jump of `into` is scratch.
     """
     n, directions = into.n, into.directions
@@ -244,28 +242,34 @@ def project(engine: Any, mode: int, t: float, y: Any, into: Any, place: int) -> 
 
 
 def integrate(
-    engine: Any, mode: int, y: Any, start: float, end: float, into: Any, place: int, watched: bool
+    engine: Any,
+    mode: int,
+    y: Any,
+    start: float,
+    end: float,
+    into: Any,
+    place: int,
+    approaches: bool,
 ) -> bool:
-    """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well.
+    """Integrate `mode` from `start` to `end` in place; return whether it succeeded.
 
-    If `watched`, closest approaches are written into the row `place` of the arrays of `into`, as of
-    a `VariationalWorkspace`.
+    If `approaches`, write closest approaches into row `place` of `into`, a `VariationalWorkspace`.
     """
     m = into.m
     for i in range(m):
         into.minima[place, 0, i] = math.inf
         into.minima[place, 1, i] = math.nan
-        # Only closest approaches are wanted. A margin and its rate that are zero together would
-        # stop CVODE ("root found very near t").
+        # The bias leaves only roots of rates. A margin and its rate that are both zero would stop
+        # CVODE ("root found very near t").
         interface.set_bias(engine, i, 1e6)
-    if start - end > FARTHEST_BACK:
+    if start - end > MAX_BACKWARD_TIME:
         return False
     if end <= start:
         integrate_backward(engine, mode, y, start, end, into.work)
         return True
-    if watched:
-        begin_watch(engine, mode, start, y, into)
-    interface.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
+    if approaches:
+        start_approach_detection(engine, mode, start, y, into)
+    interface.restart(engine, mode, start, y, end)  # the drive may switch there
     t = start
     for _ in range(into.max_steps):
         status = interface.step(engine)
@@ -276,16 +280,16 @@ def integrate(
             interface.restart(engine, mode, interface.time(engine), y, end)
             continue
         before, t = t, interface.time(engine)
-        if watched:
-            watch_step(engine, status, mode, before, t, y, into, place)
+        if approaches:
+            detect_approaches(engine, status, mode, before, t, y, into, place)
         if t >= end:
             interface.interpolate(engine, end, y)
             return True
     return False
 
 
-def begin_watch(engine: Any, mode: int, t: float, y: Any, into: Any) -> None:
-    """Take down margins and rates where an arc begins, at (t, y)."""
+def start_approach_detection(engine: Any, mode: int, t: float, y: Any, into: Any) -> None:
+    """Store margins and rates at the start (t, y) of an arc."""
     now, curved, highest = into.work[2], into.work[3], into.work[6]
     interface.margins(engine, mode, t, y, now)
     for i in range(into.m):
@@ -293,13 +297,13 @@ def begin_watch(engine: Any, mode: int, t: float, y: Any, into: Any) -> None:
         highest[i] = now[i]
 
 
-def watch_step(
+def detect_approaches(
     engine: Any, status: int, mode: int, before: float, t: float, y: Any, into: Any, place: int
 ) -> None:
-    """Note the closest approaches in the step from `before` to `t`, which the engine has taken.
+    """Record the closest approaches in the last step, from `before` to `t`.
 
-    It tells one where the rate has another sign at the end of the step. Others are looked for as
-    runs look for hidden crossings (`event_detection.find_hidden_crossing`). Overwrites `y`.
+    The engine reports an approach if the rate changes sign over the step. Others are found as
+    hidden crossings of runs are (`event_detection.find_hidden_crossing`). Overwrites `y`.
     """
     m, h = into.m, t - before
     then, now, curved, highest = into.work[1], into.work[2], into.work[3], into.work[6]
@@ -313,22 +317,22 @@ def watch_step(
         if direction != 0:
             now[m + i] = 0.0
         if h > 0.0 and (now[i] != then[i] or now[m + i] != then[m + i]):
-            curved[i] = max(abs(now[m + i] - then[m + i]) / h, FADING * curved[i])
+            curved[i] = max(abs(now[m + i] - then[m + i]) / h, RATE_CHANGE_DECAY * curved[i])
             if not certify_no_crossing(then[i], then[m + i], now[i], now[m + i], h, curved[i]):
                 find_closest_approaches(engine, mode, i, before, t, y, into, place)
         if direction > 0:
             interface.state(engine, y)
-            note_approach(i, t, now[i], y, into, place)
+            record_approach(i, t, now[i], y, into, place)
         highest[i] = max(highest[i], now[i])
 
 
 def find_closest_approaches(
     engine: Any, mode: int, i: int, before: float, t: float, y: Any, into: Any, place: int
 ) -> None:
-    """Note the closest approaches of margin `i` near zero or below it inside the last step.
+    """Record the closest approaches of margin `i` near or below zero inside the last step.
 
-    It is walked through in parts so short that the margin stays above zero, or rises or falls
-    throughout, or turns once. Overwrites `y`.
+    The step is scanned in parts so short that the margin remains positive, is monotonic, or has one
+    extremum. Overwrites `y`.
     """
     m = into.m
     then, now, g, highest = into.work[1], into.work[2], into.work[4], into.work[6]
@@ -348,9 +352,11 @@ def find_closest_approaches(
         h = b - a
         curved = max(curved, abs(r_b - r_a) / h)
         slowest, fastest = min(abs(r_a), abs(r_b)), max(abs(r_a), abs(r_b), curved * h)
-        one_way = r_a * r_b > 0.0 and slowest > curved * h
+        monotonic = r_a * r_b > 0.0 and slowest > curved * h
         certain = (
-            one_way or fastest * h <= rounding or certify_no_crossing(g_a, r_a, g_b, r_b, h, curved)
+            monotonic
+            or fastest * h <= rounding
+            or certify_no_crossing(g_a, r_a, g_b, r_b, h, curved)
         )
         if h > finest and not certain:
             width *= 0.5
@@ -359,16 +365,16 @@ def find_closest_approaches(
             closest = bisect_rate(engine, mode, m + i, a, b, 1.0, y, g)
             interface.interpolate(engine, closest, y)
             interface.margins(engine, mode, closest, y, g)
-            note_approach(i, closest, g[i], y, into, place)
+            record_approach(i, closest, g[i], y, into, place)
         highest[i] = max(highest[i], g_b)
         a, g_a, r_a = b, g_b, r_b
         width *= 2.0
 
 
-def note_approach(i: int, t: float, margin: float, y: Any, into: Any, place: int) -> None:
-    """Write a closest approach of margin `i` at (t, y), if it is the closest one so far.
+def record_approach(i: int, t: float, margin: float, y: Any, into: Any, place: int) -> None:
+    """Record a closest approach of margin `i` at (t, y) if it is the closest so far.
 
-    Where an arc begins at a margin of zero with no speed, its rate may fall by rounding alone.
+    At the start of an arc with margin and rate zero, the rate may be negative by rounding.
     """
     minima, highest = into.minima[place], into.work[6][i]
     fallen = highest - margin > margin_rounding(max(abs(highest), abs(margin)), y, into.n)
@@ -380,7 +386,7 @@ def note_approach(i: int, t: float, margin: float, y: Any, into: Any, place: int
 
 
 def margin_rounding(margin: float, y: Any, n: int) -> float:
-    """Return what rounding may make of a margin of this size where the state is `y`."""
+    """Return the rounding error of a margin of this size at the state `y`."""
     size = margin
     for j in range(n):
         size = max(size, abs(y[j]))
@@ -391,9 +397,8 @@ def margin_rounding(margin: float, y: Any, n: int) -> float:
 def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float, work: Any) -> None:
     """Integrate from `start` back to an earlier `end`, by the classical Runge-Kutta method.
 
-    An arc of negative length is met only where a guard is touched at zero speed and the equations
-    are looked at from the other side; it is short, and at steps of 1e-3 the method is exact to
-    rounding.
+    Arcs of negative length occur only when the shooting equations are evaluated beyond a grazing;
+    they are short, and with steps of 1e-3 the method is exact to rounding.
     """
     n = y.size
     steps = math.ceil((start - end) / 1e-3)
@@ -416,7 +421,7 @@ def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float,
 
 
 def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
-    """Set the parameters to `p`, moved by `h` along a direction (kept behind them)."""
+    """Set the parameters to `p`, moved by `h` along a direction (stored after them)."""
     for i in range(count):
         moved = h * interface.parameter(engine, count * (1 + direction) + i)
         interface.set_parameter(engine, i, p[i] + moved)
@@ -427,8 +432,8 @@ def differentiate_event(
 ) -> None:
     """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
 
-    Into the row `place` of margin and jump of `into`, a `VariationalWorkspace`. Differences in time
-    stay within `room` of `t`. The engine's parameters are moved and put back.
+    The results are in row `place` of margin and jump of `into`, a `VariationalWorkspace`.
+    Differences in time stay within `room` of `t`. The engine's parameters are moved and restored.
     """
     n, m, count, directions = into.n, into.m, into.parameters, into.directions
     margin, jump, width, work = into.margin[place], into.jump[place], into.width, into.work
@@ -446,13 +451,13 @@ def differentiate_event(
     for c in range(1, 2 + n + directions):
         step = min(width, 0.3 * room) if c == n + 1 else width
         smooth = difference(engine, mode, code, t, y, c, step, into, place)
-        # A function that jumps, or has a kink, beside (t, y), as an angle that is kept within one
-        # turn: nearer to it nothing is seen of that, unless it is right there.
-        for k in range(1, 1 + REFINED):
+        # A function may be discontinuous near (t, y), as an angle modulo one turn: a smaller step
+        # avoids the discontinuity, unless it is at (t, y).
+        for k in range(1, 1 + MAX_REDUCTIONS):
             if not smooth:
-                near = step * FINER**k
+                near = step * STEP_REDUCTION**k
                 smooth = difference(engine, mode, code, t, y, c, near, into, place)
-                if k == REFINED and not smooth:
+                if k == MAX_REDUCTIONS and not smooth:
                     difference(engine, mode, code, t, y, c, step, into, place)
 
 
@@ -461,8 +466,7 @@ def difference(
 ) -> bool:
     """Write the differences along one direction into column `c` (see `differentiate_event`).
 
-    Returns whether they are those of smooth functions, whose sixth differences are far below what
-    they change by.
+    Returns whether the functions are smooth: their sixth differences are far below their changes.
     """
     n, m, count, work = into.n, into.m, into.parameters, into.work
     margin, jump = into.margin[place], into.jump[place]
@@ -504,26 +508,26 @@ def difference(
     smooth = True
     for i in range(2 * m + n):
         value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
-        if abs(sixth[i]) > ROUGH * change[i] + 1e-11 * (1.0 + abs(value)):
+        if abs(sixth[i]) > SMOOTHNESS_RTOL * change[i] + 1e-11 * (1.0 + abs(value)):
             smooth = False
     return smooth
 
 
-# --- Perturbations carried along a run that is known, over its arcs and through its events.
+# --- Perturbations along a run
 
-NEAREST = 1e-9  # room that is left to differences in time beside a switch of the drive
-SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbations know no bounds
-# A column of which an event leaves less than this part has nothing left: differences are no better.
+MIN_TIME_STEP = 1e-9  # smallest range of differences in time near a switch of the drive
+MIN_RATE = 1e-14  # lower bound of the rate of a margin at an event, which bounds perturbations
+# An event that leaves a smaller part of a column makes it zero, within the error of differences.
 ZERO_COLUMN = 1e-11
-# An event acts on a component that it changes by more, or its rate, or what of a column it keeps.
-ACTS = 1e-9
-# Columns that shrink, or turn into each other, by more than this between two orthonormalizations
-# lose digits: then these come twice as often, until they are no longer needed.
+# An event affects a component if an entry of the saltation matrix differs by more from identity.
+JUMP_TOLERANCE = 1e-9
+# Below this ratio of lengths between two orthonormalizations columns lose accuracy, and
+# orthonormalization becomes twice as frequent, until the ratio improves.
 REORTHONORMALIZE_BELOW = 1e-3
 
 
 class PerturbationState(NamedTuple):
-    """A state of the run and k columns, with what has become of these; changed in place.
+    """A state of the run and k columns with their growth; changed in place.
 
     Attributes
     ----------
@@ -531,19 +535,19 @@ class PerturbationState(NamedTuple):
         The state, its cyclic components zero, then the columns: orthonormal but for their cyclic
         components.
     place : int array, shape (2,)
-        Periods completed before the time base, and the mode.
+        Completed periods before the time base, and the mode.
     t : float array, shape (1,)
         Time since the time base.
     shifts : float array, shape (k,)
-        How much sooner the events of this instant come for each column: the other way round, later.
+        Time by which the events of this instant are earlier for each column; negative if later.
     growth : float array, shape (k,)
-        Logarithms of what each column has grown by.
+        Logarithms of the growth of each column.
     alive : int array, shape (k,)
-        0 for a column that an event has left nothing of.
+        0 for a column that an event has reduced to zero.
     changed : int array, shape (n,)
-        1 for a component that an event has acted on.
+        1 for a component that an event has affected.
     length : float array, shape (1,)
-        Time after which columns are made orthonormal again at the latest, up to the time scale.
+        Longest time between orthonormalizations, at most the time scale.
     """
 
     y: Any
@@ -557,13 +561,13 @@ class PerturbationState(NamedTuple):
 
 
 class PropagationProblem(NamedTuple):
-    """What of a problem is asked on the way.
+    """Data of a problem for the propagation.
 
     Attributes
     ----------
     variational : VariationalWorkspace
     k : int
-        Columns.
+        Number of columns.
     period, scale, rtol, atol : float
         `scale` is the problem's time scale.
     cyclic : int array, shape (n,)
@@ -585,15 +589,15 @@ class PropagationProblem(NamedTuple):
 
 
 def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
-    """Carry the columns up to an event, and through it; return whether that went well."""
+    """Propagate the columns up to an event and through it; return whether it succeeded."""
     into = setup.variational
     n, kind, guard = into.n, int(event[KIND]), int(event[GUARD])
-    passes = kind == TRANSITION and setup.records[guard] == 1
-    if passes or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
+    no_transition = kind == TRANSITION and setup.records[guard] == 1
+    if no_transition or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
         return True
     cycle, time = int(event[CYCLE]), event[TIME]
     if kind == ACCUMULATION:
-        # What is left of a sequence is told from its last impact on.
+        # The state before an accumulation is that at the last impact of its sequence.
         if not is_at(event, at, setup):
             if not propagate(engine, cycle, time, at, setup):
                 return False
@@ -618,15 +622,15 @@ def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     interface.flow(engine, mode, t, y, dy)
 
 
-def load_state(numbers: Any, first: int, at: Any, setup: Any) -> None:
-    """Put the state to `numbers` from `first` on, but for what its cyclic components gathered."""
+def load_state(values: Any, first: int, at: Any, setup: Any) -> None:
+    """Set the state to the values from `first` on, with cyclic components zero."""
     into = setup.variational
     for j in range(into.n):
-        at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]
+        at.y[j] = 0.0 if setup.cyclic[j] == 1 else values[first + j]
 
 
 def is_at(event: Any, at: Any, setup: Any) -> bool:
-    """Return whether the columns stand at the state before an event: it completes a sequence."""
+    """Return whether the columns are at the state before an event."""
     into = setup.variational
     same = True
     for j in range(into.n):
@@ -635,14 +639,14 @@ def is_at(event: Any, at: Any, setup: Any) -> bool:
 
 
 def ahead_of(at: Any, cycle: int, time: float, setup: Any) -> float:
-    """Return how far an instant lies ahead of state and columns."""
+    """Return the time from state and columns to an instant."""
     return time + (cycle - at.place[0]) * setup.period - at.t[0]
 
 
 def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
-    """Integrate state and columns up to an instant; return whether that went well.
+    """Integrate state and columns up to an instant; return whether it succeeded.
 
-    They are made orthonormal on the way and at the end. An instant that has come is left as it is.
+    The columns are orthonormalized at intervals and at the end. A past instant has no effect.
     """
     into = setup.variational
     if ahead_of(at, cycle, time, setup) <= 0.0:
@@ -657,10 +661,12 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
         if parts <= 1:
             end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
-        went = end <= at.t[0] or integrate(engine, mode, at.y, at.t[0], end, into, 0, watched=False)
-        if not went:
+        succeeded = end <= at.t[0] or integrate(
+            engine, mode, at.y, at.t[0], end, into, 0, approaches=False
+        )
+        if not succeeded:
             return False
-        whole = 2.0 * (end - at.t[0]) >= at.length[0]  # of a short part nothing is learnt
+        whole = 2.0 * (end - at.t[0]) >= at.length[0]  # a shorter part is not representative
         at.t[0] = end
         for j in range(setup.k):
             at.shifts[j] = 0.0
@@ -675,25 +681,25 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
 
 
 def constrain(engine: Any, at: Any, setup: Any) -> None:
-    """Take from the columns what leads off the manifold on which the mode's states lie."""
+    """Project the columns onto the tangent space of the mode's manifold."""
     into = setup.variational
     if into.constrained[at.place[1]] == 1:
         project(engine, at.place[1], at.t[0], at.y, into, 0)
 
 
 def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
-    """Carry the columns through the transition of an event, by its saltation matrix.
+    """Propagate the columns through the transition of an event by its saltation matrix.
 
-    A perturbed motion meets the guard sooner by w . grad h / (the rate of h). At a switch of the
-    drive it does not; nor at a guard that a transition of this instant has put beyond its zero:
-    that one fires when that transition comes.
+    A perturbed motion reaches the guard earlier by w . grad h / (the rate of h). This shift is zero
+    at a switch of the drive. A guard that a transition of this instant has made negative fires with
+    that transition, and has its shift.
     """
     into = setup.variational
     n, m, k = into.n, into.m, setup.k
     guard, switch = int(event[GUARD]), int(event[KIND]) == SWITCH
     mode, t = int(event[MODE_BEFORE]), at.t[0]
     before, after = into.work[8], into.work[9]
-    # From the left, where a drive that switches now has not done so yet.
+    # The limit from the left, before a switch of the drive.
     interface.flow(engine, mode, t - 1e-15 * abs(t), at.y, before)
     differentiate(engine, mode, 2 * m if switch else guard, at, setup)
     rate, beyond = 0.0, True
@@ -708,7 +714,7 @@ def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
         error = setup.rtol * size + setup.atol * gain
         far = TOLERANCES * error + 1e-6 * abs(rate) * setup.scale
         beyond = into.margin[0, guard, 0] < -far
-        rate = math.copysign(max(abs(rate), SLOWEST), rate)
+        rate = math.copysign(max(abs(rate), MIN_RATE), rate)
     state = into.work[10]
     for j in range(n):
         state[j] = at.y[j]
@@ -720,7 +726,7 @@ def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
         acts = abs(into.jump[0, i, n + 1] + before[i] - after[i])
         for j in range(n):
             acts = max(acts, abs(into.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
-        at.changed[i] |= int(acts > ACTS)
+        at.changed[i] |= int(acts > JUMP_TOLERANCE)
     for c in range(k):
         if not beyond:
             at.shifts[c] = 0.0
@@ -730,11 +736,11 @@ def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
 
 
 def apply_rest_saltation(engine: Any, guard: int, at: Any, setup: Any) -> None:
-    """Carry state and columns through the impact without rebound that ends a sequence at `guard`.
+    """Propagate state and columns through the impact without rebound at the end of chatter.
 
-    Sooner or later it comes for all perturbed motions, and leaves none of them a gap: impulses that
-    follow each other close it, and move the bodies by their masses, as they change velocities. The
-    flights that are left out are so low that the instant at which it is taken does not matter.
+    The sequences of all perturbed motions end too, with a gap of zero: successive impulses close
+    the gap, and displace the bodies in the same ratio as they change velocities. The remaining
+    flights are so low that the instant of the transition is irrelevant.
     """
     into = setup.variational
     n, mode = into.n, at.place[1]
@@ -759,10 +765,10 @@ def apply_rest_saltation(engine: Any, guard: int, at: Any, setup: Any) -> None:
 
 
 def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, setup: Any) -> None:
-    """Write into `moved` how the state changes, by and by, after an impulse of the contact `guard`.
+    """Write into `moved` the rate of change of the state after a unit impulse at contact `guard`.
 
-    The impulse is what the impact makes of a state of another closing speed: the derivative of the
-    transition along the gradient of the rate. MARGIN and JUMP are those of the contact.
+    The impulse is the derivative of the transition along the gradient of the rate (the closing
+    speed). Requires `differentiate` at the contact.
     """
     into = setup.variational
     n, rate = into.n, into.m + guard
@@ -786,27 +792,27 @@ def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, se
 
 
 def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> None:
-    """Differentiate margins and the transition `code` here and now, into MARGIN and JUMP."""
+    """Differentiate margins and transition `code` at the present state, into margin and jump."""
     into = setup.variational
     t, room = at.t[0], math.inf
     for i in range(setup.switches.size):
         since = abs(t - setup.switches[i]) % setup.period
-        room = max(min(room, since, setup.period - since), NEAREST)
+        room = max(min(room, since, setup.period - since), MIN_TIME_STEP)
     differentiate_event(engine, mode, code, t, at.y, room, into, 0)
 
 
 def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
-    """Apply the transition to column `c`, with the flow `before` and `after` it.
+    """Apply the saltation matrix to column `c`, with the flow `before` and `after` the event.
 
-    For a motion that comes to it sooner by its shift, the flow after it acts for so much longer and
-    the flow before it for so much less.
+    For a motion whose event is earlier by the shift, the flow after it acts longer by the shift,
+    and the flow before it shorter.
     """
     into = setup.variational
     n, column, shift = into.n, into.n * (1 + c), at.shifts[c]
     result = into.work[10]
-    length = most = 0.0
+    length = largest = 0.0
     for i in range(n):
-        most = max(most, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
+        largest = max(largest, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
         kick = after[i] - into.jump[0, i, n + 1]
         parts = abs(after[i]) + abs(into.jump[0, i, n + 1])
         for j in range(n):
@@ -820,19 +826,18 @@ def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
             parts += abs(moved)
         if setup.cyclic[i] == 0:
             length = max(length, abs(result[i]))
-            most = max(most, parts)
-    if length <= ZERO_COLUMN * most:
+            largest = max(largest, parts)
+    if length <= ZERO_COLUMN * largest:
         at.alive[c] = 0
     for i in range(n):
         at.y[column + i] = result[i]
 
 
-def orthonormalize(nothing: float, at: Any, setup: Any) -> float:
-    """Make the columns orthonormal, and take down what they have grown by.
+def orthonormalize(zero_part: float, at: Any, setup: Any) -> float:
+    """Orthonormalize the columns, and accumulate their growth.
 
-    Each against those before it, twice, so that all digits are kept. Returns how much was left of
-    the column of which least was. One of which no more than the part `nothing` was is zero from
-    then on.
+    Gram-Schmidt, applied twice for full accuracy. Returns the smallest remaining part of a column.
+    A column with a remaining part of at most `zero_part` is zero from then on.
     """
     into = setup.variational
     n, least = into.n, 1.0
@@ -847,15 +852,15 @@ def orthonormalize(nothing: float, at: Any, setup: Any) -> float:
         whole = length_of(at.y, column, n)
         for _ in range(2):
             for other in range(c):
-                former = n * (1 + other)
+                previous = n * (1 + other)
                 part = 0.0
                 for i in range(n):
-                    part += at.y[column + i] * at.y[former + i]
+                    part += at.y[column + i] * at.y[previous + i]
                 for i in range(n):
-                    at.y[column + i] -= part * at.y[former + i]
+                    at.y[column + i] -= part * at.y[previous + i]
                 at.shifts[c] -= part * at.shifts[other]
         length = length_of(at.y, column, n)
-        if not length > nothing * whole:
+        if not length > zero_part * whole:
             at.alive[c] = 0
             at.shifts[c] = 0.0
             for i in range(n):
@@ -870,56 +875,53 @@ def orthonormalize(nothing: float, at: Any, setup: Any) -> float:
 
 
 def length_of(y: Any, column: int, n: int) -> float:
-    """Return the length of the n numbers of `y` from `column` on."""
+    """Return the length of the n values of `y` from `column` on."""
     square = 0.0
     for i in range(n):
         square += y[column + i] * y[column + i]
     return math.sqrt(square)
 
 
-# --- A run that goes on chunk by chunk, with perturbations carried along: one call for many
-# chunks.
+# --- Run and perturbations, chunk by chunk
 
-# How far `stretch` has come.
+# Progress of `stretch`.
 STRETCHING = np.dtype(
     [
         ("advance", np.int64),  # address of the event loop
-        ("plain", np.int64),  # and of the run's own engine
+        ("plain", np.int64),  # address of the engine of the run
         ("chunk", np.int64),
-        ("begun", np.int64),  # 1 while that one has begun
-        ("lost", np.int64),  # 1 where the columns cannot be carried on
+        ("begun", np.int64),  # 1 during a chunk
+        ("lost", np.int64),  # 1 if the propagation of the columns failed
     ]
 )
-BITE = 4  # steps that the event loop takes before what it has written is read
-MAX_LEAD_RATIO = (
-    0.75  # part of the time between two orthonormalizations by which the run may be ahead
-)
+STEPS_PER_CALL = 4  # steps of the event loop between two reads of its buffers
+MAX_LEAD_RATIO = 0.75  # lead of the run, relative to the time between orthonormalizations
 
 
 def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
             quota: int) -> int:  # fmt: skip
-    """Let the run go on chunk by chunk, and carry the columns along.
+    """Continue the run chunk by chunk, and propagate the columns.
 
     Parameters
     ----------
     engine
         Of the extended flow (see `mems_impact.hybrid.variational.flow`).
     s : LOOP_STATE
-        Of the run.
+        State of the event loop of the run.
     w : STRETCHING
     at : PerturbationState
     setup : PropagationProblem
     lengths : float array, shape (N,)
-        Periods in each chunk.
+        Periods of each chunk.
     grown : float array, shape (N, k)
-        Gets the logarithms of what columns have grown by in each.
+        Output: logarithms of the growth of columns in each chunk.
     quota : int
-        Steps of the run that this call may take.
+        Most steps of the run in this call.
 
     Returns
     -------
     int
-        DONE, PAUSED, FAILED if the columns cannot be carried on, or what ended the run.
+        DONE, PAUSED, FAILED if the propagation failed, or the reason why the run ended.
     """
     while w.chunk < lengths.size:
         if w.begun == 0:
@@ -931,7 +933,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
             if quota <= 0:
                 return PAUSED
             status = run_loop(s, w)
-            quota -= BITE
+            quota -= STEPS_PER_CALL
             for i in range(s.events_written):
                 if not propagate_to_event(engine, event_at(s, i), at, setup):
                     w.lost = 1
@@ -955,7 +957,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
 
 
 def begin(s: Any, length: float) -> None:
-    """Let the run go on for so many periods from where it was to end."""
+    """Extend the run by a number of periods."""
     whole = math.floor(length)
     s.end_phase += (length - whole) * s.period
     ahead = whole_periods(s.end_phase, s.period)
@@ -965,19 +967,20 @@ def begin(s: Any, length: float) -> None:
 
 
 def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
-    """Carry the columns to where the run has come, if it is far enough ahead; False on failure.
+    """Propagate the columns to the state of the run if it is far enough ahead; False on failure.
 
-    The state that carries them is integrated on its own, and parts from the run as neighbouring
-    motions do. Put back too late, it would jump, and columns along the flow would no longer be.
+    The base state of the columns is integrated separately, and diverges from the run as
+    neighbouring motions do. A late correction would be a jump, after which columns along the flow
+    are no longer tangent to it.
     """
     far = ahead_of(at, s.cycle, s.t, setup) >= MAX_LEAD_RATIO * at.length[0]
     if s.pending_guard != NONE or not far:
         return True
-    went = propagate(engine, s.cycle, s.t, at, setup)
+    succeeded = propagate(engine, s.cycle, s.t, at, setup)
     load_state(table_row(s, Y), 0, at, setup)
-    return went
+    return succeeded
 
 
 def run_loop(s: Any, w: Any) -> int:
-    """Let the event loop of the run take some steps."""
-    return loop.run_steps(w.plain, s, BITE)
+    """Run the event loop for some steps."""
+    return loop.run_steps(w.plain, s, STEPS_PER_CALL)

@@ -22,7 +22,7 @@ from mems_impact.integrators.jit.numba_support import INNER, JIT, WORD, pointer,
 from mems_impact.integrators.options import Options
 
 _WORDS = ("explicit", "implicit", "rows", "width", "modes")
-_COUNTS = ("now", "wanted", "handed", "trial", "looks", "taken", "directed", "begun",
+_COUNTS = ("now", "wanted", "handed_over", "trial", "checks", "steps", "directed", "begun",
            "suspected", "patience")  # fmt: skip
 _REALS = ("rtol", "atol", "longest", "longest_before", "t_begin", "t_middle")
 HANDLE = np.dtype(
@@ -62,7 +62,7 @@ class CompiledAuto(CompiledEngine):
         handle["width"], handle["rtol"], handle["atol"] = width, options.rtol, options.atol
         handle["modes"] = equations.modes
         first = int(handle["rows"] - self._memory.ctypes.data) // WORD + MEMORY * width
-        self._remembered = self._memory[first : first + equations.modes]
+        self._mode_memory = self._memory[first : first + equations.modes]
 
     @property
     def implicit_arcs(self) -> int:
@@ -70,12 +70,12 @@ class CompiledAuto(CompiledEngine):
         return int(self.handle["begun"])
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what is remembered of each mode; see `switching`."""
-        return tuple(map(int, self._remembered.tolist()))
+        """Return the memory of each mode; see `stiffness`."""
+        return tuple(map(int, self._mode_memory.tolist()))
 
     def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was remembered of each mode."""
-        self._remembered[: len(known)] = known
+        """Set the memory of each mode."""
+        self._mode_memory[: len(known)] = known
 
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""
@@ -102,7 +102,7 @@ def _implicit(engine):  # type: ignore[no-untyped-def]
 
 
 @overload(stiffness.mirror_active, jit_options={**JIT, **INNER})
-def _present(engine, one):  # type: ignore[no-untyped-def]
+def _mirror_active(engine, one):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
 
         def implementation(engine, one):  # type: ignore[no-untyped-def]
@@ -120,10 +120,10 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.method_memory, jit_options={**JIT, **INNER})
-def _remembered(engine, mode):  # type: ignore[no-untyped-def]
+def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_remembered,) = take_snapshot(stiffness.method_memory).frozen()
-        return lambda engine, mode: run_remembered(engine, mode)
+        (run_method_memory,) = take_snapshot(stiffness.method_memory).frozen()
+        return lambda engine, mode: run_method_memory(engine, mode)
 
 
 @overload(interface.restart, jit_options={**JIT, **INNER})
@@ -138,23 +138,23 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
         (run_sharpen,) = take_snapshot(stiffness.sharpen).frozen()
 
-        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
-            run_sharpen(engine, share, lasts)
+        def implementation(engine, share, flight_time):  # type: ignore[no-untyped-def]
+            run_sharpen(engine, share, flight_time)
 
         return implementation
 
 
 @overload(interface.reset, jit_options={**JIT, **INNER})
-def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+def _reset(engine, max_step):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_renew,) = take_snapshot(stiffness.reset).frozen()
+        (run_reset,) = take_snapshot(stiffness.reset).frozen()
 
         def implementation(engine, max_step):  # type: ignore[no-untyped-def]
-            run_renew(engine, max_step)
+            run_reset(engine, max_step)
 
         return implementation
 
@@ -167,7 +167,7 @@ def _step(engine):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _ended(engine, out):  # type: ignore[no-untyped-def]
+def _end_margins(engine, out):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
 
         def implementation(engine, out):  # type: ignore[no-untyped-def]

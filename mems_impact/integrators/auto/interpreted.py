@@ -16,7 +16,7 @@ from mems_impact.integrators.python_functions import Fault, Functions
 
 
 class InterpretedAuto(Functions):
-    """Two engines that share parameters and biases; the text of `switching` says which is at work.
+    """Two engines that share parameters and biases; `stiffness` selects one.
 
     The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`. The
     attributes are the fields of `compiled.HANDLE`.
@@ -34,9 +34,9 @@ class InterpretedAuto(Functions):
         self.rows = [[0.0] * max(equations.n, equations.modes) for _ in range(ROWS)]
         self.rtol, self.atol = float(options.rtol), float(options.atol)
         self.modes = equations.modes
-        self.mode = self.wanted = self.handed = self.trial = 0
+        self.mode = self.wanted = self.handed_over = self.trial = 0
         self.now = EXPLICIT
-        self.looks = self.taken = self.directed = self.begun = self.suspected = self.patience = 0
+        self.checks = self.steps = self.directed = self.begun = self.suspected = self.patience = 0
         self.longest = self.longest_before = self.t_begin = self.t_middle = 0.0
         self.last_instant = math.inf
 
@@ -46,32 +46,32 @@ class InterpretedAuto(Functions):
         return self.begun
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what is remembered of each mode; see `switching`."""
+        """Return the memory of each mode; see `stiffness`."""
         return tuple(map(int, self.rows[MEMORY][: self.modes]))
 
     def import_memory(self, known: tuple[int, ...]) -> None:
-        """Begin with what was remembered of each mode."""
+        """Set the memory of each mode."""
         self.rows[MEMORY][: len(known)] = known
 
     def fault(self) -> Fault | None:
-        """Return the first call of a function that failed, and forget it."""
+        """Return the first failed call, and clear the record."""
         faults = (super().fault(), self.explicit.fault(), self.implicit.fault())
         return next((each for each in faults if each is not None), None)
 
-    def remembered(self, mode: int) -> int:
-        """Return what is remembered of `mode`."""
+    def method_memory(self, mode: int) -> int:
+        """Return the memory of `mode`."""
         return stiffness.method_memory(self, mode)
 
-    def renew(self, max_step: float) -> None:
-        """Forget all that was before; no step is longer than `max_step`."""
+    def reset(self, max_step: float) -> None:
+        """Restore the initial state, with the longest step `max_step`."""
         stiffness.reset(self, max_step)
 
-    def sharpen(self, share: float, lasts: float) -> None:
-        """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
-        stiffness.sharpen(self, share, lasts)
+    def sharpen(self, share: float, flight_time: float) -> None:
+        """Reduce the tolerances of the next arc by the factor `share`."""
+        stiffness.sharpen(self, share, flight_time)
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
-        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        """Begin an arc at (t, y) in `mode` with evaluations before `stop` only."""
         stiffness.restart(self, mode, t, y, stop)
 
     def step(self) -> int:
@@ -86,13 +86,13 @@ class InterpretedAuto(Functions):
         """Copy the state at `time` into `y`."""
         self.at_work.state(y)
 
-    def ended(self, out: Any) -> None:
+    def end_margins(self, out: Any) -> None:
         """Write margins and rates at `time` into `out`."""
-        self.at_work.ended(out)
+        self.at_work.end_margins(out)
 
-    def fired(self, i: int) -> int:
-        """Return how root function `i` crossed zero at the last ROOT."""
-        return self.at_work.fired(i)
+    def root_directions(self, i: int) -> int:
+        """Return the direction in which root function `i` crossed zero at the last ROOT, or 0."""
+        return self.at_work.root_directions(i)
 
     def interpolate(self, t: float, y: Any) -> None:
         """Write the state at `t`, within the last step, into `y`."""

@@ -1,16 +1,16 @@
 """CVODE through SUNDIALS' C interface, with callbacks compiled by numba.
 
 Every function of SUNDIALS that this package calls is declared here, once, with its C signature.
-scikit-sundae's wheels carry SUNDIALS as shared libraries under hashed names; opening the extension
-module that links to them lets the dynamic loader resolve all symbols, whatever the names.
+scikit-sundae's wheels contain SUNDIALS as shared libraries with hashed names; opening the extension
+module that links to them makes the dynamic loader resolve all symbols.
 
-From Python the functions are ctypes functions (`call`). From code compiled by numba they are
-external symbols (`symbol`), whose addresses are handed to LLVM under a prefixed name, so that
-compiled code can be cached on disk: no address is ever baked into it.
+In Python the functions are ctypes functions (`load`). In code compiled by numba they are external
+symbols (`symbol`), whose addresses LLVM receives under a prefixed name. Compiled code contains no
+address, so it can be cached on disk.
 
-`CompiledCvode` owns the memory of one CVODE object, whose callbacks are those of
-`integrators.jit.kernels`. The contract of `mems_impact.integrators.interface` gets overloads here,
-so that a loop compiled by numba calls CVODE directly, without Python.
+`CompiledCvode` owns the memory of one CVODE object. Overloads of
+`mems_impact.integrators.interface` let a loop compiled by numba call CVODE directly, without
+Python.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from numba.extending import overload
 
 from mems_impact.errors import EngineUnavailable
 from mems_impact.integrators import interface
-from mems_impact.integrators.cvode.interpreted import first_step, sharpened
+from mems_impact.integrators.cvode.interpreted import first_step, scaled_tolerances
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import sources, take_snapshot
 from mems_impact.integrators.jit.kernels import (
@@ -48,7 +48,7 @@ from mems_impact.integrators.jit.numba_support import (
 )
 from mems_impact.integrators.options import Options
 
-# --- SUNDIALS' C API, resolved through scikit-sundae's own extension module.
+# --- SUNDIALS' C API
 
 SUPPORTED_MAJOR = 7
 LIBRARY_REMEDY = (
@@ -111,8 +111,8 @@ def load() -> ctypes.CDLL:
     Raises
     ------
     EngineUnavailable
-        If scikit-sundae's build is not the one that is declared here: another major version of
-        SUNDIALS, real or index type, or a symbol that can't be found. If numba may not compile.
+        If scikit-sundae's build does not match these declarations: another major version of
+        SUNDIALS, real or index type, or a missing symbol. If numba is disabled.
     """
     from mems_impact.integrators.jit.numba_support import check_numba
 
@@ -145,7 +145,7 @@ def load() -> ctypes.CDLL:
 
 
 def sundials_version() -> str:
-    """Return the version of SUNDIALS that scikit-sundae brings; empty if there is none."""
+    """Return the version of SUNDIALS in scikit-sundae; empty if there is none."""
     try:
         from sksundae import _cy_common
     except ImportError:
@@ -154,7 +154,7 @@ def sundials_version() -> str:
 
 
 def check(config: dict[str, str]) -> None:
-    """Raise EngineUnavailable unless scikit-sundae's `config` is one that is declared here."""
+    """Raise EngineUnavailable unless scikit-sundae's `config` matches the declarations here."""
     expected = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
     for key, value in expected.items():
         if config.get(key) != value:
@@ -167,7 +167,7 @@ def check(config: dict[str, str]) -> None:
 
 
 def symbol(name: str) -> Any:
-    """Return the function `name` as numba code calls it; `load` must have run before it does."""
+    """Return the function `name` for numba code; `load` must run before the code does."""
     from numba import types
 
     kinds: dict[Any, Any] = {None: types.void, _int: types.int32}
@@ -177,7 +177,7 @@ def symbol(name: str) -> Any:
     return types.ExternalFunction(SYMBOL_PREFIX + name, signature)
 
 
-# --- What CVODE calls back, compiled to C functions: right-hand side, roots, Jacobian.
+# --- Callbacks of CVODE: right-hand side, roots, Jacobian
 
 _data = symbol("N_VGetArrayPointer_Serial")
 _matrix_data = symbol("SUNDenseMatrix_Data")
@@ -185,7 +185,7 @@ _matrix_data = symbol("SUNDenseMatrix_Data")
 CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
 JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
 
-# It lies where CVODE's callbacks find it as user data.
+# User data of CVODE's callbacks.
 HANDLE = np.dtype(
     [
         ("cvode", np.int64),
@@ -193,12 +193,12 @@ HANDLE = np.dtype(
         ("dense", np.int64),  # N_Vector around spare
         ("spare", np.int64),
         ("jacobian", np.int64),
-        ("seen", np.int64),  # what the root functions were made of when last asked for, and when
+        ("seen", np.int64),  # margins and rates of the last evaluation, and its time
         ("seen_at", np.float64),
         ("rtol", np.float64),
         ("atol", np.float64),
-        ("share", np.float64),  # of the tolerances, that of the last arc
-        ("longest", np.float64),  # step
+        ("share", np.float64),  # factor on the tolerances of the last arc
+        ("longest", np.float64),  # longest step
         *KERNEL_FIELDS,
     ],
     align=True,
@@ -207,7 +207,7 @@ _handle = record_at(from_dtype(HANDLE))
 
 
 class Callbacks(NamedTuple):
-    """What CVODE calls, whatever the automaton: C functions over a HANDLE."""
+    """Callbacks of CVODE: C functions over a HANDLE."""
 
     rhs: Any
     roots: Any
@@ -215,7 +215,7 @@ class Callbacks(NamedTuple):
 
 @cache
 def callbacks() -> Callbacks:
-    """Compile the two callbacks of CVODE; they reach the automaton through the handle."""
+    """Compile the two callbacks of CVODE; they call the automaton through the handle."""
     load()  # before anything that names a symbol of SUNDIALS is linked
 
     def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
@@ -244,8 +244,8 @@ def callbacks() -> Callbacks:
             if math.isnan(values[i]) or math.isnan(values[m + i]):
                 return -1
             values[i] += bias[i]
-            # CVODE takes a zero at the end of a step for the root, and then overlooks one before
-            # it: the rate of a waveform that ends level, at a switch, is such a zero.
+            # CVODE accepts a zero at the end of a step as the root, and misses an earlier one: for
+            # example the rate of a waveform with zero slope at a switch.
             if values[m + i] == 0.0:
                 values[m + i] = 1e-300
         values[2 * m] = 1.0
@@ -259,7 +259,7 @@ def callbacks() -> Callbacks:
 
 @cache
 def jacobian_callback() -> Any:
-    """Compile the callback by which CVODE asks for the Jacobian."""
+    """Compile the callback for the Jacobian."""
     load()
 
     def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
@@ -275,8 +275,7 @@ def jacobian_callback() -> Any:
     return compile_callback(jacobian, JACOBIAN_CALLBACK, sources())
 
 
-# --- One arc through SUNDIALS' C API, with callbacks compiled by numba: the engine at native
-# speed.
+# --- Compiled engine
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -293,7 +292,7 @@ _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
 def prepare() -> None:
-    """Bind SUNDIALS; raises EngineUnavailable where that cannot be done."""
+    """Bind SUNDIALS; raise EngineUnavailable if that fails."""
     load()
 
 
@@ -313,7 +312,7 @@ class CompiledCvode(CompiledEngine):
         self._callbacks = callbacks()
         context = ctypes.c_void_p()
         sun.SUNContext_Create(0, ctypes.byref(context))
-        # The default handler prints to standard error; the codes say it all.
+        # The default handler prints to standard error; the return codes suffice.
         sun.SUNContext_ClearErrHandlers(context)
         vector = sun.N_VMake_Serial(n, int(handle["y"]), context)
         dense = sun.N_VMake_Serial(n, int(handle["spare"]), context)
@@ -341,9 +340,9 @@ class CompiledCvode(CompiledEngine):
         else:
             owned.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)
             _must(sun.CVodeSetNonlinearSolver(memory, owned.nonlinear), "CVodeSetNonlinearSolver")
-            # By default the step grows only if it may grow by half, and an arc between two
-            # impacts is over before the order has risen: 1.2 saves a sixth of the steps on the
-            # paper's set, at a smaller error.
+            # By default the step grows only if it may grow by half, and an arc between two impacts
+            # ends before the order has increased: 1.2 saves a sixth of the steps on the paper's
+            # set, with a smaller error.
             _must(sun.CVodeSetEtaFixedStepBounds(memory, 0.0, 1.2), "CVodeSetEtaFixedStepBounds")
         flag = sun.CVodeRootInit(memory, 2 * m + 1, self._callbacks.roots.address)
         _must(flag, "CVodeRootInit")
@@ -357,12 +356,12 @@ class CompiledCvode(CompiledEngine):
         _must(sun.CVodeSetInitStep(memory, first), "CVodeSetInitStep")
 
     def close(self) -> None:
-        """Free CVODE's memory now rather than with the object."""
+        """Free CVODE's memory before the object is destroyed."""
         self._finalizer()
 
 
 class _Owned:
-    """The C objects of one engine, freed in the order that SUNDIALS asks for."""
+    """The C objects of one engine, freed in the order that SUNDIALS requires."""
 
     def __init__(self, sun: Any, context: Any, memory: int, vectors: list[int]) -> None:
         self.sun, self.context, self.memory, self.vectors = sun, context, memory, vectors
@@ -395,7 +394,7 @@ def _step(engine):  # type: ignore[no-untyped-def]
     if _is_cvode(engine):
 
         def implementation(engine):  # type: ignore[no-untyped-def]
-            # CVODE takes the end of the interval for direction and first step only.
+            # CVODE uses the end of the interval for direction and first step only.
             time = address(engine) + _T_OFFSET
             flag = _cvode(engine.cvode, engine.t + 1.0, engine.vector, time, CV_ONE_STEP)
             if flag == interface.ROOT:
@@ -406,14 +405,14 @@ def _step(engine):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _ended(engine, out):  # type: ignore[no-untyped-def]
+def _end_margins(engine, out):  # type: ignore[no-untyped-def]
     if _is_cvode(engine):
 
         def implementation(engine, out):  # type: ignore[no-untyped-def]
             if engine.seen_at == engine.t:
                 for i in range(2 * engine.m):
                     out[i] = pointer(engine.seen)[i]
-            else:  # CVODE has looked for a root on both sides of it
+            else:  # the root search evaluated other times afterwards
                 now, y = min(engine.t, engine.last_instant), engine.y
                 size, p = engine.parameter_count, engine.parameters
                 call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
@@ -454,7 +453,7 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.reset, jit_options={**JIT, **INNER})
-def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+def _reset(engine, max_step):  # type: ignore[no-untyped-def]
     if _is_cvode(engine):
         (first,) = take_snapshot(first_step).frozen()
 
@@ -469,15 +468,15 @@ def _renew(engine, max_step):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
     if _is_cvode(engine):
-        first, sharper = take_snapshot(first_step, sharpened).frozen()
+        first, scaled = take_snapshot(first_step, scaled_tolerances).frozen()
 
-        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
+        def implementation(engine, share, flight_time):  # type: ignore[no-untyped-def]
             if share < 1.0 or engine.share < 1.0:
-                rtol, atol = sharper(engine.rtol, engine.atol, share)
+                rtol, atol = scaled(engine.rtol, engine.atol, share)
                 engine.share = share
                 _set_tolerances(engine.cvode, rtol, atol)
-                _set_first_step(engine.cvode, first(engine.longest, rtol, lasts))
+                _set_first_step(engine.cvode, first(engine.longest, rtol, flight_time))
 
         return implementation

@@ -16,40 +16,40 @@ from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import JACOBIAN, Functions, scalars
 
-# --- How CVODE begins an arc: with which step, and to which tolerances.
+# --- First step and tolerances of an arc
 
-MIN_RTOL = 1e-14  # relative tolerance below which rounding decides
+MIN_RTOL = 1e-14  # smallest relative tolerance above rounding
 
 
-def first_step(max_step: float, rtol: float, lasts: float) -> float:
-    """Return the first step of an arc, integrated to `rtol`, whose flight `lasts` so long.
+def first_step(max_step: float, rtol: float, flight_time: float) -> float:
+    """Return the first step of an arc with tolerance `rtol` and a flight of length `flight_time`.
 
-    CVODE's own makes an error of the whole tolerance, at order 1: more than the flight after a
-    weak impact is high. One far below it costs a step or two an arc, and only has to stay above
-    the spacing of the numbers. That of a short flight makes a thousandth of the error that it may
-    have; else CVODE would fail to find it.
+    CVODE's default has an error of the whole tolerance, at order 1: more than the height of the
+    flight after a weak impact. A far smaller step costs one or two steps per arc, and must exceed
+    the spacing of floating-point numbers. In a short flight its error is a thousandth of the
+    tolerance, so that CVODE detects the end of the flight.
     """
     usual = 1e-13 + 256.0 * 2.0**-52 * max_step
-    return min(usual, 0.01 * math.sqrt(rtol) * lasts)
+    return min(usual, 0.01 * math.sqrt(rtol) * flight_time)
 
 
-def sharpened(rtol: float, atol: float, share: float) -> tuple[float, float]:
-    """Return the tolerances of an arc that may err by a `share` of `rtol` and `atol`."""
+def scaled_tolerances(rtol: float, atol: float, share: float) -> tuple[float, float]:
+    """Return `rtol` and `atol` reduced by the factor `share`, bounded below."""
     return max(share * rtol, min(rtol, MIN_RTOL)), max(share * atol, 1e-300)
 
 
-# --- One arc through scikit-sundae's public API: the readable engine, and the fallback.
+# --- CVODE through scikit-sundae's public API: the fallback of the compiled engine
 
-# Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
-_SILENCE = threading.Lock()
+# Standard output is global: concurrent redirections by two threads would lose it.
+_STDOUT_LOCK = threading.Lock()
 
 
 class _Failure(Exception):
-    """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
+    """Raised by a callback, with CVODE's code of the failure."""
 
 
 class InterpretedCvode(Functions):
-    """CVODE with Python callbacks, behind the contract of `mems_impact.integrators.interface`.
+    """CVODE with Python callbacks and the interface of `mems_impact.integrators.interface`.
 
     Parameters
     ----------
@@ -87,14 +87,14 @@ class InterpretedCvode(Functions):
             out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
             out[2 * m] = y[component] - level if component >= 0 else 1.0
 
-        def newton(t: float, y: Any, _dy: Any, entries: Any) -> None:
+        def jacobian_entries(t: float, y: Any, _dy: Any, entries: Any) -> None:
             assert jacobian is not None
             entries[:] = 0.0
             now = min(t, self._last_instant)
             try:
                 jacobian(self._mode, now, scalars(y, self.n), self.parameters, entries)
             except Exception as error:
-                self.note(error, JACOBIAN, self._mode, 0, now, y)
+                self.record_fault(error, JACOBIAN, self._mode, 0, now, y)
                 raise _Failure(interface.NON_FINITE) from None
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
@@ -104,34 +104,34 @@ class InterpretedCvode(Functions):
         self._settings: dict[str, Any] = {
             "rhsfn": rhs,
             "method": options.method,
-            "jacfn": newton if jacobian is not None else None,
+            "jacfn": jacobian_entries if jacobian is not None else None,
             "eventsfn": roots,
             "num_events": 2 * m + 1,
         }
         self._rtol, self._atol = options.rtol, options.atol
-        self.renew(max_step)
+        self.reset(max_step)
 
-    def renew(self, max_step: float) -> None:
-        """Forget all that was before; no step is longer than `max_step`."""
+    def reset(self, max_step: float) -> None:
+        """Restore the initial state, with the longest step `max_step`."""
         self._max_step = max_step
         self._make(1.0, math.inf)
 
-    def sharpen(self, share: float, lasts: float) -> None:
-        """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
+    def sharpen(self, share: float, flight_time: float) -> None:
+        """Reduce the tolerances of the next arc by the factor `share`."""
         if share < 1.0 or self._share < 1.0:
-            self._make(share, lasts)
+            self._make(share, flight_time)
 
-    def _make(self, share: float, lasts: float) -> None:
-        # Tolerances cannot be changed later.
+    def _make(self, share: float, flight_time: float) -> None:
+        # A solver's tolerances cannot be changed.
         self._share = share
-        rtol, atol = sharpened(self._rtol, self._atol, share)
-        first = first_step(self._max_step, rtol, lasts)
+        rtol, atol = scaled_tolerances(self._rtol, self._atol, share)
+        first = first_step(self._max_step, rtol, flight_time)
         self._solver = CVODE(
             **self._settings, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
         )
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
-        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        """Begin an arc at (t, y) in `mode` with evaluations before `stop` only."""
         self._mode = int(mode)
         self._stop = stop if stop < math.inf else None
         self._last_instant = np.nextafter(stop, 0.0) if stop < math.inf else math.inf
@@ -142,11 +142,11 @@ class InterpretedCvode(Functions):
     def step(self) -> int:
         """Take one internal step; STEPPED, STOPPED, ROOT or a negative code."""
         # scikit-sundae appends to these lists at every root and never clears them, so that every
-        # result would carry all roots of the run (contract test: test_sksundae_event_log).
+        # result would contain all roots of the run (contract test: test_sksundae_event_log).
         for log in (self._roots._i, self._roots._t, self._roots._y):  # type: ignore[attr-defined]
             log.clear()
-        # CVODE's complaints go to standard output; its code says it all.
-        with _SILENCE, contextlib.redirect_stdout(io.StringIO()):
+        # CVODE prints messages to standard output; its return code suffices.
+        with _STDOUT_LOCK, contextlib.redirect_stdout(io.StringIO()):
             try:
                 self._result = self._solver.step(self._horizon, method="onestep", tstop=self._stop)
             except _Failure as failure:
@@ -163,22 +163,22 @@ class InterpretedCvode(Functions):
         """Copy the state at `time` into `y`."""
         y[: self.n] = self._result.y.tolist()
 
-    def ended(self, out: Any) -> None:
+    def end_margins(self, out: Any) -> None:
         """Write margins and rates at `time` into `out`."""
         self.margins(self._mode, min(self._t, self._last_instant), self._result.y, out)
 
-    def fired(self, i: int) -> int:
-        """Return how root function `i` crossed zero at the last ROOT."""
+    def root_directions(self, i: int) -> int:
+        """Return the direction in which root function `i` crossed zero at the last ROOT, or 0."""
         return int(self._result.i_events[-1][i])
 
     def interpolate(self, t: float, y: Any) -> None:
         """Write the state at `t`, within the last internal step, into `y`."""
-        # Going back, CVODE looks for roots on its way and forgets those that it has found. So it
-        # is shown the values that it knows, which do not change, and led back to where it was.
+        # On the way back CVODE searches for roots and loses those already found. So the root
+        # functions are frozen at their known values, and the solver returns to its time afterwards.
         frozen = np.empty(2 * self.m + 1)
         self._roots(self._t, self._result.y, frozen)
         if self._result.status == interface.ROOT:
-            # What is exactly zero has been crossed; if not told, in the direction not looked for.
+            # An exact zero is a crossing; if not reported, in the irrelevant direction.
             crossed = np.array(self._result.i_events[-1])
             crossed = np.where(crossed == 0, self._otherwise, crossed)
             frozen = np.where(frozen == 0.0, 1e-300 * crossed, frozen)

@@ -1,7 +1,7 @@
 """DOP853 in compiled code.
 
-The stepper becomes C functions over the address of a HANDLE, kept in numba's cache on disk; they
-reach the automaton through the addresses in it. Nothing here needs SUNDIALS.
+The stepper is compiled to C functions over the address of a HANDLE and cached on disk; the handle
+has the addresses of the automaton's functions. SUNDIALS is not required.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ HANDLE = np.dtype(
     ],
     align=True,
 )
-# A product and a sum may be one operation: a period takes 5 % less time. Automata are
-# compiled without, as a difference that is zero must stay so.
+# Fused multiply-add saves 5 % of the time. Automata are compiled without it, since exact zeros of
+# differences must be preserved.
 CONTRACTED = {"fastmath": {"contract"}}
 _handle = record_at(from_dtype(HANDLE))
 
@@ -62,7 +62,7 @@ SIGNATURES = {
 
 
 def prepare() -> None:
-    """Raise EngineUnavailable where nothing may be compiled; there is nothing to bind."""
+    """Raise EngineUnavailable if numba is disabled."""
     check_numba()
 
 
@@ -70,7 +70,7 @@ class CompiledDop853(CompiledEngine):
     """A handle for the compiled stepper.
 
     The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`; an
-    explicit method has no use for the Jacobian.
+    explicit method does not use the Jacobian.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
@@ -95,7 +95,7 @@ class CompiledDop853(CompiledEngine):
 
 @cache
 def functions() -> dict[str, Any]:
-    """Compile the stepper to C functions over a HANDLE, or find them in the cache."""
+    """Compile the stepper to C functions over a HANDLE, or load them from the cache."""
     run_stages, run_dense, run_step, run_interpolate = take_snapshot(
         method.stages, method.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
@@ -149,7 +149,7 @@ def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
         return implementation
 
 
-# In what follows the functions of the text are called where the handle has their addresses.
+# Calls of the compiled functions by their addresses in the handle.
 _call_stages = caller(SIGNATURES["stages"])
 _call_dense = caller(SIGNATURES["dense"])
 _call_step = caller(SIGNATURES["step"])
@@ -183,7 +183,7 @@ def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _ended(engine, out):  # type: ignore[no-untyped-def]
+def _end_margins(engine, out):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
 
         def implementation(engine, out):  # type: ignore[no-untyped-def]
@@ -206,17 +206,17 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.reset, jit_options={**JIT, **INNER})
-def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+def _reset(engine, max_step):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        (run_renew,) = take_snapshot(stepper.reset).frozen()
+        (run_reset,) = take_snapshot(stepper.reset).frozen()
 
         def implementation(engine, max_step):  # type: ignore[no-untyped-def]
-            run_renew(engine, max_step)
+            run_reset(engine, max_step)
 
         return implementation
 
 
 @overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine, share, lasts: None
+        return lambda engine, share, flight_time: None

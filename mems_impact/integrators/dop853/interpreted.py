@@ -13,16 +13,16 @@ from mems_impact.integrators.python_functions import Functions, scalars
 
 
 class InterpretedDop853(Functions):
-    """The text of `stepper` over lists, behind the contract of `mems_impact.integrators.interface`.
+    """The functions of `stepper` over lists, with the interface of `integrators.interface`.
 
     The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`; an
-    explicit method has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
+    explicit method does not use the Jacobian. The attributes are the fields of `compiled.HANDLE`.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         super().__init__(equations)
         n, m = equations.n, equations.m
-        # Lists: scalars out of arrays are several times as slow.
+        # Lists: access to scalars of arrays is several times slower.
         self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
         self.components = [[0.0] * ENGINE_NUMBERS for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
@@ -41,15 +41,15 @@ class InterpretedDop853(Functions):
         """Return whether stability, not accuracy, has limited steps."""
         return self.stiff == 1
 
-    def renew(self, max_step: float) -> None:
-        """Forget all that was before; no step is longer than `max_step`."""
+    def reset(self, max_step: float) -> None:
+        """Restore the initial state, with the longest step `max_step`."""
         stepper.reset(self, float(max_step))
 
-    def sharpen(self, share: float, lasts: float) -> None:
-        """Do nothing: over a short flight an error of order 8 is far below the flight."""
+    def sharpen(self, share: float, flight_time: float) -> None:
+        """Do nothing: the error of order 8 is negligible in a short flight."""
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
-        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        """Begin an arc at (t, y) in `mode` with evaluations before `stop` only."""
         stepper.restart(self, int(mode), float(t), scalars(y, self.n), float(stop))
 
     def step(self) -> int:
@@ -64,12 +64,12 @@ class InterpretedDop853(Functions):
         """Copy the state at `time` into `y`."""
         y[: self.n] = self.rows[STATE][: self.n]
 
-    def ended(self, out: Any) -> None:
+    def end_margins(self, out: Any) -> None:
         """Write margins and rates at `time` into `out`."""
         out[: 2 * self.m] = self.rows[LOW][: 2 * self.m]
 
-    def fired(self, i: int) -> int:
-        """Return how root function `i` crossed zero at the last ROOT."""
+    def root_directions(self, i: int) -> int:
+        """Return the direction in which root function `i` crossed zero at the last ROOT, or 0."""
         return self.crossings[i]
 
     def interpolate(self, t: float, y: Any) -> None:

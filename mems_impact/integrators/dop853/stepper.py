@@ -2,20 +2,19 @@
 
 As published with the code DOP853 of E. Hairer and G. Wanner (E. Hairer, S. P. Norsett, G. Wanner,
 "Solving Ordinary Differential Equations I", second edition, Section II.5), rounded to doubles.
-Published digits have been wrong before: `tests/integrators/dop853/test_order.py` checks the order
-conditions of all of them.
+`tests/integrators/dop853/test_order.py` checks the order conditions of all coefficients.
 
-Stages count from zero. Stage 12 is the slope at the end of the step, with which the next one
-begins; 13 to 15 serve the dense output alone. Only coefficients that are not zero are listed.
+Stages are numbered from zero. Stage 12 is the slope at the end of the step, the first stage of the
+next step; 13 to 15 serve the dense output only. Only nonzero coefficients are listed.
 
-Like the loop, this is one text for both engines: `interface.flow` calls the automaton, and `row`
-and `component` lead to lists in Python and to memory in compiled code.
+The source is common to the interpreted and the compiled engine: `interface.flow` calls the
+automaton, and `row` and `component` return lists in Python and pointers in compiled code.
 
-A row of the table holds the 2 m + 1 root functions at one instant: the margins as they are, their
-rates, the section. A margin fires where it (with its bias) falls to zero or below, a rate where it
-rises to zero or above; so a function that starts at zero does not fire by staying there.
+A row of root functions has 2 m + 1 values at one instant: the margins without bias, their rates,
+the section. A margin fires if it (with its bias) decreases to zero or below, a rate if it increases
+to zero or above; a function that starts at zero and remains there does not fire.
 
-The text of `step`, `restart`, `reset` and `interpolate` of the engine's contract, for both engines.
+`step`, `restart`, `reset` and `interpolate` implement `integrators.interface`.
 """
 
 from __future__ import annotations
@@ -27,19 +26,18 @@ import numpy as np
 
 from mems_impact.integrators import interface
 
-# --- Dormand and Prince's method of order 8 with its dense output of order 7: the coefficients.
+# --- Coefficients of Dormand and Prince's method of order 8 with dense output of order 7
 
 # fmt: off
 
-# Where in the step each stage is.
+# Nodes of the stages.
 C = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726,
     0.3333333333333333, 0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0,
     1.0, 0.1, 0.2, 0.7777777777777778,
 )
 
-# The stages that have a part in the state at which stage i is evaluated, and with which weights.
-# Row 12 holds the weights of the method.
+# Stages with nonzero weights in stage i, and the weights. Row 12 has the weights of the method.
 STAGES = (
     (),
     (0,),
@@ -121,7 +119,7 @@ ERROR_5 = (
     0.01312004499419488, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
     -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
 )
-# The embedded method of order 3: its weights on stages 0, 8 and 11.
+# Weights of the embedded method of order 3 on stages 0, 8 and 11.
 WEIGHTS_3 = (0.2440944881889764, 0.7338466882816118, 0.022058823529411766)
 
 # Coefficients 3 to 6 of the dense output.
@@ -149,19 +147,19 @@ D = (
     ),
 )
 
-# --- One step of the method: stages, error estimate, dense output.
+# --- Stages, error estimate, dense output
 
-# What is kept of each component of the state, one after another: the slopes at the places C of the
-# step, numbers 0 to 15, and seven coefficients of the dense output.
+# Data of each component of the state: the slopes of stages 0 to 15, then seven coefficients of the
+# dense output.
 DENSE = 16
 ENGINE_NUMBERS = 24
 
-# Rows of numbers side by side, as the automaton's functions take them.
-ARGUMENT, SLOPE = 0, 1  # state at which a stage is evaluated, and what comes of it
-START, END = 2, 3  # states between which the step goes
-STATE = 4  # what `state` answers
-LOW, HIGH = 5, 6  # root functions where they are looked for from, and at the end of the step
-SPARE = 7  # three rows of root functions while a root is closed in
+# Rows of values, the arguments and results of the automaton's functions.
+ARGUMENT, SLOPE = 0, 1  # state of a stage, and its slope
+START, END = 2, 3  # states at both ends of the step
+STATE = 4  # state at the present time
+LOW, HIGH = 5, 6  # root functions at the present time, and at the end of the step
+SPARE = 7  # three rows of root functions for the root search
 ROWS = 10
 
 
@@ -171,12 +169,12 @@ def row(engine: Any, i: int) -> Any:
 
 
 def component(engine: Any, j: int) -> Any:
-    """Return what is kept of component `j`."""
+    """Return the data of component `j`."""
     return engine.components[j]
 
 
 def set_fired(engine: Any, i: int, direction: int) -> None:
-    """Say that root function `i` has crossed zero in `direction`, or not (0)."""
+    """Set the direction in which root function `i` has crossed zero, or 0."""
     engine.crossings[i] = direction
 
 
@@ -184,7 +182,7 @@ def stages(engine: Any, t: float, h: float) -> float:
     """Evaluate slopes 1 to 11 and END of a step from (t, START); return its error in tolerances.
 
     Slope 0 must be known. The error estimate is that of DOP853, of order 7: it combines two
-    embedded methods, of orders 5 and 3. It is not finite where a slope is not.
+    embedded methods, of orders 5 and 3. It is not finite if a slope is not.
     """
     n, mode, limit = engine.n, engine.mode, engine.last_instant
     rtol, atol = engine.rtol, engine.atol
@@ -286,7 +284,7 @@ def stages(engine: Any, t: float, h: float) -> float:
         error_5 += difference * difference
         difference = (mean - (w0 * k[0] + w8 * k[8] + w11 * k[11])) / scale
         error_3 += difference * difference
-        # Slopes that have no weight of their own.
+        # Slopes without a weight in the error estimate.
         probe += k[1] + k[2] + k[3] + k[4]
     # fmt: on
     total = error_5 + 0.01 * error_3
@@ -296,7 +294,7 @@ def stages(engine: Any, t: float, h: float) -> float:
 
 
 def dense(engine: Any) -> None:
-    """Compute the coefficients of the dense output of the last step, by three more slopes."""
+    """Compute the coefficients of the dense output of the last step, with three more stages."""
     n, mode, limit = engine.n, engine.mode, engine.last_instant
     t, h = engine.t_start, engine.t_end - engine.t_start
     y, slope = row(engine, ARGUMENT), row(engine, SLOPE)
@@ -367,7 +365,7 @@ def dense(engine: Any) -> None:
 
 
 def try_step(engine: Any, t: float, h: float) -> float:
-    """Call `stages`, which compiled code has as a C function, as it has `dense`."""
+    """Call `stages`; compiled code calls a C function, as for `dense`."""
     return stages(engine, t, h)
 
 
@@ -387,10 +385,10 @@ def slope_at_end(engine: Any, t: float) -> bool:
     return math.isfinite(total)
 
 
-def stretched(engine: Any, h: float) -> float:
+def stiffness_ratio(engine: Any, h: float) -> float:
     """Return h times Hairer's estimate of the largest eigenvalue, from slopes 11 and 12.
 
-    Both belong to the end of the step, to the state of ARGUMENT and to END.
+    Both are at the end of the step, at the states ARGUMENT and END.
     """
     y, end = row(engine, ARGUMENT), row(engine, END)
     slopes, states = 0.0, 0.0
@@ -419,14 +417,14 @@ def dense_at(engine: Any, t: float, y: Any) -> None:
         inner = k[DENSE + 3] + u * (k[DENSE + 4] + v * (k[DENSE + 5] + u * k[DENSE + 6]))
         y[j] = start[j] + u * (k[DENSE] + v * (k[DENSE + 1] + u * (k[DENSE + 2] + v * inner)))
 
-# --- The first sign change of the root functions within a step.
+# --- First root within a step
 
 NONE = -1
 ULP = 2.0**-52
 
 
 def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
-    """Write all root functions at (t, y) into `out`; return whether they are numbers."""
+    """Write all root functions at (t, y) into `out`; return whether none is nan."""
     m = engine.m
     interface.margins(engine, engine.mode, min(t, engine.last_instant), y, out)
     out[2 * m] = y[engine.section] - engine.level if engine.section >= 0 else 1.0
@@ -442,9 +440,9 @@ def value(engine: Any, i: int, values: Any) -> float:
 
 
 def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
-    """Return how function `i` crosses zero between rows: -1 falling, +1 rising, 0 not at all.
+    """Return how function `i` crosses zero between rows: -1 falling, +1 rising, 0 for no crossing.
 
-    Directions that are not looked for do not count.
+    Only the relevant directions count.
     """
     m = engine.m
     if i < m:
@@ -466,9 +464,9 @@ def any_crossed(engine: Any, low: Any, high: Any) -> bool:
 
 
 def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
-    """Return the function whose zero is first if all of them are straight, and where between.
+    """Return the function with the first zero by linear interpolation, and its relative position.
 
-    NONE if none crosses zero.
+    Return NONE if no function crosses zero.
     """
     first, place = NONE, 1.0
     for i in range(2 * engine.m + 1):
@@ -480,19 +478,18 @@ def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
     return first, place
 
 
-def close_in(engine: Any, begin: float, end: float) -> float:
-    """Return the first root after `begin`, where LOW stands; NaN if a function is not a number.
+def first_root(engine: Any, begin: float, end: float) -> float:
+    """Return the first root after `begin`, the time of LOW; nan if a function is nan.
 
-    HIGH stands at `end`, and some function crosses zero between the two. The answer is on the far
-    side of the root, within two units of its last place. LOW then holds the functions there, and
-    what crosses zero with it is told as fired.
+    HIGH is at `end`, and some function crosses zero between the two. The result is on the far side
+    of the root, within two units in the last place. LOW then has the functions there, and all
+    functions that cross zero with it have fired.
 
-    The method works on all functions at once: the far end of the bracket is where any of them has
-    crossed zero. It goes where a parabola through the last three points has its root (or the
-    straight line, where they do not lie on a monotonous one), and a little to the middle of the
-    bracket, so that both its ends close in. It never leaves the middle by more than leaves
-    bisection one step behind: the projection of ITP (Oliveira and Takahashi, ACM Trans. Math.
-    Softw. 47, 2020).
+    The method treats all functions at once: at the far end of the bracket any of them has crossed
+    zero. The next point is the root of inverse quadratic interpolation (or linear interpolation, if
+    that is not monotonic), shifted slightly towards the midpoint, so that both ends converge. The
+    projection of ITP (Oliveira and Takahashi, ACM Trans. Math. Softw. 47, 2020) bounds the distance
+    from the midpoint, so that the search needs at most one step more than bisection.
     """
     count = 2 * engine.m + 1
     near, far, last, trial = LOW, SPARE, SPARE + 1, SPARE + 2  # rows
@@ -552,30 +549,30 @@ def close_in(engine: Any, begin: float, end: float) -> float:
         row(engine, LOW)[i] = row(engine, far)[i]
     return b
 
-# --- Step by step through an arc: control of the step, and roots within it.
+# --- Step size control
 
 ERROR_TEST = -3  # of interface.FAILURES
 
-# Step control of DOP853. The part of the last step's error that it leaves to choose (beta) stays
-# out, as by default there: at 0.04 the paper's set takes 4 to 9 % more steps, at 0.08 28 to 38 %.
+# Step size control of DOP853 with its default beta = 0: with beta = 0.04 the paper's set takes 4 to
+# 9 % more steps, with 0.08 28 to 38 %.
 SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
 
-# The textbook's first step is cautious at order 8: on smooth arcs of this package the error
-# estimate then allows one that is 4 to 28 times as long, mostly 6 to 10.
-BOLD = 6.0
-# Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment
-# what it else does in a period, such as swing from one sign to the other, and margins are looked
-# at only where steps end.
-STIFFNESS_CHECKS = 4.0
-RETREAT = 0.25  # a step into where the functions are not finite is cut to this
+# Factor on the first step of the textbook, which is short at order 8: on smooth arcs of this
+# package the error estimate allows a first step 4 to 28 times as long, mostly 6 to 10.
+FIRST_STEP_FACTOR = 6.0
+# Least number of steps in an arc up to a stop: between two switches a drive may change much faster
+# than its period suggests, and margins are evaluated only at the ends of steps.
+MIN_STEPS_TO_STOP = 4.0
+RETREAT = 0.25  # factor on a step with non-finite functions
 
-# Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
-# in a row. It is made every so many steps, and at every step once it has been met.
-BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
+# Hairer's test of stiffness: the product of step and eigenvalue exceeds a limit in many successive
+# checks, with few exceptions. Number of steps between checks; after a positive check every step is
+# checked.
+STABILITY_LIMIT, STIFF_CHECKS, NONSTIFF_CHECKS, CHECK_INTERVAL = 6.1, 15, 6, 64
 
 
 def reset(engine: Any, max_step: float) -> None:
-    """Forget all that was before; no step is longer than `max_step`."""
+    """Restore the initial state, with the longest step `max_step`."""
     engine.max_step = max_step
     engine.h_next = 0.0
     engine.at_border = 0
@@ -585,7 +582,7 @@ def reset(engine: Any, max_step: float) -> None:
 
 
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
-    """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on."""
+    """Begin an arc at (t, y) in `mode` with evaluations before `stop` only."""
     for j in range(engine.n):
         row(engine, START)[j] = y[j]
         row(engine, END)[j] = y[j]
@@ -596,13 +593,13 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.t_end = t
     engine.stop = stop
     engine.last_instant = float(np.nextafter(stop, -math.inf))
-    engine.longest = min(engine.max_step, (stop - t) / STIFFNESS_CHECKS)
+    engine.longest = min(engine.max_step, (stop - t) / MIN_STEPS_TO_STOP)
     engine.begun = 0
     engine.rest = 0
 
 
 def step(engine: Any) -> int:
-    """Take one step, or go to the first root in it or in what is left of the last one."""
+    """Take one step, or stop at the first root in it or in the remainder of the last one."""
     if engine.rest == 0:
         if engine.begun == 0:
             status = begin(engine)
@@ -611,7 +608,7 @@ def step(engine: Any) -> int:
         status = take_step(engine)
         if status < 0:
             return status
-    return look(engine)
+    return advance_to_root(engine)
 
 
 def begin(engine: Any) -> int:
@@ -628,10 +625,9 @@ def begin(engine: Any) -> int:
 
 
 def first_step(engine: Any) -> float:
-    """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
+    """Return a first step from slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
 
-    The length of the last arc's steps is no guide: an arc must not depend on what was before it,
-    or a run could not be taken up at any of its events.
+    It must not depend on the previous arc, so that a run can be resumed at any of its events.
     """
     n = engine.n
     y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
@@ -641,7 +637,7 @@ def first_step(engine: Any) -> float:
         size += (y[j] / scale) * (y[j] / scale)
         speed += (component(engine, j)[12] / scale) * (component(engine, j)[12] / scale)
     longest = engine.longest
-    # A state within the tolerance of zero, or a slope that is, has no scale of its own.
+    # A state within the tolerance of zero, or a tiny slope, defines no time scale.
     scaled = size > 1.0 and speed > 1e-10
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
     for j in range(n):
@@ -657,16 +653,16 @@ def first_step(engine: Any) -> float:
     steepest = max(math.sqrt(bend) / h, math.sqrt(speed))
     if steepest <= 1e-15:
         return longest
-    return min(100.0 * h, BOLD * eighth_root(0.01 / steepest), longest)
+    return min(100.0 * h, FIRST_STEP_FACTOR * eighth_root(0.01 / steepest), longest)
 
 
 def eighth_root(x: float) -> float:
-    """Return the eighth root, which is how the step goes with the error."""
+    """Return the eighth root, the dependence of the step on the error."""
     return math.sqrt(math.sqrt(math.sqrt(x)))
 
 
 def take_step(engine: Any) -> int:
-    """Take one step that the error estimate allows, from where the last one ended."""
+    """Take one step that passes the error test."""
     start, end = row(engine, START), row(engine, END)
     for j in range(engine.n):
         start[j] = end[j]
@@ -680,10 +676,10 @@ def take_step(engine: Any) -> int:
     while True:
         planned = h
         ahead = t + h
-        # A little longer, where that spares a tiny last step.
+        # Slightly longer if that avoids a tiny last step.
         if ahead >= engine.stop or engine.stop - t <= min(1.01 * h, engine.max_step):
             ahead = engine.stop
-        h = ahead - t  # exactly the time that goes by
+        h = ahead - t  # the exact difference of times
         error = try_step(engine, t, h)
         if not math.isfinite(error):
             failure = interface.NON_FINITE
@@ -707,36 +703,36 @@ def take_step(engine: Any) -> int:
     longer = h * min(GROW, SAFETY / max(eighth_root(error), 1e-3))
     if rejected:
         longer = min(longer, h)
-    # A step that was cut at the stop does not say that a longer one would fail.
+    # A step shortened by the stop does not limit the next one.
     engine.h_next = max(longer, planned) if h < planned else longer
-    watch_stability(engine, h)
+    check_stability(engine, h)
     return interface.STEPPED
 
 
-def watch_stability(engine: Any, h: float) -> None:
-    """Count steps at the border of stability; mark the run as stiff after many in a row."""
-    if engine.at_border == 0 and engine.steps % EVERY != 0:
+def check_stability(engine: Any, h: float) -> None:
+    """Count steps at the stability limit; mark the run as stiff after many successive ones."""
+    if engine.at_border == 0 and engine.steps % CHECK_INTERVAL != 0:
         return
-    if stretched(engine, h) > BORDER:
+    if stiffness_ratio(engine, h) > STABILITY_LIMIT:
         engine.off_border = 0
         engine.at_border += 1
-        if engine.at_border >= IN_A_ROW:
+        if engine.at_border >= STIFF_CHECKS:
             engine.stiff = 1
     else:
         engine.off_border += 1
-        if engine.off_border >= FAR_FROM_IT:
+        if engine.off_border >= NONSTIFF_CHECKS:
             engine.at_border = 0
 
 
-def look(engine: Any) -> int:
-    """Go to the first root between the time last told and the end of the step, or to that end."""
+def advance_to_root(engine: Any) -> int:
+    """Advance to the first root before the end of the step, or to the end."""
     low, high = row(engine, LOW), row(engine, HIGH)
     count = 2 * engine.m + 1
     if any_crossed(engine, low, high):
-        t = close_in(engine, engine.t, engine.t_end)
+        t = first_root(engine, engine.t, engine.t_end)
         if math.isnan(t):
             return interface.ROOT_FUNCTION_FAILED
-        # A root at the stop is not told: the loop looks at all margins after a switch.
+        # A root at the stop is ignored: the loop checks all margins after a switch.
         if t < engine.stop:
             leave_section(engine, low, interface.root_directions(engine, count - 1))
             dense_at(engine, t, row(engine, STATE))
@@ -754,9 +750,9 @@ def look(engine: Any) -> int:
 
 
 def leave_section(engine: Any, values: Any, side: int) -> None:
-    """Put a state on the section to the side that it goes to, lest it cross it twice or never.
+    """Set the sign of a section value of zero, so that the section is crossed exactly once.
 
-    `side` is 0 at the start or end of a step, where the slope tells.
+    `side` is 0 at the start or end of a step, where the slope determines the sign.
     """
     last = 2 * engine.m
     if values[last] == 0.0:

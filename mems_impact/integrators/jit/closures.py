@@ -1,10 +1,10 @@
-"""Snapshots of functions with all they refer to, and errors of their compilation.
+"""Snapshots of functions with their dependencies, and errors of their compilation.
 
-numba builds into compiled code whatever a function reads from elsewhere: globals, variables that it
-closes over, defaults, attributes of modules, and the functions that it calls, with what these read.
-So the name of compiled code, on disk as within a process, must cover all of that, and where any of
-it has changed, the functions must be compiled anew. `take_snapshot` reads it, every time that an
-engine is made; a `Snapshot` says whether two readings are the same.
+Compiled code of numba contains the values of all dependencies of a function: globals, closure
+variables, defaults, attributes of modules, and the functions that it calls, with their
+dependencies. So the name of compiled code, on disk and within a process, must cover them all, and a
+change of any of them requires compilation. `take_snapshot` reads the dependencies whenever an
+engine is created; equal snapshots have the same compiled code.
 """
 
 from __future__ import annotations
@@ -30,73 +30,73 @@ from numba.extending import overload
 
 from mems_impact.integrators.jit.numba_support import INNER, JIT
 
-__all__ = ["compiling"]
+__all__ = ["try_compile"]
 
-# --- Functions with all that they draw on, as they are at one instant: named, and frozen.
+# --- Snapshots
 
-# numba has its own text for what these define, and their numbers do not change.
+# numba has its own implementations for these, and their constants do not change.
 LIBRARIES = ("math", "numba", "numpy")
 
-_registering = threading.Lock()  # numba's registries know nothing of threads
+_registering = threading.Lock()  # numba's registries are not thread-safe
 
-# Functions that numba can call already.
+# Functions with overloads of their own.
 _overloaded: set[Callable[..., Any]] = set()
 
 
 def mark_overloaded(*functions: Callable[..., Any]) -> None:
-    """Say that `functions` have overloads of their own: they are taken as they are."""
+    """Declare that `functions` have overloads of their own, and are not copied."""
     _overloaded.update(functions)
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What functions draw on, at one instant.
+    """Functions and their dependencies at one instant.
 
     Attributes
     ----------
     name : str
-        A digest of the functions and all that they draw on, and of the engine's own sources. What
-        has the same name compiles to the same code.
+        A digest of the functions with their dependencies, and of the sources of the engine. Equal
+        names mean equal compiled code.
     lasting : bool
-        Whether the name means the same in another process. It does not if a function draws on an
-        object that can be told by its place in memory only.
+        Whether the name is valid in other processes. It is not if a function depends on an object
+        that is identified by its address only.
     functions : tuple of callable
     """
 
     name: str
     lasting: bool
     functions: tuple[FunctionType, ...] = field(compare=False)
-    _kept: tuple[Any, ...] = field(compare=False, repr=False)  # told by their place in memory
+    _kept: tuple[Any, ...] = field(compare=False, repr=False)  # identified by address
 
     @property
     def passing(self) -> tuple[Any, ...]:
-        """What its functions draw on that is another object in every process."""
+        """Dependencies that are different objects in every process."""
         return self._kept
 
     def frozen(self, **options: Any) -> list[Any]:
         """Return copies of the functions, and of all functions that they call, for numba.
 
-        `options` are those of numba with which what they call is compiled, beside our own.
+        `options` are additional options of numba for the called functions.
 
-        Calls of plain Python functions are not compiled by numba unless it is told to. Doing so
-        here keeps numba's decorators out of the equations. They are copies, since numba compiles a
-        function once in a process, whatever happens to the numbers that it reads.
+        numba compiles calls of plain Python functions only after registration, which happens here,
+        so that equations need no decorators. Copies are necessary because numba compiles a function
+        once per process, even if its dependencies change.
         """
         copier = _Copier(self.name, options)
         with _registering:
             return [copier.function(function) for function in self.functions]
 
 
-# What was read for a snapshot: where, by which name, what.
+# Dependencies read for a snapshot: getter, name, value.
 _Reads = list[tuple[Callable[[str], Any], str, Any]]
-# The last snapshot of some functions, with what was read for it as three columns, each thing once:
-# every run of a compiled engine looks at all of them again, without a loop of Python's.
+# The last snapshot of some functions, with its distinct dependencies as three columns, which every
+# run of a compiled engine compares without a Python loop.
 _Columns = tuple[tuple[Callable[[str], Any], ...], tuple[str, ...], tuple[Any, ...]]
 _taken: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
 
 
 def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
-    """Read what `functions` draw on, now."""
+    """Take a snapshot of `functions`."""
     if functions in _taken:
         snapshot, (gets, names, values) = _taken[functions]
         if all(map(operator.is_, map(operator.call, gets, names), values)):
@@ -108,7 +108,7 @@ def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
         assert isinstance(function, FunctionType), function
         reader.value(function)
     snapshot = Snapshot(reader.name(), not reader.kept, plain, tuple(reader.kept))
-    if not reader.arrays:  # whose contents may change, though they are the same objects
+    if not reader.arrays:  # whose contents may change in place
         once = {(get, name): value for get, name, value in reader.reads}
         gets, names = zip(*once, strict=True) if once else ((), ())
         _taken[functions] = snapshot, (gets, names, tuple(once.values()))
@@ -116,7 +116,7 @@ def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
 
 
 def digest(*functions: Callable[..., Any]) -> str:
-    """Return a digest of functions and all that they draw on, the engine's own sources left out."""
+    """Return a digest of functions with their dependencies, without the sources of the engine."""
     reader = _Reader()
     for function in functions:
         reader.value(_plain(function))
@@ -135,7 +135,7 @@ def sources() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return the Python function within one that numba compiled; anything else as it is."""
+    """Return the Python function of a numba dispatcher; any other value unchanged."""
     return value.py_func if isinstance(value, Dispatcher) else value
 
 
@@ -143,22 +143,22 @@ def _is_library(name: str | None) -> bool:
     return (name or "").partition(".")[0] in LIBRARIES
 
 
-def _is_taken_as_it_is(function: FunctionType) -> bool:
+def _is_external(function: FunctionType) -> bool:
     return function in _overloaded or _is_library(function.__module__)
 
 
 @cache
 def _names(code: CodeType) -> tuple[str, ...]:
-    """Return all names of globals and of attributes in `code`, and in what is defined within."""
+    """Return all names of globals and attributes in `code` and its nested functions."""
     inner = [name for part in code.co_consts if isinstance(part, CodeType) for name in _names(part)]
     return tuple(sorted({*code.co_names, *inner}))
 
 
 @cache
 def _global_names(code: CodeType) -> tuple[str, ...]:
-    """Return the names of the globals that `code` reads, or what is defined within.
+    """Return the names of the globals that `code` and its nested functions read.
 
-    Not those of attributes: ``p.e`` has nothing to do with a global ``e``.
+    Attribute names are excluded: ``p.e`` does not read a global ``e``.
     """
     inner = [
         name
@@ -185,7 +185,7 @@ def _attributes(module: ModuleType, names: tuple[str, ...]) -> Iterator[tuple[st
 
 
 def _contents(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Yield the variables that `function` closes over; one not set yet reads as None."""
+    """Yield the closure variables of `function`; None for one that is not set yet."""
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         try:
             yield name, cell.cell_contents
@@ -194,14 +194,14 @@ def _contents(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 
 @cache
-def _text(code: CodeType) -> bytes:
-    """Return a digest of what `code` does, wherever it stands."""
+def _code_digest(code: CodeType) -> bytes:
+    """Return a digest of `code`, independent of its location."""
     reader = _Reader()
     reader.put(code.co_code.hex(), code.co_names, code.co_varnames, code.co_freevars)
     reader.put(code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            reader.put(_text(constant))
+            reader.put(_code_digest(constant))
         elif isinstance(constant, frozenset):
             reader.put(*sorted(map(repr, constant)))
         else:
@@ -210,14 +210,14 @@ def _text(code: CodeType) -> bytes:
 
 
 class _Reader:
-    """A digest in the making. Every value goes in with its kind, so that 1 is not 1.0."""
+    """Computes a digest. Values enter with their type, so that 1 and 1.0 differ."""
 
     def __init__(self) -> None:
         self._digest = hashlib.sha256()
         self._numbers: dict[FunctionType, int] = {}
         self._inside: list[ModuleType] = []
-        self.kept: list[Any] = []  # what can be told by its place in memory only
-        self.arrays = False  # whether there were any
+        self.kept: list[Any] = []  # objects identified by address only
+        self.arrays = False  # whether arrays are among the dependencies
         self.reads: _Reads = []
 
     def name(self) -> str:
@@ -227,7 +227,7 @@ class _Reader:
         self._digest.update(f"{parts!r};".encode())
 
     def value(self, value: Any, names: tuple[str, ...] = ()) -> None:
-        """Take a value in; of a module, the attributes among `names`."""
+        """Add a value to the digest; of a module, the attributes among `names`."""
         value = _plain(value)
         kind = f"{type(value).__module__}.{type(value).__qualname__}"
         if isinstance(value, FunctionType):
@@ -256,7 +256,7 @@ class _Reader:
         elif isinstance(value, types.Type):
             self.put(kind, str(value))
         else:
-            # An object lives for as long as it is kept, and so nothing else gets its place.
+            # The reference keeps the object alive, so that its address stays unique.
             self.kept.append(value)
             self.put(kind, id(value))
 
@@ -265,11 +265,11 @@ class _Reader:
             self.put("again", self._numbers[function])
             return
         self._numbers[function] = len(self._numbers)
-        if _is_taken_as_it_is(function):
+        if _is_external(function):
             self.put(function.__module__, function.__qualname__)
             return
         names = _names(function.__code__)
-        self.put(function.__qualname__, _text(function.__code__))
+        self.put(function.__qualname__, _code_digest(function.__code__))
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             self.reads.append((function.__getattribute__, name, getattr(function, name)))
         scope, read = function.__globals__, _global_names(function.__code__)
@@ -298,11 +298,11 @@ class _Reader:
 
 
 class _Copier:
-    """Copies of functions that no later change reaches.
+    """Copies functions, so that later changes do not affect them.
 
-    numba numbers the functions of a process to tell their symbols apart, and the numbers of two
+    numba distinguishes symbols by function numbers within a process, and the numbers of two
     processes coincide. A process that loads the compiled code of both from the cache on disk would
-    silently take the one for the other. So each copy has a name that nothing else has.
+    silently confuse them. So each copy has a unique name.
     """
 
     def __init__(self, name: str, options: dict[str, Any]) -> None:
@@ -320,24 +320,24 @@ class _Copier:
             return self._module(value, names)
         if type(value) is tuple:
             parts = [self.value(part, names) for part in value]
-            # numba calls functions out of a tuple only where they are compiled ones.
+            # numba calls functions in a tuple only if they are compiled.
             return tuple(njit(**JIT)(p) if isinstance(p, FunctionType) else p for p in parts)
         return value
 
     def function(self, function: FunctionType) -> FunctionType:
-        if _is_taken_as_it_is(function):
+        if _is_external(function):
             return function
         if function in self._copies:
             return self._copies[function]
         code, names = function.__code__, _names(function.__code__)
         cells = tuple(CellType() for _ in function.__closure__ or ())
-        # numba looks for the module of a function when it loads it again: this one it finds.
+        # numba imports the module of a function when it loads it from the cache.
         space = {"__builtins__": builtins, "__name__": __name__}
         copy = FunctionType(code, space, function.__name__, function.__defaults__, cells)
         copy.__kwdefaults__ = function.__kwdefaults__
         copy.__module__ = __name__
         copy.__qualname__ = f"{function.__qualname__}_{self._name}_{len(self._copies)}"
-        self._copies[function] = copy  # before what it reads: it may call itself
+        self._copies[function] = copy  # before its dependencies, since it may be recursive
         for cell, (_, value) in zip(cells, _contents(function), strict=True):
             cell.cell_contents = self.value(value, names)
         for name, value in _globals(function):
@@ -354,25 +354,25 @@ class _Copier:
         return self._modules[key]
 
 
-# --- Why numba cannot compile a function, in one sentence.
+# --- Errors of numba
 
-# numba's words for what it lacks where nothing may own memory, and ours.
+# Messages of numba about memory management, which is disabled.
 _OWNING = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
 _PLACE = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?P<j>\d+)\)')
 _FRAME = ("Failed in", "File ", "During", "raised from", ">>>", "There are", "- Of which")
 
 
 class CompileOutcome(NamedTuple):
-    """What became of compiling a function.
+    """Result of compiling a function.
 
     Attributes
     ----------
     problem : str
-        Why it cannot be compiled; empty if it can.
+        Why the function cannot be compiled, or "".
     line : int
-        The line of the function's file where that is, 0 if numba does not tell.
+        The line of the error in the function's file, 0 if unknown.
     returned : numba type or None
-        What it returns, where it can be compiled.
+        Type of the returned value, if the function can be compiled.
     """
 
     problem: str
@@ -380,8 +380,8 @@ class CompileOutcome(NamedTuple):
     returned: Any = None
 
 
-def compiling(function: Callable[..., Any], arguments: tuple[Any, ...]) -> CompileOutcome:
-    """Compile a function by itself, for arguments of these types of numba's."""
+def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> CompileOutcome:
+    """Compile a single function for arguments of the given numba types."""
     from numba import njit
 
     file = function.__code__.co_filename
@@ -389,29 +389,29 @@ def compiling(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Compi
         (frozen,) = take_snapshot(function).frozen()
         compiled = njit(**JIT)(frozen)
         compiled.compile(arguments)
-    except Exception as error:  # numba raises what it likes
+    except Exception as error:  # numba raises various exceptions
         message = str(error) or type(error).__name__
         return CompileOutcome(summarize_numba_error(message), _line(message, file))
     return CompileOutcome("", 0, compiled.overloads[arguments].signature.return_type)
 
 
 def summarize_numba_error(message: str) -> str:
-    """Return what numba's message says is wrong, without its pages of context.
+    """Return the problem in numba's message, without its context.
 
-    That is the innermost of its reports, which stands after the last of the headings.
+    This is the innermost report, after the last heading.
     """
     if any(words in message for words in _OWNING):
-        return "it makes a list, an array or a text while it runs"
+        return "it creates a list, an array or a string at run time"
     last = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
     lines = [line.strip() for line in (last[2] or message).splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(_FRAME)]
-    text = (telling or lines or ["no reason given"])[0]
+    reports = [line for line in lines if not line.startswith(_FRAME)]
+    text = (reports or lines or ["no reason given"])[0]
     text = re.sub(r"<function (\w+?)_[0-9a-f]{32}_\d+ at 0x[0-9a-f]+>", r"\1", text)
     return re.sub(r"_[0-9a-f]{32}_\d+", "", text)[:200].rstrip(" .")
 
 
 def _line(message: str, file: str) -> int:
-    """Return the first line of `file` that a message names: the innermost."""
+    """Return the first (innermost) line of `file` in a message."""
     name = file.replace("\\", "/").rpartition("/")[2]
     for found in _PLACE.finditer(message):
         if (found["a"] or found["b"]).replace("\\", "/").rpartition("/")[2] == name:

@@ -1,8 +1,8 @@
-"""Functions of an automaton as C functions, and the handle that compiled code holds.
+"""Functions of an automaton as C functions, and the handle of a compiled engine.
 
-numba compiles the event loop once for each type of record. The contract of
-`mems_impact.integrators.interface` gets its overloads here, as far as they are the same for every
-method; `step`, `restart` and `interpolate` are each method's own.
+numba compiles the event loop once for each type of record. This module has the overloads of
+`mems_impact.integrators.interface` that are common to all methods; each method has its own `step`,
+`restart` and `interpolate`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
     WORD,
-    announce_unkept,
+    announce_uncached,
     array,
     compile_callback,
     data,
@@ -41,18 +41,18 @@ from mems_impact.integrators.python_functions import (
     NO_MODE,
     TRANSITION,
     Fault,
-    fault_in,
+    recorded_fault,
 )
 
-# --- The functions of an automaton as C functions, and what compiled code needs to call them.
+# --- Kernels
 
-# One signature for all functions of an automaton, arrays being addresses:
+# Common signature of all functions of an automaton, with arrays as addresses:
 # kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
 _word, _real = types.int64, types.float64
 KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
 
-# What compiled code needs of any engine: addresses and numbers. A record is one pointer to numba.
-# Each method adds fields of its own, by which its records are told from those of another one.
+# Fields of every engine: addresses and values. Each method adds its own fields, which identify its
+# records.
 KERNEL_FIELDS = [
     ("y", np.int64),
     ("fired", np.int64),
@@ -95,14 +95,14 @@ def call_kernel(
 
 
 class Kernels(NamedTuple):
-    """The functions of an automaton as C functions; keep it as long as an engine uses it."""
+    """The functions of an automaton as C functions, which must live as long as the engine."""
 
     flow: Any
     margins: Any
     transition: Any
 
 
-# One compilation at a time: threads that start together want the same kernels.
+# One compilation at a time: simultaneous threads often need the same kernels.
 _compiling = threading.RLock()
 
 
@@ -116,9 +116,9 @@ def kernels(
 ) -> Kernels:
     """Compile the functions of an automaton with `n` states and `m` guards to C functions.
 
-    They are compiled anew if anything that they draw on has changed since. With `bounds` they read
-    and write nothing beyond arrays. Behind the parameters there is room for a note
-    (`mems_impact.integrators.python_functions`) of HEAD + n numbers.
+    They are compiled again if any dependency has changed. With `bounds` they check array bounds.
+    The parameters are followed by a fault record (`mems_impact.integrators.python_functions`) of
+    HEAD + n values.
     """
     snapshot = take_snapshot(flow, margins, transition)
     with _compiling:
@@ -126,8 +126,8 @@ def kernels(
 
 
 @register_jitable(**JIT, **INNER)
-def note(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
-    """Note a call that failed behind the parameters, if it is the first."""
+def record_fault(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
+    """Record a failed call after the parameters, if it is the first."""
     record, state = array(p + WORD * size, HEAD + n), array(y, n)
     if record[0] == 0.0:
         record[0] = role
@@ -140,7 +140,7 @@ def note(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
 
 @register_jitable(**JIT, **INNER)
 def fill_nan(values):  # type: ignore[no-untyped-def]
-    """Fill an array with what is told from every result."""
+    """Fill an array with nan."""
     for i in range(values.size):
         values[i] = math.nan
 
@@ -155,7 +155,7 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         state, parameters, slope = array(y, n), array(p, size), array(out, n)
         if bounds:
-            fill_nan(slope)  # what is never written is found out
+            fill_nan(slope)  # reveals unwritten components
         failed = True
         try:
             flow(mode, t, state, parameters, slope)
@@ -163,7 +163,7 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
         except:  # noqa: E722
             pass
         if failed:
-            note(FLOW, mode, code, t, y, p, size, n)
+            record_fault(FLOW, mode, code, t, y, p, size, n)
             fill_nan(slope)
         return mode
 
@@ -180,14 +180,14 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
         except:  # noqa: E722
             pass
         if failed:
-            note(MARGINS, mode, code, t, y, p, size, n)
+            record_fault(MARGINS, mode, code, t, y, p, size, n)
             fill_nan(g)
         return mode
 
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         state, parameters, record = array(y, n), array(p, size), array(p + WORD * size, HEAD + n)
         first = record[0] == 0.0
-        if first:  # it may change some of the state before it fails
+        if first:  # the transition may change the state before it fails
             for i in range(n):
                 record[HEAD + i] = state[i]
         after, failed = NO_MODE, True
@@ -200,19 +200,21 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
             if first:
                 for i in range(n):
                     state[i] = record[HEAD + i]
-            note(TRANSITION, mode, code, t, y, p, size, n)
+            record_fault(TRANSITION, mode, code, t, y, p, size, n)
         return after
 
     name = f"{snapshot.name}_{n}_{m}_{bounds:d}"
-    kept = name if snapshot.lasting else None
-    if kept is None:
-        announce_unkept(snapshot.passing)
-    made = [_kernel(each, name, kept) for each in (flow_kernel, margins_kernel, transition_kernel)]
-    return Kernels(*made)
+    cached = name if snapshot.lasting else None
+    if cached is None:
+        announce_uncached(snapshot.passing)
+    compiled = [
+        _kernel(each, name, cached) for each in (flow_kernel, margins_kernel, transition_kernel)
+    ]
+    return Kernels(*compiled)
 
 
 def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
-    """Compile the Jacobian of an automaton with `n` states to a C function; BDF alone needs it."""
+    """Compile the Jacobian of an automaton with `n` states to a C function, for BDF only."""
     snapshot = take_snapshot(jacobian)
     with _compiling:
         return _jacobian(snapshot, n)
@@ -231,7 +233,7 @@ def _jacobian(snapshot: Snapshot, n: int) -> Any:
         except:  # noqa: E722
             pass
         if failed:
-            note(JACOBIAN, mode, code, t, y, p, size, n)
+            record_fault(JACOBIAN, mode, code, t, y, p, size, n)
         return mode
 
     name = f"{snapshot.name}_{n}"
@@ -239,10 +241,9 @@ def _jacobian(snapshot: Snapshot, n: int) -> Any:
 
 
 def observables_of(observe: Callable[..., Any], n: int, count: int) -> Any:
-    """Compile what gives `count` observables of states of length `n` to a C function.
+    """Compile a function of `count` observables of states of length `n` to a C function.
 
-    It has the signature of a transition, with two states one behind the other, and returns 1 if it
-    fails.
+    It has the signature of a kernel, with two states in succession, and returns 1 if it fails.
     """
     snapshot = take_snapshot(observe)
     with _compiling:
@@ -267,13 +268,13 @@ def _observables(snapshot: Snapshot, n: int, count: int) -> Any:
     return _kernel(observe_kernel, name, name if snapshot.lasting else None)
 
 
-def _kernel(function: Callable[..., Any], name: str, kept: str | None) -> Any:
-    # Symbols of compiled code carry this name: automata that meet in a process must not share.
+def _kernel(function: Callable[..., Any], name: str, cached: str | None) -> Any:
+    # Symbols of compiled code contain this name, which keeps automata of a process apart.
     function.__qualname__ += f"_{name}"
-    return compile_callback(function, KERNEL, kept)
+    return compile_callback(function, KERNEL, cached)
 
 
-# --- Compiled engines: the record that compiled code takes for one, and what all methods share.
+# --- Compiled engines
 
 
 class CompiledEngine(Engine):
@@ -285,32 +286,31 @@ class CompiledEngine(Engine):
         `mems_impact.integrators.jit.kernels.KERNEL_FIELDS` and the fields of the method.
     equations : Equations
     arrays : dict of str to int
-        Memory of the method, how many numbers; the field of that name gets the address.
+        Arrays of the method: number of values; the field of that name has the address.
     """
 
     def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, int]) -> None:
         n, m, parameters = equations.n, equations.m, np.asarray(equations.parameters, dtype=float)
         flow, margins, transition = equations.flow, equations.margins, equations.transition
         self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
-        # The handle holds addresses in here; it lives as long as the engine. The kernels note
-        # behind the parameters where they fail.
+        # The handle has addresses in this block, which lives as long as the engine. The kernels
+        # write a fault record after the parameters.
         sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}
         fired = 2 * m + 1  # as 32-bit integers, two to a number
         block = np.zeros(sum(sizes.values()) + fired // 2 + 1)
         handles = np.zeros(1, dtype=dtype)
         self._memory = block
         self.address = handles.ctypes.data
-        # A plain record that keeps them alive. By item a field is reached ten times as fast as by
-        # attribute.
+        # A record that keeps the arrays alive. Access by item is ten times as fast as by attribute.
         self.handle = handle = handles[0]
         place, begin = block.ctypes.data, 0
         for name, size in sizes.items():
             handle[name] = place + WORD * begin
             if name == "parameters":
-                note = begin + parameters.size
-                self.parameters = block[begin:note]
+                fault_start = begin + parameters.size
+                self.parameters = block[begin:fault_start]
                 self.parameters[:] = parameters
-                self._note = block[note : begin + size]
+                self._fault_record = block[fault_start : begin + size]
             begin += size
         handle["fired"] = place + WORD * begin
         handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
@@ -320,9 +320,9 @@ class CompiledEngine(Engine):
         handle["transition"] = self._kernels.transition.address
 
     def fault(self) -> Fault | None:
-        """Return the first call of a function that failed, and forget it."""
-        fault = fault_in(self._note)
-        self._note[0] = 0.0
+        """Return the first failed call, and clear the record."""
+        fault = recorded_fault(self._fault_record)
+        self._fault_record[0] = 0.0
         return fault
 
 
@@ -370,13 +370,13 @@ def _state(engine, y):  # type: ignore[no-untyped-def]
 
 
 @overload(interface.root_directions, jit_options={**JIT, **INNER})
-def _fired(engine, i):  # type: ignore[no-untyped-def]
+def _root_directions(engine, i):  # type: ignore[no-untyped-def]
     if is_handle(engine):
         return lambda engine, i: np.int64(integers(engine.fired)[i])
 
 
 @overload(interface.method_memory, jit_options={**JIT, **INNER})
-def _remembered(engine, mode):  # type: ignore[no-untyped-def]
+def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
     if is_handle(engine) and "implicit" not in engine.fields:
         return lambda engine, mode: 0
 

@@ -21,21 +21,21 @@ from numba.np.arrayobj import make_array, populate_array
 
 from mems_impact.errors import EngineUnavailable
 
-# --- What compiling with numba needs beside numba: its options, and pointers.
+# --- Options and pointers
 
-# What `UnlinkedLibrary` uses of numba beside what is documented.
+# Undocumented names of numba that `UnlinkedLibrary` uses.
 USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
 
 
 class UnlinkedLibrary(JITCodeLibrary):
     """The code of a function that only other compiled code calls.
 
-    numba optimizes and translates every function by itself, and then once more within each one that
-    calls it. Here it is done where all are together: half the time of the first run.
+    By default numba optimizes and translates every function by itself, and again within each
+    caller. Here only the outermost function is translated, which halves the time of the first run.
     """
 
     def finalize(self) -> None:
-        """Put together what this function calls, and leave it at that."""
+        """Link the called functions, without optimization and translation."""
         self._raise_if_finalized()
         for library in dict.fromkeys(self._linking_libraries):
             if hasattr(library, "_reload_init"):  # of later versions
@@ -44,18 +44,18 @@ class UnlinkedLibrary(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return 0: there is no machine code."""
+        """Return 0, since there is no machine code."""
         self._ensure_finalized()
         return 0
 
     @property
     def codegen(self) -> Any:
-        """What else is asked about machine code: a place for Python's objects in it."""
+        """Stand-in for the environment of the machine code."""
         return NoEnvironment
 
 
 class NoEnvironment:
-    """A place for Python's objects that there is not."""
+    """Stand-in for the environment of a function without machine code."""
 
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
@@ -69,36 +69,35 @@ class _PartCompiler(Compiler):
         return super().define_pipelines()
 
 
-# Nothing here owns memory or raises, so that compiled code needs neither reference counts nor
-# checks of divisors; and what only compiled code calls needs no entry from Python: it compiles
-# faster.
+# Compiled code owns no memory and does not raise, so it needs neither reference counts nor checks
+# of divisors; inner functions need no entry from Python. Both reduce compile time.
 JIT = {"_nrt": False, "error_model": "numpy"}
 INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-# A numba that is built in another way compiles as it likes, and takes twice as long.
+# A version of numba with other internals uses its own compiler, which takes twice as long.
 if all(hasattr(JITCodeLibrary, name) for name in USED):
     INNER["pipeline_class"] = _PartCompiler
-# A C function is a wrapper around the function proper, whose arrays travel over the stack and whose
-# errors are looked for: a quarter of the time of a small one, unless it is inlined.
+# A C function is a wrapper that passes arrays over the stack and checks for errors, which takes a
+# quarter of the time of a small function unless the function is inlined.
 FOR_C = {**JIT, "forceinline": True}
 
 
 def jit_disabled() -> bool:
-    """Return whether the environment keeps numba from compiling (NUMBA_DISABLE_JIT)."""
+    """Return whether the environment disables numba (NUMBA_DISABLE_JIT)."""
     return bool(config.DISABLE_JIT)
 
 
 def check_numba() -> None:
-    """Raise EngineUnavailable where numba may not compile."""
+    """Raise EngineUnavailable if numba is disabled."""
     if jit_disabled():
         remedy = "unset NUMBA_DISABLE_JIT, or use engine='interpreted'"
-        raise EngineUnavailable("NUMBA_DISABLE_JIT keeps numba from compiling", remedy)
+        raise EngineUnavailable("NUMBA_DISABLE_JIT disables numba", remedy)
 
 
 WORD = 8  # bytes of a double
 
 
 def record_at(kind: Any) -> Any:
-    """Return what turns an address into the record of type `kind` there, in compiled code."""
+    """Return an intrinsic that converts an address to a record of type `kind`."""
 
     @intrinsic
     def view(_typing: Any, address: Any) -> Any:
@@ -111,7 +110,7 @@ def record_at(kind: Any) -> Any:
 
 
 def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> Any:
-    """Return an array of doubles at the address `data`, which does not own them."""
+    """Return an array of doubles at the address `data`, without ownership."""
     view = make_array(kind)(context, builder)
     word = ir.Constant(context.get_value_type(types.intp), WORD)
     strides, stride = [], word
@@ -131,7 +130,7 @@ def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) ->
 
 @intrinsic
 def matrix(_typing: Any, address: Any, size: Any) -> Any:
-    """Look at `size` x `size` doubles at `address`, stored by columns, as an array."""
+    """View `size` x `size` doubles at `address`, stored by columns, as an array."""
     kind = types.Array(types.float64, 2, "F")
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
@@ -142,7 +141,7 @@ def matrix(_typing: Any, address: Any, size: Any) -> Any:
 
 @intrinsic
 def array(_typing: Any, address: Any, size: Any) -> Any:
-    """Look at `size` doubles at `address` as an array."""
+    """View `size` doubles at `address` as an array."""
     kind = types.Array(types.float64, 1, "C")
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
@@ -153,7 +152,7 @@ def array(_typing: Any, address: Any, size: Any) -> Any:
 
 @intrinsic
 def pointer(_typing: Any, address: Any) -> Any:
-    """Turn an address into a pointer to double."""
+    """Convert an address to a pointer to double."""
 
     def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return builder.inttoptr(args[0], ir.DoubleType().as_pointer())
@@ -163,7 +162,7 @@ def pointer(_typing: Any, address: Any) -> Any:
 
 @intrinsic
 def integers(_typing: Any, address: Any) -> Any:
-    """Turn an address into a pointer to int32."""
+    """Convert an address to a pointer to int32."""
 
     def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
@@ -172,7 +171,7 @@ def integers(_typing: Any, address: Any) -> Any:
 
 
 def caller(signature: Any) -> Any:
-    """Return what calls a C function of `signature`, in compiled code: by address, with a tuple."""
+    """Return an intrinsic that calls a C function by address, with a tuple of arguments."""
 
     @intrinsic
     def call(_typing: Any, function: Any, arguments: Any) -> Any:
@@ -192,7 +191,7 @@ def caller(signature: Any) -> Any:
 
 @intrinsic
 def data(_typing: Any, vector: Any) -> Any:
-    """Return the address of the numbers of an array, or of those that a pointer leads to."""
+    """Return the address of the data of an array or a pointer."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         first = args[0]
@@ -205,7 +204,7 @@ def data(_typing: Any, vector: Any) -> Any:
 
 @intrinsic
 def address(_typing: Any, handle: Any) -> Any:
-    """Turn a HANDLE into its address."""
+    """Convert a HANDLE to its address."""
 
     def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         return builder.ptrtoint(args[0], ir.IntType(64))
@@ -213,30 +212,30 @@ def address(_typing: Any, handle: Any) -> Any:
     return types.int64(handle), codegen
 
 
-# --- Compiling, and numba's cache on disk under keys of our own.
+# --- Compilation and numba's cache on disk
 
 _log = logging.getLogger("mems_impact")
 
 
 class _Cache(FunctionCache):
-    """A cache whose key is a name given, and which a bad file or directory does not stop.
+    """A cache with a name as its key, which tolerates invalid files and directories.
 
-    numba itself notices a change of the file in which a function stands and of its closure, not of
-    what the functions draw on that it calls.
+    numba itself detects changes of the function's file and closure, but not of the dependencies of
+    called functions.
     """
 
     def __init__(self, function: Callable[..., Any], name: str) -> None:
         super().__init__(function)
-        self._name_of_ours = name
+        self._key_name = name
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return sig, codegen.magic_tuple(), self._name_of_ours
+        return sig, codegen.magic_tuple(), self._key_name
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return compiled code, or None where there is none that can be read."""
+        """Return compiled code, or None if none can be read."""
         try:
             found = super().load_overload(sig, target_context)
-        except Exception as error:  # what unpickling half a file raises may be anything
+        except Exception as error:  # unpickling a damaged file may raise any exception
             _log.info("compiled code in %s cannot be read (%s)", self.cache_path, error)
             found = None
             self._discard()
@@ -245,7 +244,7 @@ class _Cache(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code if the directory lets us."""
+        """Save compiled code if the directory is writable."""
         try:
             super().save_overload(sig, data)
         except OSError as error:
@@ -268,7 +267,7 @@ def _cache_of(function: Callable[..., Any], name: str | None) -> Any:
         return _NoCache()
     try:
         return _Cache(function, name)
-    except RuntimeError as error:  # no directory can be written
+    except RuntimeError as error:  # no directory is writable
         _log.info("compiled code is not kept: %s", error)
         return _NoCache()
 
@@ -283,10 +282,10 @@ def compile_callback(
     function : callable
     signature : numba signature
     name : str or None
-        Names the function and all that it draws on, the same in every process; None if that can't
-        be told. Compiled code that has a name is kept on disk.
+        Identifies the function and its dependencies in every process; None if that is impossible.
+        Compiled code with a name is cached on disk.
     options
-        Of numba, beside our own.
+        Additional options of numba.
     """
     compiled: Any = CFunc(
         function, (signature.args, signature.return_type), {}, {**FOR_C, **options}
@@ -297,14 +296,14 @@ def compile_callback(
 
 
 def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[..., Any]:
-    """Have `function` compiled for what it is called with; it releases the GIL.
+    """Compile `function` for the types of its arguments at the first call; it releases the GIL.
 
     The parameters are those of `compile_callback`.
     """
-    # numba compiles a function anew for each set of options of its callers. So they are those of an
-    # inner function from here on.
+    # numba compiles a function for each set of options of its callers; with an inner function all
+    # callers have the same options.
     space = {"inner": njit(**JIT, **INNER)(function)}
-    # By name, not by star: as a C function it could not take a tuple.
+    # With named arguments, since a C function cannot take a tuple.
     names = ", ".join(inspect.signature(function).parameters)
     exec(compile(f"def entry({names}):\n    return inner({names})", __file__, "exec"), space)
     entry: Any = space["entry"]
@@ -318,19 +317,19 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
 
 @cache
 def announce() -> None:
-    """Announce the compilation, once per process.
+    """Announce compilation, once per process.
 
-    The message goes to a terminal, where somebody waits, or else to the log ``mems_impact``.
+    The message goes to a terminal, or else to the log ``mems_impact``.
     """
     _say("compiling, about 7 s, once per installation and once per new system")
 
 
-def announce_unkept(things: Iterable[Any]) -> None:
-    """Say that compiled code cannot be kept on disk, since it draws on `things`."""
+def announce_uncached(things: Iterable[Any]) -> None:
+    """Report that compiled code cannot be cached on disk because of `things`."""
     kinds = ", ".join(sorted({type(thing).__name__ for thing in things}))
     _say(
-        "the compiled code of this system is not kept: its functions draw on objects that are "
-        f"others in every process ({kinds}); let them draw on numbers"
+        "the compiled code of this system is not kept: its functions depend on objects that differ "
+        f"between processes ({kinds}); use numbers in their place"
     )
 
 

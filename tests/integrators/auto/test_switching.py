@@ -182,9 +182,14 @@ def _engine(flow, n, p):
 def restless(monkeypatch):
     """Make both methods hand over after a few steps; that rebounds never pause it."""
     monkeypatch.setattr(stiffness, "straight", lambda engine, t: True)
-    for name, value in {"WINDOW": 2, "LOOK": 4, "ENTER": -1.0, "MOST_DOUBLED": 1}.items():
+    for name, value in {
+        "WINDOW": 2,
+        "IMPLICIT_WINDOW": 4,
+        "ENTER_LIMIT": -1.0,
+        "MAX_DOUBLINGS": 1,
+    }.items():
         monkeypatch.setattr(stiffness, name, value)
-    for name in ("LONG", "GROWN", "LEAVE"):
+    for name in ("LONG_STEP_RATIO", "MAX_STEP_GROWTH", "LEAVE_LIMIT"):
         monkeypatch.setattr(stiffness, name, math.inf)
 
 
