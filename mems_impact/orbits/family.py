@@ -113,13 +113,16 @@ class Family(ABC):
         value = self.value(name)
         h = RELATIVE_STEP * (abs(value) if value != 0.0 else 1.0)
 
+        count = 0  # of the parameter array
+
         def numbers(step: float) -> Floats:
+            nonlocal count
             there = self.numbers(**{name: value + step})
-            return np.concatenate([[there.period], there.parameters, there.switches])
+            count = len(there.parameters)
+            return np.concatenate([there.parameters, there.switches, [there.period]])
 
         rates = sixth_order_difference(numbers, h)
-        count = 1 + len(self.numbers().parameters)
-        return rates[1:count], float(rates[0]), rates[count:]
+        return rates[:count], float(rates[-1]), rates[count:-1]
 
 
 # --- Numbers of a problem at values of the active parameters
