@@ -31,7 +31,7 @@ def site(tmp_path):
         ("basins", "/reference/mems_impact.basins.html"),
         ("maps", "/maps.html"),
         ("time step", "/howto.html#choose-tolerances-the-method-and-the-time-step"),
-        ("stick and slip", "/search.html?q=stick%20and%20slip"),
+        ("gear wheel", "/search.html?q=gear%20wheel"),
     ],
 )
 def test_the_address_of_a_page(site, word, ends):
@@ -118,6 +118,17 @@ def test_topics_lead_to_names_and_headings(topic):
         ("my own equations", "own system"),
         ("air damping", "air damping"),
         ("set the electrode area", "electrode area"),
+        ("pull-in voltage", "pull-in"),
+        ("gap tolerance yield", "yield"),
+        ("fit mu_s to measured speed", "measurement"),
+        ("find an unstable orbit", "unstable orbit"),
+        ("grazing curve in two parameters", "curve in two parameters"),
+        ("Floquet multipliers", "Floquet multiplier"),
+        ("run a map on 4 nodes", "cluster"),
+        ("resume after a kill", "resume"),
+        ("seed and reproduce", "seed"),
+        ("limit memory", "memory"),
+        ("read results back", "read results"),
     ],
 )
 def test_a_question_finds_its_topic(words, topic):
