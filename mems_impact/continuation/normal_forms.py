@@ -1,0 +1,466 @@
+"""Normal forms of bifurcations: coefficients and criticality.
+
+Orbits: the Poincaré map along the signature of an orbit is defined by the shooting equations without
+the one that closes the orbit. Its first derivative follows from their Jacobian; second and third
+derivatives along a vector are extrapolated differences of the first. Near a fixed point, with
+:math:`A`, :math:`B` and :math:`C` the first to third derivatives, ``A q = mu q``, ``p A = mu p`` and
+``<p, q> = 1``, the map on the center manifold follows from Kuznetsov, *Elements of Applied
+Bifurcation Theory*, 3rd edition (2004), section 5.4.
+
+Equilibria: the same for the flow, section 5.4 there too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig
+
+from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    FOLD,
+    NEIMARK_SACKER,
+    PERIOD_DOUBLING,
+)
+from mems_impact.errors import OrbitError
+from mems_impact.orbits.periodic_orbit import reduced_components
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+
+SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
+HOPF = "Hopf"
+
+# --- Derivatives of a map along a vector.
+
+LARGEST_STEP_RATIO = 0.05  # of the size of the states, of the differences
+STEP_RATIO = 0.5  # from one step length to the next
+MAX_STEPS = 14
+SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
+
+Jacobian = Callable[[Floats], Floats]
+
+
+class DirectionalDerivatives(NamedTuple):
+    """Second and third derivatives of a map along a vector u.
+
+    Attributes
+    ----------
+    second : float array, shape (k, k)
+        Its product with w is B(u, w).
+    third : float array, shape (k, k)
+        Its product with w is C(u, u, w).
+    second_error, third_error : float
+        Estimates of the errors of their entries.
+    """
+
+    second: Floats
+    third: Floats
+    second_error: float
+    third_error: float
+
+
+def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> DirectionalDerivatives:
+    """Differentiate the Jacobian of a map at zero along `u`.
+
+    Central differences with one extrapolation (Richardson). Of the step lengths, from `size` times
+    `LARGEST_STEP_RATIO` down, each derivative takes that at which it changes least.
+
+    Raises
+    ------
+    OrbitError
+        If the map cannot be evaluated at two steps.
+    """
+    length = float(np.linalg.norm(u))
+    here = jacobian(np.zeros(u.size))
+    estimates: list[tuple[Floats, Floats]] = []
+    best: list[tuple[float, Floats]] = [(math.inf, here), (math.inf, here)]
+    extrapolated: tuple[Floats, Floats] | None = None
+    h = LARGEST_STEP_RATIO * size / length
+    for _ in range(MAX_STEPS):
+        try:
+            up, down = jacobian(h * u), jacobian(-h * u)
+        except OrbitError:
+            h *= STEP_RATIO
+            continue
+        estimates.append(((up - down) / (2.0 * h), (up + down - 2.0 * here) / h**2))
+        h *= STEP_RATIO
+        if len(estimates) < 2:
+            continue
+        coarse, fine = estimates[-2:]
+        share = STEP_RATIO**2
+        new = tuple((b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True))
+        if extrapolated is not None:
+            errors = [float(np.abs(a - b).max()) for a, b in zip(extrapolated, new, strict=True)]
+            if all(error > 100.0 * kept[0] for error, kept in zip(errors, best, strict=True)):
+                break  # rounding grows from here on
+            best = [
+                (error, value) if error < kept[0] else kept
+                for error, value, kept in zip(errors, new, best, strict=True)
+            ]
+        extrapolated = new[0], new[1]
+    if not math.isfinite(best[0][0]):
+        raise OrbitError(
+            "the return map near the orbit could not be differentiated", "take a point farther from a grazing"
+        )
+    (second_error, second), (third_error, third) = best
+    return DirectionalDerivatives(second, third, second_error, third_error)
+
+
+# --- The return map of an orbit.
+
+MAX_MAP_ITERATIONS = 12
+MAP_TOLERANCE = 1e-11
+
+
+class ReturnMap:
+    """The map from the start of an orbit's period to its end, along the orbit's signature.
+
+    Coordinates are deviations from the orbit of the components of the state that the first mode
+    leaves free, in the plane of the phase condition if the system is autonomous.
+
+    Parameters
+    ----------
+    shooting : Shooting
+    point : ShootingEvaluation
+        The orbit.
+    """
+
+    def __init__(self, shooting: Shooting, point: ShootingEvaluation) -> None:
+        self.shooting, self.point = shooting, point
+        f = self._width = len(shooting.free)
+        keep = reduced_components(shooting, point)
+        embedding = np.eye(f)[:, keep]
+        for c, factors in shooting.pinned.items():
+            embedding[c] = -np.array(factors)[keep]
+        self._rows = keep
+        self._plane: Floats = np.eye(len(keep))
+        if shooting.phase is not None and keep:
+            normal = np.array(shooting.phase.normal)[keep]
+            self._plane = np.linalg.qr(normal[:, None], mode="complete")[0][:, 1:]
+        self._embedding = embedding @ self._plane
+        self._last: tuple[Floats, Floats] | None = None
+        self.size = float(np.abs(shooting.unpack(point.unknowns)[0]).max())
+        self._jacobian, self._along = self._linearise(point)
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return self._embedding.shape[1]
+
+    @property
+    def jacobian(self) -> Floats:
+        """The first derivative at the orbit."""
+        return self._jacobian
+
+    def jacobian_at(self, x: Floats) -> Floats:
+        """Return the first derivative at coordinates `x`.
+
+        Raises
+        ------
+        OrbitError
+            If no motion with the signature of the orbit starts there.
+        """
+        if not x.any():
+            return self._jacobian
+        f, shift = self._width, self._embedding @ x
+        unknowns = self.point.unknowns.copy()
+        unknowns[:f] += shift
+        unknowns[f:] += self._along @ x
+        for _ in range(MAX_MAP_ITERATIONS):
+            point = self.shooting.evaluate(unknowns, self.point.values)
+            if unknowns.size == f:
+                break
+            residual, matrix = self._open(point)
+            change = np.linalg.solve(matrix[:, f:], -residual)
+            unknowns = unknowns.copy()
+            unknowns[f:] += change
+            if np.abs(change).max() < MAP_TOLERANCE * max(1.0, float(np.abs(unknowns).max())):
+                point = self.shooting.evaluate(unknowns, self.point.values)
+                break
+        else:
+            raise OrbitError("the motion near an orbit could not be solved", "take shorter steps")
+        return self._linearise(point)[0]
+
+    def by_parameter(self) -> Floats:
+        """Return the derivatives of the map by the active parameters, shape (k, parameters)."""
+        f, point = self._width, self.point
+        rows = self.shooting.layout.state_rows[-1]
+        after, across = self._after(point), -point.by_parameter[rows]
+        if point.unknowns.size > f:
+            _, matrix = self._open(point)
+            kept = self._open_rows(point)
+            change = -point.by_parameter[kept]
+            if self.shooting.phase is not None:
+                change[-1] = -np.array(self.shooting.phase.normal) @ across
+            across = across + after[:, f:] @ np.linalg.solve(matrix[:, f:], change)
+        return np.asarray(self._plane.T @ across[self._rows])
+
+    def _after(self, point: ShootingEvaluation) -> Floats:
+        """Return the derivatives of the state at the end by the unknowns."""
+        after = -point.jacobian[self.shooting.layout.state_rows[-1]]
+        after[:, : self._width] += np.eye(self._width)
+        return after
+
+    def _open_rows(self, point: ShootingEvaluation) -> NDArray[np.int64]:
+        return np.setdiff1d(np.arange(point.unknowns.size), self.shooting.layout.state_rows[-1])
+
+    def _open(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
+        """Return residual and derivatives of the equations without those that close the orbit.
+
+        The period of an autonomous system ends in the plane of the phase condition.
+        """
+        kept, shooting = self._open_rows(point), self.shooting
+        residual, matrix = point.residual[kept], point.jacobian[kept]
+        if shooting.phase is not None:
+            normal, event = np.array(shooting.phase.normal), point.events[-1]
+            end = point.arcs[-1].end if event is None else event.after
+            residual[-1] = normal @ end[shooting.free] - shooting.phase.level
+            matrix[-1] = normal @ self._after(point)
+        return residual, matrix
+
+    def _linearise(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
+        """Return the derivatives of the map, and of the other unknowns, by the coordinates."""
+        f, after = self._width, self._after(point)
+        along: Floats = np.zeros((0, self.dimension))
+        moved = after[:, :f] @ self._embedding
+        if point.unknowns.size > f:
+            _, matrix = self._open(point)
+            along = -np.linalg.solve(matrix[:, f:], matrix[:, :f] @ self._embedding)
+            moved = moved + after[:, f:] @ along
+        return self._plane.T @ moved[self._rows], along
+
+
+# --- Normal forms on the center manifold.
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """The normal form of a bifurcation on its center manifold.
+
+    Attributes
+    ----------
+    equation : str
+        The normal form, with the coefficient's name.
+    coefficient : float
+        In the units of the states; the critical eigenvector has length one.
+    error : float
+        Its estimated error.
+    criticality : str
+        "supercritical", "subcritical"; empty where the bifurcation has none, as a fold, or where the
+        coefficient is zero within its error.
+    """
+
+    equation: str
+    coefficient: float
+    error: float
+    criticality: str = ""
+
+
+class _Critical(NamedTuple):
+    """A critical eigenvalue with its right and left eigenvectors, ``conj(p) q = 1``."""
+
+    value: complex
+    right: Complexes
+    left: Complexes
+
+
+def _critical(matrix: Floats, target: complex) -> _Critical:
+    """Return the eigenvalue that is nearest to `target`, with its eigenvectors."""
+    values, left, right = eig(matrix, left=True)
+    i = int(np.argmin(np.abs(values - target)))
+    q = right[:, i] / np.linalg.norm(right[:, i])
+    p = left[:, i] / np.conj(np.conj(left[:, i]) @ q)
+    return _Critical(complex(values[i]), q, p)
+
+
+def _real(matrix: Floats, target: float) -> tuple[Floats, Floats]:
+    """Return the right and left eigenvectors of a real eigenvalue, the largest entry positive."""
+    found = _critical(matrix, target)
+    phase = found.right[np.argmax(np.abs(found.right))]
+    turn = np.conj(phase) / abs(phase)
+    q = (found.right * turn).real
+    return q, (found.left * turn).real
+
+
+def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
+    """Solve ``matrix x = right`` with p x = 0, where p and q are null vectors of the matrix."""
+    size = q.size
+    whole = np.zeros((size + 1, size + 1))
+    whole[:size, :size], whole[:size, size], whole[size, :size] = matrix, q, p
+    return np.asarray(np.linalg.solve(whole, np.append(right, 0.0))[:size])
+
+
+def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
+    """Return the quadratic coefficient of a fold: a = <p, B(q, q)> / 2.
+
+    `matrix` has the eigenvalue `target`: 1 for a map, 0 for a flow.
+    """
+    q, p = _real(matrix, target)
+    along = directional_derivatives(system, q, size)
+    a, error = 0.5 * float(p @ along.second @ q), 0.5 * _gain(p) * along.second_error
+    equation = "x -> x + a x^2" if target == 1.0 else "x' = a x^2"
+    return NormalForm(equation, a, error)
+
+
+def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
+    """Return the cubic coefficient of a pitchfork: c = <p, C(q, q, q) + 3 B(q, h)> / 6.
+
+    ``h`` solves (mu - A) h = B(q, q) on the complement of q. Supercritical if c is negative.
+    """
+    q, p = _real(matrix, target)
+    along = directional_derivatives(system, q, size)
+    b = along.second @ q
+    b = b - q * float(p @ b)
+    h = _bordered(target * np.eye(q.size) - matrix, q, p, b)
+    c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
+    error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
+    equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
+    return NormalForm(equation, c, error, _criticality(c, error))
+
+
+def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalForm:
+    """Return the cubic coefficient of a period doubling, x -> -x + c x^3.
+
+    c = <p, C(q, q, q) + 3 B(q, h)> / 6 with (1 - A) h = B(q, q). Supercritical if c is positive:
+    the orbit of twice the period is stable on the center manifold.
+    """
+    q, p = _real(matrix, -1.0)
+    along = directional_derivatives(system, q, size)
+    h = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q)
+    c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
+    error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
+    return NormalForm("x -> -x + c x^3", c, error, _criticality(-c, error))
+
+
+def neimark_sacker_coefficient(
+    system: Jacobian, matrix: Floats, size: float, target: complex
+) -> NormalForm:
+    """Return the cubic coefficient of a Neimark-Sacker bifurcation.
+
+    d = Re(exp(-i theta) <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)>) / 2, with
+    (1 - A) h11 = B(q, q*) and (exp(2 i theta) - A) h20 = B(q, q). Supercritical if d is negative:
+    the invariant curve is stable on the center manifold.
+    """
+    found = _critical(matrix, target)
+    one, mu = np.eye(len(matrix)), found.value / abs(found.value)
+
+    def solved(shift: complex, right: Complexes) -> Complexes:
+        return np.asarray(np.linalg.solve(shift * one - matrix, right))
+
+    c, error = _resonant_cubic(system, found, size, solved(1.0, one), solved(mu * mu, one))
+    d = 0.5 * float((np.conj(mu) * c).real)
+    return NormalForm("z -> exp(i theta) z (1 + d |z|^2)", d, 0.5 * error, _criticality(d, error))
+
+
+def hopf_coefficient(
+    system: Jacobian, matrix: Floats, size: float, target: complex
+) -> NormalForm:
+    """Return the cubic coefficient of a Hopf bifurcation: the first Lyapunov coefficient.
+
+    l = Re(<p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)>) / 2, with -A h11 = B(q, q*) and
+    (2 i omega - A) h20 = B(q, q). Supercritical if l is negative: the cycle is stable on the center
+    manifold.
+    """
+    found = _critical(matrix, target)
+    one, omega = np.eye(len(matrix)), found.value.imag
+    at_zero = np.linalg.inv(-matrix).astype(complex)
+    c, error = _resonant_cubic(
+        system, found, size, at_zero, np.linalg.inv(2j * omega * one - matrix)
+    )
+    coefficient = 0.5 * float(c.real)
+    criticality = _criticality(coefficient, error)
+    return NormalForm("z' = i omega z + l z |z|^2", coefficient, 0.5 * error, criticality)
+
+
+def _resonant_cubic(
+    system: Jacobian, found: _Critical, size: float, mean: Complexes, double: Complexes
+) -> tuple[complex, float]:
+    """Return <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)> and its error.
+
+    `mean` and `double` are the inverses of which h11 and h20 are the products with B.
+    """
+    u, v = found.right.real.copy(), found.right.imag.copy()
+    # Rotated so that real and imaginary part are orthogonal: neither then is short.
+    angle = 0.5 * math.atan2(2.0 * float(u @ v), float(u @ u - v @ v))
+    turn = np.exp(-1j * angle)
+    q, p = found.right * turn, found.left * turn
+    u, v = q.real, q.imag
+    along_u = directional_derivatives(system, u, size)
+    along_v = directional_derivatives(system, v, size)
+
+    def second(x: Complexes) -> Complexes:
+        """Return B(q, x)."""
+        return np.asarray(along_u.second @ x + 1j * (along_v.second @ x))
+
+    def conjugate_second(x: Complexes) -> Complexes:
+        """Return B(q*, x)."""
+        return np.asarray(along_u.second @ x - 1j * (along_v.second @ x))
+
+    h11, h20 = mean @ second(np.conj(q)), double @ second(q)
+    third = along_u.third @ (u + 1j * v) + along_v.third @ (u + 1j * v)
+    value = np.conj(p) @ (third + 2.0 * second(h11) + conjugate_second(h20))
+    error = along_u.third_error + along_v.third_error
+    error += (along_u.second_error + along_v.second_error) * (1.0 + 4.0 * _norm(h11) + 2.0 * _norm(h20))
+    return complex(value), float(_gain(p) * error)
+
+
+def _norm(vector: NDArray[np.inexact]) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _gain(p: NDArray[np.inexact]) -> float:
+    """Return by how much a left eigenvector amplifies the error of an entry."""
+    return float(np.abs(p).sum())
+
+
+def _criticality(cubic: float, error: float) -> str:
+    """Return the criticality that the sign of a cubic coefficient has, if it has one."""
+    if not abs(cubic) > SIGNIFICANCE * error:
+        return ""
+    return SUPERCRITICAL if cubic < 0.0 else SUBCRITICAL
+
+
+def orbit_normal_form(
+    kind: str, shooting: Shooting, point: ShootingEvaluation, *, doubled: bool = False
+) -> NormalForm | None:
+    """Return the normal form of a bifurcation of a periodic orbit.
+
+    None where the kind of point has none.
+
+    Parameters
+    ----------
+    kind : str
+    shooting : Shooting
+    point : ShootingEvaluation
+    doubled : bool
+        Whether the orbit of a period doubling is the one of twice the period.
+
+    Raises
+    ------
+    OrbitError
+        If the return map cannot be differentiated.
+    """
+    if kind not in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT):
+        return None
+    returns = ReturnMap(shooting, point)
+    system, matrix, size = returns.jacobian_at, returns.jacobian, returns.size
+    if kind == FOLD:
+        return fold_coefficient(system, matrix, size, 1.0)
+    if kind == NEIMARK_SACKER:
+        values = np.linalg.eigvals(matrix)
+        off_axis = values[values.imag > 0.0]
+        target = off_axis[np.argmin(np.abs(np.abs(off_axis) - 1.0))]
+        return neimark_sacker_coefficient(system, matrix, size, complex(target))
+    if kind == PERIOD_DOUBLING and not doubled:
+        return flip_coefficient(system, matrix, size)
+    cubic = cubic_coefficient(system, matrix, size, 1.0)
+    if kind == BRANCH_POINT:
+        quadratic = fold_coefficient(system, matrix, size, 1.0)
+        if abs(quadratic.coefficient) > SIGNIFICANCE * quadratic.error:
+            return quadratic  # transcritical
+    return cubic
