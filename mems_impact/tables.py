@@ -326,10 +326,9 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
 def special_points(
     parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row per special point of a branch; `rows` with ``label`` and ``kind`` as well."""
+    """Return one row per special point of a branch; `rows` with its names as well."""
     columns = {
-        "label": [row["label"] for row in rows],
-        "kind": [row["kind"] for row in rows],
+        **{name: [row[name] for row in rows] for name in ("label", "kind", "criticality")},
         parameter: np.array([row["value"] for row in rows], dtype=float),
     }
     return _table(columns, rows, labels)

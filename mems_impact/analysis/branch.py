@@ -14,7 +14,12 @@ from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
 from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint
 from mems_impact.analysis.orbit import Orbit, orbit_of
-from mems_impact.analysis.special_points import CodimensionTwo, SpecialPoint, check_kind
+from mems_impact.analysis.special_points import (
+    BifurcationPoint,
+    CodimensionTwo,
+    SpecialPoint,
+    check_kind,
+)
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.branch_switching import switch_at_hopf, switch_at_period_doubling
 from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
@@ -179,11 +184,11 @@ class Branch(ContinuationResult):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row per special point: label, kind, the parameter, then the columns of `table`."""
-        rows = [
-            {"label": s.label, "kind": s.kind, "value": s.value, **orbit_row(s.orbit)}
-            for s in self.special_points
-        ]
+        """One row per special point.
+
+        Columns: label, kind, criticality (see `NormalForm`), the parameter, then those of `table`.
+        """
+        rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
         return orbit_tables.special_points(self.parameter, rows, self.system)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
@@ -397,6 +402,12 @@ def _beyond_bounds(system: HybridSystem, passage: SlowPassage) -> str:
     else:
         what = f"the cycles slow down at ({where}), as near a saddle-node of equilibria"
     return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
+
+
+def _names(special: BifurcationPoint) -> dict[str, str]:
+    """Return what a special point is called, for its row in tables."""
+    names = ("label", "kind", "criticality")
+    return {name: getattr(special, name) for name in names}
 
 
 def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
@@ -707,11 +718,13 @@ class EquilibriumBranch(ContinuationResult):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row per special point: label, kind, the parameter, then the columns of `table`."""
+        """One row per special point.
+
+        Columns: label, kind, criticality (see `NormalForm`), the parameter, then those of `table`.
+        """
         rows = [
             {
-                "label": s.label,
-                "kind": s.kind,
+                **_names(s),
                 "value": s.value,
                 **_measures(self.system, s.equilibrium.found),
             }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
+from mems_impact.analysis.special_points import BifurcationPoint
+from mems_impact.continuation.normal_forms import NormalForm, equilibrium_normal_form
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
@@ -118,7 +121,7 @@ class Equilibrium(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumPoint(Result):
+class EquilibriumPoint(BifurcationPoint):
     """A special point of a branch of equilibria.
 
     Attributes
@@ -171,6 +174,17 @@ class EquilibriumPoint(Result):
     def system(self) -> HybridSystem:
         """The equilibrium's."""
         return self.equilibrium.system
+
+    @cached_property
+    def normal_form(self) -> NormalForm | None:
+        """The normal form of a fold, Hopf or branch point; None for other kinds.
+
+        Raises
+        ------
+        OrbitError
+            If the flow near the equilibrium cannot be differentiated.
+        """
+        return equilibrium_normal_form(self.kind, self.equilibrium.found)
 
     def summary(self) -> dict[str, Any]:
         """Return the kind, the value of the parameter and the equilibrium."""

@@ -14,15 +14,27 @@ from numpy.typing import NDArray
 
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.continuation import grazing
+from mems_impact.continuation.normal_forms import NormalForm, orbit_normal_form
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import ClosestApproachTest, ContactSpeedTest
-from mems_impact.errors import InvalidParameter
+from mems_impact.continuation.test_functions import (
+    ClosestApproachTest,
+    ContactSpeedTest,
+    FoldTest,
+)
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 
-__all__ = ["CodimensionTwo", "GrazingType", "SpecialPoint", "check_kind", "grazing_type"]
+__all__ = [
+    "BifurcationPoint",
+    "CodimensionTwo",
+    "GrazingType",
+    "SpecialPoint",
+    "check_kind",
+    "grazing_type",
+]
 
 GRAZING_SEARCH_RATIO = (
     1e-3  # relative range of the parameter in which the other side of a grazing is sought
@@ -59,8 +71,26 @@ class GrazingType(StrEnum):
         return {GrazingType.CONTINUOUS: "II", GrazingType.JUMP: "I"}.get(self, "III")
 
 
+class BifurcationPoint(Result):
+    """Base class of special points of branches."""
+
+    @property
+    def normal_form(self) -> NormalForm | None:
+        """The normal form of the bifurcation; None if points of this kind have none."""
+        raise NotImplementedError
+
+    @property
+    def criticality(self) -> str:
+        """ "supercritical" or "subcritical"; empty if the point has none, or it is not certain."""
+        try:
+            form = self.normal_form
+        except OrbitError:
+            return ""
+        return "" if form is None else form.criticality
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpecialPoint(Result):
+class SpecialPoint(BifurcationPoint):
     """A special point of a branch of periodic orbits.
 
     Attributes
@@ -128,6 +158,19 @@ class SpecialPoint(Result):
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers; unbounded at a grazing on the side with the impact."""
         return self.orbit.multipliers
+
+    @cached_property
+    def normal_form(self) -> NormalForm | None:
+        """The normal form of a fold, period doubling, Neimark-Sacker or branch point; else None.
+
+        Raises
+        ------
+        OrbitError
+            If the Poincaré map near the orbit cannot be differentiated.
+        """
+        found = self.found.orbit
+        doubled = isinstance(self.found.monitor, FoldTest)
+        return orbit_normal_form(self.kind, found.shooting, found.point, doubled=doubled)
 
     @cached_property
     def without_impact(self) -> BranchEvent:

@@ -1,11 +1,11 @@
 """Normal forms of bifurcations: coefficients and criticality.
 
-Orbits: the Poincaré map along the signature of an orbit is defined by the shooting equations without
-the one that closes the orbit. Its first derivative follows from their Jacobian; second and third
-derivatives along a vector are extrapolated differences of the first. Near a fixed point, with
-:math:`A`, :math:`B` and :math:`C` the first to third derivatives, ``A q = mu q``, ``p A = mu p`` and
-``<p, q> = 1``, the map on the center manifold follows from Kuznetsov, *Elements of Applied
-Bifurcation Theory*, 3rd edition (2004), section 5.4.
+Orbits: the Poincaré map along the signature of an orbit is defined by the shooting equations
+without the one that closes the orbit. Its first derivative follows from their Jacobian; second and
+third derivatives along a vector are extrapolated differences of the first. Near a fixed point, with
+A, B and C the first to third derivatives, ``A q = mu q``, ``p A = mu p`` and ``<p, q> = 1``, the
+map on the center manifold follows from Kuznetsov, *Elements of Applied Bifurcation Theory*, 3rd
+edition (2004), section 5.4.
 
 Equilibria: the same for the flow, section 5.4 there too.
 """
@@ -15,31 +15,37 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.equilibrium_branch import HOPF
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
+    DefiningSystem,
+    FoldTest,
+    TestFunction,
 )
 from mems_impact.errors import OrbitError
+from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.periodic_orbit import reduced_components
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
-HOPF = "Hopf"
 
 # --- Derivatives of a map along a vector.
 
 LARGEST_STEP_RATIO = 0.05  # of the size of the states, of the differences
 STEP_RATIO = 0.5  # from one step length to the next
 MAX_STEPS = 14
+GROWTH = 2.0  # factor by which errors grow where rounding takes over
+ROUNDING = 1e-12  # relative error that a derivative has at least
 SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
 
 Jacobian = Callable[[Floats], Floats]
@@ -78,8 +84,8 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
     length = float(np.linalg.norm(u))
     here = jacobian(np.zeros(u.size))
     estimates: list[tuple[Floats, Floats]] = []
-    best: list[tuple[float, Floats]] = [(math.inf, here), (math.inf, here)]
-    extrapolated: tuple[Floats, Floats] | None = None
+    best = [(math.inf, here), (math.inf, here)]
+    extrapolated: list[Floats] = []
     h = LARGEST_STEP_RATIO * size / length
     for _ in range(MAX_STEPS):
         try:
@@ -93,21 +99,29 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
             continue
         coarse, fine = estimates[-2:]
         share = STEP_RATIO**2
-        new = tuple((b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True))
-        if extrapolated is not None:
+        new = [(b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True)]
+        if extrapolated:
             errors = [float(np.abs(a - b).max()) for a, b in zip(extrapolated, new, strict=True)]
-            if all(error > 100.0 * kept[0] for error, kept in zip(errors, best, strict=True)):
+            if all(error > GROWTH * kept[0] for error, kept in zip(errors, best, strict=True)):
                 break  # rounding grows from here on
             best = [
                 (error, value) if error < kept[0] else kept
                 for error, value, kept in zip(errors, new, best, strict=True)
             ]
-        extrapolated = new[0], new[1]
+        extrapolated = new
     if not math.isfinite(best[0][0]):
         raise OrbitError(
-            "the return map near the orbit could not be differentiated", "take a point farther from a grazing"
+            "the map near the orbit could not be differentiated",
+            "take a point farther from a grazing",
         )
     (second_error, second), (third_error, third) = best
+    # Steps at which two results agree by chance say nothing of rounding.
+    third_error = max(third_error, ROUNDING * float(np.abs(third).max(initial=0.0)))
+    second_error = max(
+        second_error,
+        ROUNDING * float(np.abs(second).max(initial=0.0)),
+        third_error * ROUNDING * size,
+    )
     return DirectionalDerivatives(second, third, second_error, third_error)
 
 
@@ -180,7 +194,6 @@ class ReturnMap:
             unknowns = unknowns.copy()
             unknowns[f:] += change
             if np.abs(change).max() < MAP_TOLERANCE * max(1.0, float(np.abs(unknowns).max())):
-                point = self.shooting.evaluate(unknowns, self.point.values)
                 break
         else:
             raise OrbitError("the motion near an orbit could not be solved", "take shorter steps")
@@ -230,9 +243,9 @@ class ReturnMap:
         moved = after[:, :f] @ self._embedding
         if point.unknowns.size > f:
             _, matrix = self._open(point)
-            along = -np.linalg.solve(matrix[:, f:], matrix[:, :f] @ self._embedding)
+            along = np.linalg.solve(matrix[:, f:], -matrix[:, :f] @ self._embedding)
             moved = moved + after[:, f:] @ along
-        return self._plane.T @ moved[self._rows], along
+        return np.asarray(self._plane.T @ moved[self._rows], dtype=float), along
 
 
 # --- Normal forms on the center manifold.
@@ -251,7 +264,7 @@ class NormalForm:
     error : float
         Its estimated error.
     criticality : str
-        "supercritical", "subcritical"; empty where the bifurcation has none, as a fold, or where the
+        "supercritical", "subcritical"; empty where the bifurcation has none, as a fold, or the
         coefficient is zero within its error.
     """
 
@@ -323,6 +336,16 @@ def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: flo
     return NormalForm(equation, c, error, _criticality(c, error))
 
 
+def crossing_coefficient(
+    system: Jacobian, matrix: Floats, size: float, target: float
+) -> NormalForm:
+    """Return the normal form of a branch point: transcritical (quadratic) or pitchfork (cubic)."""
+    quadratic = fold_coefficient(system, matrix, size, target)
+    if abs(quadratic.coefficient) > SIGNIFICANCE * quadratic.error:
+        return quadratic
+    return cubic_coefficient(system, matrix, size, target)
+
+
 def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalForm:
     """Return the cubic coefficient of a period doubling, x -> -x + c x^3.
 
@@ -347,19 +370,16 @@ def neimark_sacker_coefficient(
     the invariant curve is stable on the center manifold.
     """
     found = _critical(matrix, target)
-    one, mu = np.eye(len(matrix)), found.value / abs(found.value)
+    mu = found.value / abs(found.value)
 
-    def solved(shift: complex, right: Complexes) -> Complexes:
-        return np.asarray(np.linalg.solve(shift * one - matrix, right))
-
-    c, error = _resonant_cubic(system, found, size, solved(1.0, one), solved(mu * mu, one))
+    c, error = _resonant_cubic(
+        system, found, size, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu)
+    )
     d = 0.5 * float((np.conj(mu) * c).real)
     return NormalForm("z -> exp(i theta) z (1 + d |z|^2)", d, 0.5 * error, _criticality(d, error))
 
 
-def hopf_coefficient(
-    system: Jacobian, matrix: Floats, size: float, target: complex
-) -> NormalForm:
+def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: complex) -> NormalForm:
     """Return the cubic coefficient of a Hopf bifurcation: the first Lyapunov coefficient.
 
     l = Re(<p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)>) / 2, with -A h11 = B(q, q*) and
@@ -367,14 +387,18 @@ def hopf_coefficient(
     manifold.
     """
     found = _critical(matrix, target)
-    one, omega = np.eye(len(matrix)), found.value.imag
-    at_zero = np.linalg.inv(-matrix).astype(complex)
+    omega = found.value.imag
+
     c, error = _resonant_cubic(
-        system, found, size, at_zero, np.linalg.inv(2j * omega * one - matrix)
+        system, found, size, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
     )
     coefficient = 0.5 * float(c.real)
     criticality = _criticality(coefficient, error)
     return NormalForm("z' = i omega z + l z |z|^2", coefficient, 0.5 * error, criticality)
+
+
+def _resolvent(matrix: Floats, shift: complex) -> Complexes:
+    return np.asarray(np.linalg.inv(shift * np.eye(len(matrix)) - matrix), dtype=complex)
 
 
 def _resonant_cubic(
@@ -405,7 +429,9 @@ def _resonant_cubic(
     third = along_u.third @ (u + 1j * v) + along_v.third @ (u + 1j * v)
     value = np.conj(p) @ (third + 2.0 * second(h11) + conjugate_second(h20))
     error = along_u.third_error + along_v.third_error
-    error += (along_u.second_error + along_v.second_error) * (1.0 + 4.0 * _norm(h11) + 2.0 * _norm(h20))
+    error += (along_u.second_error + along_v.second_error) * (
+        1.0 + 4.0 * _norm(h11) + 2.0 * _norm(h20)
+    )
     return complex(value), float(_gain(p) * error)
 
 
@@ -448,7 +474,7 @@ def orbit_normal_form(
     if kind not in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT):
         return None
     returns = ReturnMap(shooting, point)
-    system, matrix, size = returns.jacobian_at, returns.jacobian, returns.size
+    system, matrix, size = returns.jacobian_at, returns.jacobian, returns.size or 1.0
     if kind == FOLD:
         return fold_coefficient(system, matrix, size, 1.0)
     if kind == NEIMARK_SACKER:
@@ -458,9 +484,60 @@ def orbit_normal_form(
         return neimark_sacker_coefficient(system, matrix, size, complex(target))
     if kind == PERIOD_DOUBLING and not doubled:
         return flip_coefficient(system, matrix, size)
-    cubic = cubic_coefficient(system, matrix, size, 1.0)
     if kind == BRANCH_POINT:
-        quadratic = fold_coefficient(system, matrix, size, 1.0)
-        if abs(quadratic.coefficient) > SIGNIFICANCE * quadratic.error:
-            return quadratic  # transcritical
-    return cubic
+        return crossing_coefficient(system, matrix, size, 1.0)
+    return cubic_coefficient(system, matrix, size, 1.0)
+
+
+def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | None:
+    """Return the normal form of a bifurcation of an equilibrium; None where there is none.
+
+    Raises
+    ------
+    OrbitError
+        If the flow cannot be differentiated.
+    """
+    equations, balance = state.equations, state.balance
+    if kind not in (FOLD, HOPF, BRANCH_POINT):
+        return None
+
+    def system(x: Floats) -> Floats:
+        return equations.evaluate(balance.unknowns + x, np.zeros(0)).jacobian
+
+    matrix, size = balance.jacobian, max(1.0, float(np.abs(balance.unknowns).max()))
+    if kind == FOLD:
+        return fold_coefficient(system, matrix, size, 0.0)
+    if kind == BRANCH_POINT:
+        return crossing_coefficient(system, matrix, size, 0.0)
+    values = np.linalg.eigvals(matrix)
+    rotating = values[values.imag > 0.0]
+    return hopf_coefficient(
+        system, matrix, size, complex(rotating[np.argmin(np.abs(rotating.real))])
+    )
+
+
+@dataclass(frozen=True)
+class CriticalityTest(TestFunction):
+    """The cubic coefficient of period doublings or Neimark-Sacker points on their curve."""
+
+    NAMES: ClassVar[dict[str, str]] = {
+        PERIOD_DOUBLING: "generalized flip",
+        NEIMARK_SACKER: "Chenciner",
+    }
+
+    @property
+    def name(self) -> str:
+        """What a zero is called."""
+        return self.NAMES[self.kind]
+
+    def value(self, equations: Any, point: Any, along: Floats) -> None:
+        """Return None: it is defined on a curve."""
+
+    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
+        """Return that coefficient."""
+        doubled = isinstance(condition.monitor, FoldTest)
+        try:
+            form = orbit_normal_form(self.kind, condition.shooting, point, doubled=doubled)
+        except (OrbitError, np.linalg.LinAlgError):
+            return None
+        return None if form is None else form.coefficient
