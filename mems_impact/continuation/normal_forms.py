@@ -239,11 +239,11 @@ class ReturnMap:
     def _linearise(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
         """Return the derivatives of the map, and of the other unknowns, by the coordinates."""
         f, after = self._width, self._after(point)
-        along: Floats = np.zeros((0, self.dimension))
-        moved = after[:, :f] @ self._embedding
+        along: Floats = np.zeros((point.unknowns.size - f, self.dimension))
+        moved: Floats = after[:, :f] @ self._embedding
         if point.unknowns.size > f:
             _, matrix = self._open(point)
-            along = np.linalg.solve(matrix[:, f:], -matrix[:, :f] @ self._embedding)
+            along[:] = np.linalg.solve(matrix[:, f:], -matrix[:, :f] @ self._embedding)
             moved = moved + after[:, f:] @ along
         return np.asarray(self._plane.T @ moved[self._rows], dtype=float), along
 
@@ -480,6 +480,8 @@ def orbit_normal_form(
     if kind == NEIMARK_SACKER:
         values = np.linalg.eigvals(matrix)
         off_axis = values[values.imag > 0.0]
+        if not off_axis.size:
+            return None  # neutral saddle
         target = off_axis[np.argmin(np.abs(np.abs(off_axis) - 1.0))]
         return neimark_sacker_coefficient(system, matrix, size, complex(target))
     if kind == PERIOD_DOUBLING and not doubled:
