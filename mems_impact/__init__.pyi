@@ -84,6 +84,7 @@ from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.special_points import grazing_type as grazing_type
 from .analysis.verification import Verification as Verification
 from .continuation.arclength import StepControl as StepControl
+from .continuation.normal_forms import NormalForm as NormalForm
 from .errors import ChartInterrupted as ChartInterrupted
 from .errors import DiscontinuityWarning as DiscontinuityWarning
 from .errors import EngineFallbackWarning as EngineFallbackWarning

@@ -258,14 +258,37 @@ class NormalForm:
     Attributes
     ----------
     equation : str
-        The normal form, with the coefficient's name.
+        The normal form, with the coefficient's name. x and z are coordinates along the critical
+        eigenvector, which has length one.
     coefficient : float
-        In the units of the states; the critical eigenvector has length one.
+        In the units of the integration: those of the system, or its typical sizes.
     error : float
-        Its estimated error.
+        Estimated error of the coefficient.
     criticality : str
-        "supercritical", "subcritical"; empty where the bifurcation has none, as a fold, or the
-        coefficient is zero within its error.
+        "supercritical" if the orbit, curve or cycle that bifurcates is stable on the center
+        manifold, "subcritical" if it is unstable; empty for a fold or a transcritical branch point,
+        or if the coefficient is zero within three times its error.
+
+    See Also
+    --------
+    SpecialPoint, EquilibriumPoint, continue_orbit
+
+    Notes
+    -----
+    Kuznetsov, *Elements of Applied Bifurcation Theory*, 3rd edition (2004), section 5.4. The
+    Poincaré map includes impacts and other events through the shooting equations.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def vanderpol(mode, t, y, p):
+    ...     return y.v, -y.x + (p.m - y.x**2) * y.v
+    >>> system = mi.System(states=("x", "v"), flow=vanderpol, parameters={"m": -0.5})
+    >>> (rest,) = mi.find_equilibria(system, guess={"x": 0.0})
+    >>> (hopf,) = mi.continue_equilibrium(rest, "m", stop=0.5).special_points
+    >>> form = hopf.normal_form
+    >>> form.equation, round(form.coefficient, 6), form.criticality
+    ("z' = i omega z + l z |z|^2", -0.25, 'supercritical')
     """
 
     equation: str

@@ -1,4 +1,4 @@
-"""Normal forms against those of maps and flows in closed form, and against the orbits beside them."""
+"""Normal forms against those of maps and flows in closed form, and against nearby orbits."""
 
 import math
 
@@ -125,7 +125,7 @@ def test_chenciner_and_resonances_on_a_curve():
     exact = brentq(lambda t: _turn_coefficient(t, 0.3, 0.2), -1.3, -1.05)
     expected = {"1:4 resonance": 0.0, "1:3 resonance": -1.0, "1:2 resonance": -2.0}
     assert found == pytest.approx(expected | {"Chenciner": exact}, abs=1e-8)
-    assert "neutral saddles" in curve.ended
+    assert curve.ended.startswith("1:2 resonance")
 
 
 def _rossler(mode, t, y, p):
@@ -146,18 +146,15 @@ def test_a_supercritical_doubling_of_a_cycle_leads_to_stable_cycles():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("amplitude", "omega", "stop"), [(0.29, 0.45, 0.25), (0.22, 0.7, 0.3)])
-def test_criticality_of_the_actuator_by_the_doubled_orbits(amplitude, omega, stop):
+def test_criticality_of_the_actuator_by_the_doubled_orbits():
     """Through impacts and slips: doubled orbits are stable where the doubling is supercritical."""
-    actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=amplitude, omega=omega)
+    actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.29, omega=0.45)
     start = mi.kicked_state(actuator)
     orbit = mi.find_orbit(actuator, drive, guess=start, transient=300)
-    branch = mi.continue_orbit(orbit, "amplitude", stop=stop)
-    doublings = [special for special in branch.special_points if special.label == "PD"]
-    for special in doublings:
-        doubled = mi.switch_branch(special, bounds=(0.1, 0.5)).table
-        supercritical = special.criticality == "supercritical"
-        assert doubled["stable"].iloc[1:4].tolist() == [supercritical] * 3
+    (special,) = mi.continue_orbit(orbit, "amplitude", stop=0.25).special_points
+    assert (special.label, special.criticality) == ("PD", "supercritical")
+    doubled = mi.switch_branch(special, bounds=(0.26, 0.29)).table
+    assert doubled["stable"].iloc[:4].all()
 
 
 def _normal(mode, t, y, p):
