@@ -364,7 +364,7 @@ def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dic
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the columns that describe orbits, those of their location first."""
-    own = ("value", "values", "label", "kind", "states")
+    own = ("value", "values", "label", "kind", "criticality", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in own]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
     for state in rows[0]["states"] if rows else ():

@@ -429,7 +429,7 @@ def _resonant_cubic(
 ) -> tuple[complex, float]:
     """Return <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)> and its error.
 
-    `mean` and `double` are the inverses of which h11 and h20 are the products with B.
+    h11 and h20 are the products of `mean` and `double` with B(q, q*) and B(q, q).
     """
     u, v = found.right.real.copy(), found.right.imag.copy()
     # Rotated so that real and imaginary part are orthogonal: neither then is short.

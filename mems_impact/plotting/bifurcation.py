@@ -51,7 +51,7 @@ POINT_MARKS = {
 }
 POINT_MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
 BRANCH_SAME = 0.01  # distance at which points coincide, as a part of the axes
-MARKER_FACE = "white"  # of branch points and points named after a guard
+MARKER_FACE = "white"  # of subcritical and branch points, and points named after a guard
 
 
 class Diagram(Protocol):
@@ -142,7 +142,11 @@ def plot_branch(
         _lines(ax, diagram.table, state, drawn)
     found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
     ax.margins(x=0.02, y=0.08)
-    marks = _points(ax, pd.concat([_marks(table, state) for table in found])) if found else []
+    marks = (
+        _points(ax, pd.concat([_marks(table, parameter, state) for table in found]))
+        if found
+        else []
+    )
     label_axis(ax.xaxis, parameter_label(first, parameter))
     shown = state in first.attrs.get("states", ())
     label_axis(ax.yaxis, on_section(first, state) if shown else label_of(first, state))
@@ -200,9 +204,10 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
             drawn.add(text)
 
 
-def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
+def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
     rows = table[table["admissible"].astype(bool)]
-    return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
+    names = {"label": rows["label"], "criticality": rows["criticality"]}
+    return pd.DataFrame({**names, "value": rows[parameter], "y": rows[state]})
 
 
 def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
@@ -217,7 +222,8 @@ def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
         if any(near):
             continue
         marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
-        face = color(meaning) if meaning else MARKER_FACE
+        filled = meaning and row.criticality != "subcritical"
+        face = color(meaning) if filled else MARKER_FACE
         taken.append(Mark(str(row.label), row.value, row.y, marker, face))
     return taken
 

@@ -28,6 +28,7 @@ def diagram():
     special = pd.DataFrame(
         {
             "label": ["CF", "G", "PD", "break-away"],
+            "criticality": ["", "", "supercritical", ""],
             "kind": ["fold", "grazing", "period-doubling", "break-away"],
             "amplitude": [0.1, 0.2, 0.3, 0.15],
             "admissible": [True, True, False, True],
@@ -171,3 +172,15 @@ def test_what_is_no_curve(branch):
     other.table = other.table.rename(columns={"A": "e"})
     with pytest.raises(mi.InvalidParameter, match="omega, A, those of the first"):
         mi.plot_curve([one, other])
+
+
+def test_the_mark_of_a_subcritical_point_is_open():
+    found = diagram()
+    rows = found.special_table.iloc[[1]].assign(label="PD")
+    faces = {}
+    for criticality in ("supercritical", "subcritical"):
+        found.special_table = rows.assign(criticality=criticality)
+        ax = mi.plot_branch(found)
+        (mark,) = (line for line in ax.lines if line.get_marker() == "^")
+        faces[criticality] = mark.get_markerfacecolor()
+    assert faces["subcritical"] == "white" != faces["supercritical"]
