@@ -74,22 +74,25 @@ def built_site() -> Path | None:
 
 
 def page(site: Path, word: str | None) -> str:
-    """Return the address of the page on a word: reference, own page, topic or search."""
+    """Return the address of the page on a word: reference, topic, own page or search."""
     if word is None:
         return (site / "index.html").as_uri()
-    topic = word.lower().replace(" ", "_").replace("-", "_")
-    candidates = [site / f"{topic}.html", *sorted(site.glob(f"*/*{topic}*.html"))]
+    stem = word.lower().replace(" ", "_").replace("-", "_")
+    topic = topic_on(word)
+    of_topic = [] if topic is None else [topic.page]
+    named = topic is not None and any(_same(word, name) for name in (topic.name, *topic.also))
+    own = [f"{stem}.html"]
+    candidates = [*of_topic, *own] if named else [*own, *of_topic]
+    candidates += [
+        each.relative_to(site).as_posix() for each in sorted(site.glob(f"*/*{stem}*.html"))
+    ]
     name = public(word)
     if name is not None:
         kinds = (f"mems_impact.{name}-class.html", f"mems_impact.{name}.html")
-        candidates = [*(site / "reference" / kind for kind in kinds), *candidates]
+        candidates = [*(f"reference/{kind}" for kind in kinds), *candidates]
     for candidate in candidates:
-        if candidate.is_file():
-            return candidate.as_uri()
-    found = topic_on(word)
-    if found is not None:
-        name, _, heading = found.page.partition("#")
-        address = (site / name).with_suffix(".html")
+        path, _, heading = candidate.partition("#")
+        address = (site / path).with_suffix(".html")
         if address.is_file():
             return f"{address.as_uri()}#{heading}" if heading else address.as_uri()
     from urllib.parse import quote
@@ -121,18 +124,27 @@ def topics() -> list[Topic]:
 
 def topic_on(words: str) -> Topic | None:
     """Return the topic with the longest name or synonym whose words all occur, or None."""
-    wanted = set(_plain(words).split())
+    wanted = _stems(words)
     found = [
         (len(name), topic)
         for topic in topics()
         for name in (topic.name, *topic.also)
-        if wanted.issuperset(_plain(name).split())
+        if wanted.issuperset(_stems(name))
     ]
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
 def _plain(words: str) -> str:
     return words.lower().replace("_", " ").replace("-", " ")
+
+
+def _stems(words: str) -> set[str]:
+    """Return the words without the ending of a plural."""
+    return {word.removesuffix("s") if len(word) > 3 else word for word in _plain(words).split()}
+
+
+def _same(word: str, other: str) -> bool:
+    return _stems(word) == _stems(other)
 
 
 def text_on(word: str | None) -> str:

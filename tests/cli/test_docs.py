@@ -16,6 +16,10 @@ def site(tmp_path):
         "index",
         "maps",
         "howto",
+        "figures",
+        "orbits",
+        "stability",
+        "reference/mems_impact.plot_run",
         "reference/mems_impact.Basins-class",
         "reference/mems_impact.basins",
     ):
@@ -32,6 +36,9 @@ def site(tmp_path):
         ("maps", "/maps.html"),
         ("time step", "/howto.html#choose-tolerances-the-method-and-the-time-step"),
         ("gear wheel", "/search.html?q=gear%20wheel"),
+        ("plot", "/figures.html"),
+        ("stability", "/orbits.html#an-orbit"),
+        ("period doublings", "/orbits.html#a-branch"),
     ],
 )
 def test_the_address_of_a_page(site, word, ends):
