@@ -173,7 +173,8 @@ def text_on(word: str | None) -> str:
             parts += [f"{topic.name}: {topic.answer}", f"page: docs/{topic.page}"]
         plain = _plain(word)
         mentioned = [n for n in names if len(word) > 2 and plain in _plain(f"{n} {docstrings[n]}")]
-        parts += [f"{n}: {lines[n]}" for n in dict.fromkeys((*served, *mentioned))]
+        of_phrase = [n for n in map(public, word.split()) if n is not None]
+        parts += [f"{n}: {lines[n]}" for n in dict.fromkeys((*served, *of_phrase, *mentioned))]
     if not parts:
         from difflib import get_close_matches
 

@@ -63,6 +63,7 @@ def test_what_is_opened(cli, site, monkeypatch):
         ("fitwarning", "mems_impact.FitWarning"),
         ("pull-in", "Usage: mems-impact pull-in"),
         ("grazing", "grazing_type: "),
+        ("draw a tornado of sensitivity", "sensitivity: "),
     ],
 )
 def test_the_text_without_a_site(cli, word, said):
