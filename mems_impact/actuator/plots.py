@@ -639,15 +639,17 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
                 rows["load"], rows["mean speed"], linestyle="none", marker="o",
                 color=motion, fillstyle=filled, label=by, zorder=3,
             )  # fmt: skip
+    ax.margins(x=0.08)  # room for the label of the last limit
     label = label_of(table, "load")
     limits = []
     for name, (words, dashes) in LOAD_LINES.items():
         value = getattr(curve, name)
         if math.isfinite(value):
             power, unit = prefixed(label.unit, abs(value))
-            limits.append((value, f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()))
+            limits.append((value, f"{words}\nup to {value / 10.0**power:.4g} {unit}".rstrip()))
             ax.axvline(value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1)
     ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
+    ax.autoscale_view(scaley=False)
     _shade_runaway(ax, table)
     label_axis(ax.xaxis, label)
     label_axis(ax.yaxis, label_of(table, "mean speed"))

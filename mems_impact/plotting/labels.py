@@ -266,7 +266,8 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
     ax : matplotlib Axes
         Axes with all other artists.
     lines : sequence of tuple of float and str
-        Where each line is, and its label.
+        Where each line is, and its label. A label is broken at a newline only if it is free of
+        overlaps there and not in one row.
 
     Returns
     -------
@@ -284,22 +285,23 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
     taken = [np.array([x - scale, frame[1], x + scale, frame[3]]) for x in places]
     found = []
     for (value, text), x in zip(lines, places, strict=True):
-        length, width = (scale * (extent + PAD) for extent in text_size(text, size))
-        room = frame[3] - frame[1] - length
-        best, cost, chosen = np.zeros(4), np.inf, (1.0, 0.0)
-        for side, share in product((-1.0, 1.0), np.linspace(1.0, 0.0, 9)):
+        best, cost, chosen = np.zeros(4), np.inf, (text, 1.0)
+        rows = (text.replace("\n", " "), text)
+        for words, side, share in product(rows, (-1.0, 1.0), np.linspace(1.0, 0.0, 9)):
+            length, width = text_size(words, size)
+            length, width = scale * (length + 4.0 * PAD), scale * (width + PAD)
             left = x + side * scale - (width if side < 0.0 else 0.0)
-            low = frame[1] + share * room
+            low = frame[1] + share * (frame[3] - frame[1] - length)
             box = np.array([left, low, left + width, low + length])
             price = _price(box, taken, curves, frame)
             if price < cost:
-                best, cost, chosen = box, price, (side, share)
+                best, cost, chosen = box, price, (words, side)
         taken.append(best)
-        side, share = chosen
-        middle = 0.5 * (best[1] + best[3])
+        words, side = chosen
+        middle, width = 0.5 * (best[1] + best[3]), best[2] - best[0]
         found.append(
             ax.annotate(
-                text, (value, (middle - frame[1]) / (frame[3] - frame[1])),
+                words, (value, (middle - frame[1]) / (frame[3] - frame[1])),
                 xycoords=ax.get_xaxis_transform(), xytext=(side * (1.0 + 0.5 * width / scale), 0.0),
                 textcoords="offset points", rotation=90.0, ha="center", va="center",
                 fontsize="small", zorder=8,

@@ -1,6 +1,9 @@
 """Mean speed over the load."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 import mems_impact as mi
@@ -20,19 +23,42 @@ def test_a_speed_that_was_not_computed_is_no_point():
     assert legend == ["orbit", "run", "runs away"]
 
 
-def test_limits_are_labelled_on_their_lines():
-    found = load()
+def narrow():
+    """Return a load curve with two limits that are near each other, and one on the curve."""
+    speeds = [40e-9, 31.2e-9, 25.5e-9, 21.6e-9, 18.8e-9, np.nan]
+    table = pd.DataFrame({
+        "load": [0.0, 1e-5, 2e-5, 3e-5, 4e-5, 4.8e-5], "mean speed": speeds,
+        "by": ["orbit"] * 5 + [""], "does": ["walks"] * 5 + ["runs away"]})  # fmt: skip
+    table.attrs = load().table.attrs
+    return SimpleNamespace(
+        table=table, sliding_load=3.331e-5, walking_load=4.667e-5, holding_load=4.935e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "sliding", "walking", "holding"),
+    [(load(), "27.8", "19.3", "41.2"), (narrow(), "33.31", "46.67", "49.35")],
+    ids=["apart", "narrow"],
+)
+def test_limits_are_labelled_on_their_lines(found, sliding, walking, holding):
     ax = mi.plot_load(found)
     ax.figure.draw_without_rendering()
-    places = {text.get_text(): text.get_window_extent() for text in ax.texts}
+    places = {text.get_text().replace("\n", " "): text.get_window_extent() for text in ax.texts}
     lines = {
-        "every slip ends up to 27.8 µN": found.sliding_load,
-        "walks up to 19.3 µN": found.walking_load,
-        "holds without voltage up to 41.2 µN": found.holding_load,
+        f"every slip ends up to {sliding} µN": found.sliding_load,
+        f"walks up to {walking} µN": found.walking_load,
+        f"holds without voltage up to {holding} µN": found.holding_load,
     }
     assert set(places) == set(lines)
+    table = found.table.dropna()
+    loads = np.linspace(table["load"].min(), table["load"].max(), 500)
+    speeds = np.interp(loads, table["load"], table["mean speed"])
+    curve = ax.transData.transform(np.column_stack([loads, speeds]))
     for text, value in lines.items():
         x = ax.transData.transform((value, 0.0))[0]
         box = places[text]
         assert min(abs(box.x0 - x), abs(box.x1 - x)) < 0.02 * ax.bbox.width
-        assert not box.x0 < x < box.x1
+        assert ax.bbox.y0 <= box.y0 < box.y1 <= ax.bbox.y1
+        for other in lines.values():
+            assert not box.x0 < ax.transData.transform((other, 0.0))[0] < box.x1
+        assert not any(box.contains(*point) for point in curve)
