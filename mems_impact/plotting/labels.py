@@ -57,6 +57,7 @@ COMPACT = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
 ROW_HEIGHT = 1.05  # of a row of a legend, in sizes of its text
 LEGEND_SHARE = 0.1  # height of a legend at most, as a part of the figure, where it can be
 TAKEN, OUTSIDE = 1e4, 1e5  # costs of a place on another text, or outside the axes
+NEARER = 100.0  # cost of a place nearer to another point than to its own
 
 
 class Mark(NamedTuple):
@@ -200,14 +201,16 @@ def label_points(
     radius = 0.8 * scale * float(rcParams["lines.markersize"]) + scale
     taken = [np.array([*(point - radius), *(point + radius)]) for point in points]
     found = []
-    for mark, point, move in zip(marks, points, aside, strict=True):
+    for own, (mark, point, move) in enumerate(zip(marks, points, aside, strict=True)):
         extent = scale * (np.array(text_size(mark.text, size)) + PAD)
         best, cost, away = taken[0], np.inf, np.zeros(2)
         for far, side in product(LABEL_DISTANCES, SIDES):
             shift = np.trunc(side) * (radius + (far - 0.5) * scale * size)
             low = point + shift + 0.5 * (np.array(side) - 1.0) * extent
             box = np.concatenate([low, low + extent])
-            price = _price(box, taken, lines, frame) + 3.0 * far
+            gaps = np.hypot(*np.maximum(np.maximum(low - points, points - low - extent), 0.0).T)
+            nearer = np.delete(gaps, own).min(initial=np.inf) < gaps[own] + scale
+            price = _price(box, taken, lines, frame) + 3.0 * far + NEARER * float(nearer)
             if price < cost:
                 best, cost, away = box, price, shift
         taken.append(best)

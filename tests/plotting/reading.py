@@ -3,7 +3,9 @@
 from itertools import combinations
 from string import ascii_lowercase
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from mems_impact.plotting.labels import PANEL_LETTER
 
@@ -62,6 +64,22 @@ def overlaps(ax):
     ]
 
 
+def astray(ax):
+    """Return the labels of special points that are nearer to another marker, in words."""
+    labels = [text for text in ax.texts if text.get_zorder() == 8]
+    markers = [line for line in ax.lines if line.get_zorder() == 7]
+    if len(labels) != len(markers):
+        return []
+    places = np.array([line.get_transform().transform(line.get_xydata())[0] for line in markers])
+    found = []
+    for own, label in enumerate(labels):
+        box = Text.get_window_extent(label)
+        gaps = np.hypot(*(places - np.clip(places, box.min, box.max)).T)
+        if gaps.argmin() != own:
+            found.append(f"{label.get_text()!r} is beside the marker of another point")
+    return found
+
+
 def flaws(figure):
     """Return what is wrong with a figure, in words."""
     canvas = FigureCanvasAgg(figure)
@@ -86,7 +104,7 @@ def flaws(figure):
             found.append(f"{one.get_text()!r} lies over {other.get_text()!r}")
     found += letters(figure)
     for ax in all_axes(figure):
-        found += overlaps(ax)
+        found += overlaps(ax) + astray(ax)
         if ax.get_legend() is None:
             continue
         box = ax.get_legend().get_window_extent()

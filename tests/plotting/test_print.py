@@ -199,6 +199,12 @@ def test_what_cannot_be_read_is_found():
     assert "a legend lies over what is drawn" in found
     assert any(words.startswith("a legend takes") for words in found)
     assert "special points lie over each other" in found
+    astray = Figure()
+    ax = astray.subplots()
+    for x in (0.3, 0.7):
+        ax.plot(x, 0.5, marker="s", markersize=4.5, zorder=7)
+        ax.annotate(f"of {x}", (1.0 - x, 0.52), zorder=8)
+    assert flaws(astray) == [f"'of {x}' is beside the marker of another point" for x in (0.3, 0.7)]
     two = Figure()
     two.subplots(2)
     assert flaws(two) == ["panels have letters [], not ['(a)', '(b)']"]
