@@ -21,8 +21,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "only the type of the numbers is asked for",
     (
         "mems_impact/hybrid/event_loop/event_detection.py",
-        "TINY_BIAS = 1e-300  # by which a margin that starts at zero is lifted",
-        "TINY_BIAS = 1e-297  # by which a margin that starts at zero is lifted",
+        "TINY_BIAS = 1e-300  # bias of a margin that starts at zero",
+        "TINY_BIAS = 1e-297  # bias of a margin that starts at zero",
     ): "far below the rounding of any margin either way",
     (
         "mems_impact/hybrid/problem.py",
@@ -31,8 +31,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a table with room to spare",
     (
         "mems_impact/hybrid/variational/saltation.py",
-        "at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]",
-        "at.y[j] = 1.0 if setup.cyclic[j] == 1 else numbers[first + j]",
+        "at.y[j] = 0.0 if setup.cyclic[j] == 1 else values[first + j]",
+        "at.y[j] = 1.0 if setup.cyclic[j] == 1 else values[first + j]",
     ): "a cyclic component enters no function; any small number does",
     (
         "mems_impact/hybrid/variational/saltation.py",
