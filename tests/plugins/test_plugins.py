@@ -110,7 +110,7 @@ def test_drives(cli, tmp_path):
 def test_a_broken_drive(cli):
     done = cli("simulate", "zhao2004", "--drive", "broken-drive", "--amplitude", "0.3")
     first, second = done.stderr.splitlines()
-    assert "is not a subclass of Drive; it is left out" in first
+    assert "is not a subclass of Drive; it is ignored" in first
     assert "kind = 'broken-drive': must be one of sine, " in second
 
 
