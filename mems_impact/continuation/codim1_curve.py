@@ -20,7 +20,6 @@ from mems_impact.continuation.arclength import (
     reason_of,
 )
 from mems_impact.continuation.grazing import DegenerateGrazingTest
-from mems_impact.continuation.normal_forms import CriticalityTest
 from mems_impact.continuation.orbit_branch import OrbitProblem, oriented
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
@@ -262,8 +261,6 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
         if isinstance(self.monitor, ClosestApproachTest):
             named.append(DegenerateGrazingTest(self.monitor.kind))
-        if self.monitor.kind in CriticalityTest.NAMES:
-            named.append(CriticalityTest(self.monitor.kind))
         multipliers = multipliers_at(self.shooting, point)  # once for all tests that need them
         found = {
             test: test.of(multipliers)
@@ -280,9 +277,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def _kind(self, test: TestFunction) -> str:
         """Return the name of a zero of `test` on this curve."""
         if not isinstance(test, MARGIN_TESTS):
-            assert isinstance(
-                test, MultiplierTest | CuspTest | CriticalityTest | DegenerateGrazingTest
-            )
+            assert isinstance(test, MultiplierTest | CuspTest | DegenerateGrazingTest)
             return test.name
         name = self.shooting.automaton.guards[test.guard].name
         if test.kind == GRAZING and self.monitor.kind == FOLD:
@@ -371,9 +366,8 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         orbit = self._orbit(point)
         if isinstance(test, MultiplierTest) and not test.is_zero(orbit.multipliers):
             return None
-        smooth = isinstance(test, CuspTest | CriticalityTest)
-        if smooth and abs(value(point)) > MAX_ZERO_RATIO * min(map(abs, ends)):
-            return None  # a pole, or a change of sign of the derivative by the first parameter
+        if isinstance(test, CuspTest) and abs(value(point)) > MAX_ZERO_RATIO * min(map(abs, ends)):
+            return None  # only the derivative by the first parameter has changed its sign
         values = (float(point.values[0]), float(point.values[1]))
         return position, CurveEvent(kind, values, orbit)
 

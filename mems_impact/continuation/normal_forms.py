@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +28,6 @@ from mems_impact.continuation.test_functions import (
     FOLD,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
-    DefiningSystem,
-    FoldTest,
-    TestFunction,
 )
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
@@ -539,30 +536,3 @@ def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | 
     return hopf_coefficient(
         system, matrix, size, complex(rotating[np.argmin(np.abs(rotating.real))])
     )
-
-
-@dataclass(frozen=True)
-class CriticalityTest(TestFunction):
-    """The cubic coefficient of period doublings or Neimark-Sacker points on their curve."""
-
-    NAMES: ClassVar[dict[str, str]] = {
-        PERIOD_DOUBLING: "generalized flip",
-        NEIMARK_SACKER: "Chenciner",
-    }
-
-    @property
-    def name(self) -> str:
-        """What a zero is called."""
-        return self.NAMES[self.kind]
-
-    def value(self, equations: Any, point: Any, along: Floats) -> None:
-        """Return None: it is defined on a curve."""
-
-    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
-        """Return that coefficient."""
-        doubled = isinstance(condition.monitor, FoldTest)
-        try:
-            form = orbit_normal_form(self.kind, condition.shooting, point, doubled=doubled)
-        except (OrbitError, np.linalg.LinAlgError):
-            return None
-        return None if form is None else form.coefficient
