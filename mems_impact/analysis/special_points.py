@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -71,13 +72,13 @@ class GrazingType(StrEnum):
         return {GrazingType.CONTINUOUS: "II", GrazingType.JUMP: "I"}.get(self, "III")
 
 
-class BifurcationPoint(Result):
+class BifurcationPoint(Result, ABC):
     """Base class of special points of branches."""
 
     @property
+    @abstractmethod
     def normal_form(self) -> NormalForm | None:
         """The normal form of the bifurcation; None if points of this kind have none."""
-        raise NotImplementedError
 
     @property
     def criticality(self) -> str:

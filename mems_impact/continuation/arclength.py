@@ -368,7 +368,7 @@ E = TypeVar("E")  # record of a special point
 Corrector = Callable[[Floats, Floats, Floats], Solution[P]]
 
 
-class ContinuationResult(Protocol[R, E]):
+class ContinuationRecord(Protocol[R, E]):
     """Result of a continuation so far: `OrbitBranch`, `OrbitCurve`, `Equilibria`."""
 
     points: list[R]
@@ -414,7 +414,7 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
 
     Attributes
     ----------
-    branch : ContinuationResult
+    branch : ContinuationRecord
         Result.
     family : Family
     parameters : tuple of str
@@ -423,7 +423,7 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         Noun for the result in messages.
     """
 
-    branch: ContinuationResult[R, E]
+    branch: ContinuationRecord[R, E]
     family: Family
     parameters: tuple[str, ...]
     noun = "branch"

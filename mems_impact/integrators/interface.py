@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["Engine", "Equations"]
+__all__ = ["Equations", "SingleMethodEngine"]
 
 # --- Functions of an engine
 
@@ -178,10 +178,10 @@ class Equations:
         return (-1, 0.0, 0) if self.section is None else self.section
 
 
-# --- What all engines answer to runs.
+# --- Base class of engines
 
 
-class Engine:
+class SingleMethodEngine:
     """Defaults for an engine with a single method, without memory of modes."""
 
     @property

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.integrators.interface import Engine, Equations
+from mems_impact.integrators.interface import Equations, SingleMethodEngine
 
 __all__ = [
     "FLOW",
@@ -96,7 +96,7 @@ def apply_transition(
     return int(into), [float(value) for value in after]
 
 
-class Functions(Engine):
+class Functions(SingleMethodEngine):
     """The methods of an interpreted engine that are common to all integration methods.
 
     Functions receive Python floats: NumPy scalars are slow, and do not support all operations (for

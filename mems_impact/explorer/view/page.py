@@ -43,7 +43,7 @@ from mems_impact.explorer.snapshot import (
 )
 from mems_impact.explorer.view.controls import Controls
 from mems_impact.explorer.view.panels import (
-    Animation,
+    AnimationPanels,
     BifurcationPanel,
     CyclesPanel,
     DevicePanel,
@@ -139,7 +139,7 @@ class Page:
         self.bifurcation = BifurcationPanel(self.dials, self._select) if self.dials else None
         series = TimeSeriesPanel(len(series_shown(subject.system, setting)))
         portrait, device = PortraitPanel(), DevicePanel() if actuator else None
-        animation = Animation(series, portrait, device)
+        animation = AnimationPanels(series, portrait, device)
         self.controls = Controls(subject, dials, setting, self.change, self.reset, self.save)
         panels: dict[str, Panel | None] = {
             "headlines": HeadlinePanel(),

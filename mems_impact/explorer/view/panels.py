@@ -34,7 +34,7 @@ from mems_impact.plotting.style import color, wearing
 from mems_impact.systems.base import HybridSystem
 
 __all__ = [
-    "Animation",
+    "AnimationPanels",
     "BifurcationPanel",
     "CyclesPanel",
     "DevicePanel",
@@ -124,7 +124,7 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
 # --- Bifurcation diagram with the run
 
 
-ROOM = 0.2  # of the range of the states, for labels
+LABEL_PADDING = 0.2  # of the range of the states, for labels
 SNAP = 0.012  # part of the range within which a click means a special point
 
 
@@ -173,7 +173,7 @@ class BifurcationPanel:
         legend = made.legend[0]
         legend.update(orientation="horizontal", border_line_color=None, padding=0, margin=0)
         made.add_layout(legend, "above")
-        made.y_range.range_padding = ROOM
+        made.y_range.range_padding = LABEL_PADDING
         made.title.text_font_style = "normal"
         made.toolbar_inner = False  # beside the title: within the axes it would take clicks
         made.on_event(Tap, self._tapped)
@@ -587,7 +587,7 @@ class TimeSeriesPanel:
 # --- The animation: a point on each curve, and the device in motion.
 
 
-class Animation:
+class AnimationPanels:
     """The frames that the browser plays, as ``layout``: a source without a view of its own.
 
     Parameters

@@ -117,7 +117,7 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
 @overload(saltation.run_loop, jit_options={**JIT, **INNER})
 def _run_on(s, w):  # type: ignore[no-untyped-def]
     if isinstance(w, types.Record) and "plain" in w.fields:
-        steps = saltation.STEPS_PER_CALL
+        steps = saltation.STEPS_PER_STRETCH
         return lambda s, w: _call_advance(w.advance, (w.plain, address(s), steps))
 
 

@@ -201,16 +201,14 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.collapse_mode = s.mode
             quota = 0  # report this collapse before the next one
         s.step_cut = int(status != interface.STEPPED)
-        if guard != NONE and not at_switch:
-            status = resolve_instant(engine, s, y, guard)
-            if status != DONE:
-                return status
-        elif at_switch:
+        if at_switch:
+            guard = 2 * s.m
             if t > s.period:
                 # Set the first switch of the next period exactly.
                 rebase_time(s, 1)
                 s.t = table_row(s, SWITCHES)[0]
-            status = resolve_instant(engine, s, y, 2 * s.m)
+        if guard != NONE:
+            status = resolve_instant(engine, s, y, guard)
             if status != DONE:
                 return status
         elif t > REBASE_PERIODS * s.period:

@@ -19,7 +19,7 @@ from numba import types
 from numba.extending import intrinsic, overload, register_jitable
 
 from mems_impact.integrators import interface
-from mems_impact.integrators.interface import Engine, Equations
+from mems_impact.integrators.interface import Equations, SingleMethodEngine
 from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
 from mems_impact.integrators.jit.numba_support import (
     INNER,
@@ -277,7 +277,7 @@ def _kernel(function: Callable[..., Any], name: str, cached: str | None) -> Any:
 # --- Compiled engines
 
 
-class CompiledEngine(Engine):
+class CompiledEngine(SingleMethodEngine):
     """A record of addresses for compiled code, and the memory that it points to.
 
     Parameters
