@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,13 @@ import numpy as np
 
 from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
-from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint
+from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, equilibrium_of
+from mems_impact.analysis.event_functions import (
+    MEASURES,
+    EquilibriumFunction,
+    Events,
+    OrbitFunction,
+)
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.special_points import (
     BifurcationPoint,
@@ -23,9 +29,15 @@ from mems_impact.analysis.special_points import (
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.branch_switching import switch_at_hopf, switch_at_period_doubling
 from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
-from mems_impact.continuation.equilibrium_branch import Equilibria, follow_equilibrium
+from mems_impact.continuation.equilibrium_branch import (
+    EQUILIBRIUM_LABELS,
+    Equilibria,
+    follow_equilibrium,
+)
+from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.orbit_branch import OrbitBranch, follow
+from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import BRANCH_POINT, ORBIT_LABELS, UNEXPLAINED
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.equilibrium import EquilibriumState
@@ -207,6 +219,7 @@ def continue_orbit(
     back: float | None = None,
     steps: StepControl = BRANCH_STEPS,
     through_grazing: bool = True,
+    events: Events | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
     """Continue a periodic orbit, stable or unstable, in one parameter.
@@ -230,6 +243,10 @@ def continue_orbit(
         Whether to continue at a grazing with the orbit that has one impact more or fewer. Otherwise
         the branch continues with orbits that penetrate the stopper or impact backwards, marked as
         inadmissible.
+    events : mapping of str to callable or (str, float), optional
+        Further special points by name: the zeros of a function of the `Orbit`, or a column of the
+        branch's table with its value there, such as ``("impact speed", 0.3)``. The name is their
+        kind and label. A function returns NaN where it is undefined; a jump is no zero.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
@@ -243,6 +260,9 @@ def continue_orbit(
     ------
     InvalidParameter
         If an argument is out of range, or the parameter cannot have the value `stop`.
+    FunctionError
+        If a function of `events` raises, or returns no number, at the first orbit. Later on, it
+        ends the branch.
 
     See Also
     --------
@@ -259,10 +279,19 @@ def continue_orbit(
     [('CF', 0.1765154), ('G', 0.2271776)]
     >>> branch.ended
     'amplitude reached its bound'
+    >>> weak = mi.continue_orbit(orbit, "amplitude", 0.23, events={"weak": ("impact speed", 0.15)})
+    >>> [special.label for special in weak.special_points]
+    ['weak']
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
     bounds = check_bounds(system, parameter, stop, back)
+    kinds = {
+        *ORBIT_LABELS,
+        *ORBIT_LABELS.values(),
+        *(each.name for each in system.automaton.guards),
+    }
+    tests = OrbitFunction.tests(events, orbit, parameter, kinds)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
     # The parameter at the start of the branch, to the last digit of the numerics.
@@ -278,6 +307,7 @@ def continue_orbit(
             direction=direction,
             steps=steps,
             reconnecting=through_grazing,
+            functions=tests,
             progress=report,
         )
     return _branch(system, found, bounds)
@@ -418,10 +448,10 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
         "admissible": found.admissible,
         **place,
         **({} if orbit.system.forced else {"period": orbit.period}),
-        "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
+        "largest multiplier": MEASURES["largest multiplier"](orbit),
         "impacts": len(orbit.impact_speeds),
-        "impact speed": max(orbit.impact_speeds, default=math.nan),
-        "closest approach": orbit.closest_approach,
+        "impact speed": MEASURES["impact speed"](orbit),
+        "closest approach": MEASURES["closest approach"](orbit),
         **orbit.observables,
         "states": orbit.shown_states,
     }
@@ -549,10 +579,12 @@ class Curve(ContinuationResult):
 
 
 def continue_curve(
-    special: SpecialPoint,
+    special: SpecialPoint | Orbit,
     parameter: str,
     stop: float,
     *,
+    fixed: str | Callable[[Orbit], float] | None = None,
+    free: str | None = None,
     back: float | None = None,
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
@@ -564,13 +596,19 @@ def continue_curve(
 
     Parameters
     ----------
-    special : SpecialPoint
+    special : SpecialPoint or Orbit
         A grazing, fold, period doubling or Neimark-Sacker point, an onset of complete chatter (to
-        some 1e-7), or a point at which another guard is touched.
+        some 1e-7), a point at which another guard is touched, or an event of `continue_orbit`.
+        An orbit is continued with a quantity `fixed` at its value.
     parameter : str
         The second parameter; the first is that of the branch.
     stop : float
         Value towards which the curve starts, and at which it ends.
+    fixed : str or callable, optional
+        Quantity of an orbit: a column of its branch's table, such as ``"impact speed"``, or a
+        function of the `Orbit`.
+    free : str, optional
+        The first parameter of an orbit, which keeps `fixed` constant.
     back : float, optional
         Opposite bound, used if the curve folds back; by default the value at its start.
     steps, progress
@@ -585,6 +623,8 @@ def continue_curve(
     ------
     InvalidParameter
         If an argument is out of range.
+    FunctionError
+        If `fixed` raises, or returns no number.
 
     See Also
     --------
@@ -601,23 +641,35 @@ def continue_curve(
     >>> curve = mi.continue_curve(fold, "omega", stop=0.51)
     >>> curve.kind, curve.parameters
     ('fold', ('amplitude', 'omega'))
+
+    Orbits with impacts of one speed:
+
+    >>> curve = mi.continue_curve(orbit, "omega", 0.505, fixed="impact speed", free="amplitude")
+    >>> bool(abs(curve.table["impact speed"] - max(orbit.impact_speeds)).max() < 1e-9)
+    True
     """
-    check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    system, first = special.orbit.system, special.parameter
+    check_kind(special, "special", SpecialPoint | Orbit, "a special point of a branch, or an Orbit")
+    if isinstance(special, Orbit):
+        system, first, start = special.system, *_at_level(special, fixed, free)
+    else:
+        if fixed is not None or free is not None:
+            field, value = ("free", free) if fixed is None else ("fixed", fixed)
+            raise InvalidParameter(field, value, "omitted, except for an Orbit")
+        system, first, start = special.system, special.parameter, special.without_impact
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
-    if special.kind == BRANCH_POINT:
+    if start.kind == BRANCH_POINT:
         allowed = "a point other than a branch point, which has no curve in two parameters"
-        raise InvalidParameter("special", special.kind, allowed)
-    if special.kind == UNEXPLAINED:
-        raise InvalidParameter("special", special.kind, "a point of known kind")
+        raise InvalidParameter("special", start.kind, allowed)
+    if start.kind == UNEXPLAINED:
+        raise InvalidParameter("special", start.kind, "a point of known kind")
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
         found = follow_curve(
-            special.without_impact,
+            start,
             first,
             parameter,
             low=system.into(parameter, bounds[0]),
@@ -627,6 +679,29 @@ def continue_curve(
             progress=report,
         )
     return curve_of(system, found)
+
+
+def _at_level(
+    orbit: Orbit, fixed: str | Callable[[Orbit], float] | None, free: str | None
+) -> tuple[str, BranchEvent]:
+    """Return the free parameter, and an orbit as a point at which a quantity has its value."""
+    if not isinstance(free, str):
+        raise InvalidParameter("free", free, "a parameter that keeps the quantity constant")
+    orbit.system.check_continued(free)
+    if not (callable(fixed) or isinstance(fixed, str)):
+        allowed = "a column of the table of a branch, or a function of the orbit"
+        raise InvalidParameter("fixed", fixed, allowed)
+    name = fixed if isinstance(fixed, str) else getattr(fixed, "__name__", "quantity")
+    column, function = (fixed, None) if isinstance(fixed, str) else ("", fixed)
+    quantity = OrbitFunction(name, orbit.system, free, column, 0.0, function)
+    if column:
+        quantity.check_column(orbit, "fixed")
+    level = quantity.of(orbit)
+    if not math.isfinite(level):
+        raise InvalidParameter("fixed", name, f"a quantity of this orbit, where it is {level}")
+    test = FunctionTest(f"{name} = {level:.6g}", replace(quantity, level=level))
+    value, still = orbit.found.family.values[free], np.zeros(0)
+    return free, BranchEvent(test.kind, test.kind, value, orbit.found, still, test)
 
 
 def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
@@ -751,6 +826,7 @@ def continue_equilibrium(
     *,
     back: float | None = None,
     steps: StepControl = EQUILIBRIUM_STEPS,
+    events: Events | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> EquilibriumBranch:
     """Continue an equilibrium, stable or unstable, in one parameter.
@@ -770,6 +846,8 @@ def continue_equilibrium(
         Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
         Step lengths, and the largest number of steps.
+    events : mapping of str to callable or (str, float), optional
+        Further special points, as for `continue_orbit`; functions of the `Equilibrium`.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
@@ -783,6 +861,8 @@ def continue_equilibrium(
     ------
     InvalidParameter
         If an argument is out of range, or the equilibrium is one of a continuum.
+    FunctionError
+        If a function of `events` raises, or returns no number, at the first equilibrium.
 
     See Also
     --------
@@ -804,6 +884,8 @@ def continue_equilibrium(
     if equilibrium.neutral:
         raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
     bounds = check_bounds(system, parameter, stop, back)
+    kinds = {*EQUILIBRIUM_LABELS, *EQUILIBRIUM_LABELS.values()}
+    tests = EquilibriumFunction.tests(events, equilibrium, parameter, kinds)
     low, high = (system.into(parameter, bound) for bound in bounds)
     begin = equilibrium.found.family.values[parameter]
     with parameter_progress(
@@ -816,6 +898,7 @@ def continue_equilibrium(
             high=max(high, begin),
             direction=math.copysign(1.0, stop - system.value(parameter)),
             steps=steps,
+            functions=tests,
             progress=report,
         )
     special = tuple(
@@ -838,11 +921,6 @@ def continue_equilibrium(
         ended=found.ended,
         found=found,
     )
-
-
-def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
-    """Return an equilibrium of `continuation` as an `Equilibrium` at its own parameters."""
-    return Equilibrium(system=system.at(found.family.values), found=found)
 
 
 def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:

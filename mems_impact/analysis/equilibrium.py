@@ -22,7 +22,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 
-__all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
+__all__ = ["Equilibrium", "EquilibriumPoint", "equilibrium_of", "find_equilibria"]
 
 SAME_STATE_RTOL = 1e-6  # relative difference below which two states are one equilibrium
 SEED = 1  # of the starting points of Newton's method between bounds
@@ -118,6 +118,11 @@ class Equilibrium(Result):
     def beyond(self) -> tuple[str, ...]:
         """The guards that a virtual equilibrium violates."""
         return self.found.violated
+
+
+def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
+    """Return an equilibrium of `orbits` as an `Equilibrium` at its own parameters."""
+    return Equilibrium(system=system.at(found.family.values), found=found)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 from mems_impact._util.units import Scales
@@ -17,8 +18,10 @@ from mems_impact.analysis import (
 )
 from mems_impact.analysis import branch as curve
 from mems_impact.analysis import branch as equilibria
+from mems_impact.analysis.event_functions import EquilibriumFunction, OrbitFunction
 from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
+from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ORBIT_TESTS
@@ -124,8 +127,10 @@ KINDS: tuple[type, ...] = (
     EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
     equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
 )  # fmt: skip
-for kind in (*KINDS, *ORBIT_TESTS):
+for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)
+for kind in (OrbitFunction, EquilibriumFunction):  # without the function of the user
+    register(kind, parts=lambda each: {f.name: getattr(each, f.name) for f in fields(each)[:-1]})
 register(BranchEvent)
 register(CurveEvent)
 register_object(Moments)

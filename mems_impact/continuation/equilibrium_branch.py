@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -24,6 +24,7 @@ from mems_impact.continuation.arclength import (
     tangent,
 )
 from mems_impact.continuation.branch_points import regularity
+from mems_impact.continuation.function_tests import FunctionTest, FunctionZeros
 from mems_impact.continuation.stability import (
     CROSSING,
     IMAGINARY_AXIS,
@@ -78,8 +79,8 @@ class EquilibriumEvent:
 
     @property
     def label(self) -> str:
-        """LP, H, BP, BE or ?."""
-        return EQUILIBRIUM_LABELS[self.kind]
+        """LP, H, BP, BE or ?; else the kind."""
+        return EQUILIBRIUM_LABELS.get(self.kind, self.kind)
 
 
 @dataclass
@@ -109,6 +110,7 @@ def follow_equilibrium(
     high: float,
     direction: float,
     steps: StepControl,
+    functions: Sequence[FunctionTest] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Equilibria:
     """Continue an equilibrium in one parameter up to a bound, an end or the budget of points.
@@ -124,6 +126,7 @@ def follow_equilibrium(
     direction : float
         Sign of the first step in the parameter.
     steps : StepControl
+    functions : sequence of FunctionTest, optional
     progress : callable, optional
         Called with every value of the parameter.
 
@@ -139,7 +142,7 @@ def follow_equilibrium(
         first = equations.evaluate(equilibrium.balance.unknowns, value)
         along = tangent(first)
         along = along if direction > 0.0 else -along
-        problem = _EquilibriumProblem(branch, equations, first, along, low, high, steps)
+        problem = _EquilibriumProblem(branch, equations, first, along, low, high, steps, functions)
         for found in Continuation(problem, first, along, low=low, high=high, steps=steps):
             if progress is not None:
                 progress(found.family.value(parameter))
@@ -162,7 +165,9 @@ class _EquilibriumProblem(
         low: float,
         high: float,
         steps: StepControl,
+        functions: Sequence[FunctionTest],
     ) -> None:
+        self.functions = FunctionZeros[EquilibriumEvaluation](equations, functions)
         self.branch, self.equations, self.family = branch, equations, equations.family
         self.parameters, self.low, self.high = (branch.parameter,), low, high
         self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
@@ -232,6 +237,8 @@ class _EquilibriumProblem(
             if (before[test] < 0.0) != (after[test] < 0.0):
                 place = self._zero(step, length, test)
                 found.append((place, self._event(step.at(place).point, test.kind, test.guard)))
+        for place, function, there in self.functions.within(step, length):
+            found.append((place, self._event(there, function.kind)))
         found.sort(key=lambda item: item[0])
         return LocatedEvents([each for _, each in found if self.low <= each.value <= self.high])
 

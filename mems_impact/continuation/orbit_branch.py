@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -35,6 +35,7 @@ from mems_impact.continuation.chatter_onset import (
     chatter_onset,
     rests_after_chatter,
 )
+from mems_impact.continuation.function_tests import FunctionTest, FunctionZeros
 from mems_impact.continuation.grazing import (
     NO_ORBIT_BEYOND,
     change_signature,
@@ -218,6 +219,7 @@ def follow(
     direction: float = 1.0,
     steps: StepControl | None = None,
     reconnecting: bool = True,
+    functions: Sequence[FunctionTest] = (),
     progress: Callable[[float], None] | None = None,
 ) -> OrbitBranch:
     """Continue `orbit` in `parameter` up to a bound, an end or the budget of points.
@@ -235,6 +237,8 @@ def follow(
     reconnecting : bool
         Whether to continue with the changed signature where a margin is touched. Otherwise the
         branch keeps its signature, and its orbits become inadmissible.
+    functions : sequence of FunctionTest, optional
+        Functions of the user whose zeros are located.
     progress : callable, optional
         Called with every value of the parameter.
 
@@ -246,7 +250,7 @@ def follow(
     branch = OrbitBranch(parameter)
     points = points_of(
         branch, orbit, low=low, high=high, direction=direction, steps=steps,
-        reconnecting=reconnecting,
+        reconnecting=reconnecting, functions=functions,
     )  # fmt: skip
     for found in points:
         if progress is not None:
@@ -263,6 +267,7 @@ def points_of(
     direction: float = 1.0,
     steps: StepControl | None = None,
     reconnecting: bool = True,
+    functions: Sequence[FunctionTest] = (),
 ) -> Iterator[BranchPoint]:
     """Continue `orbit` as `follow` does, one point per iteration of the caller.
 
@@ -284,7 +289,9 @@ def points_of(
         along = -along
     steps = steps or StepControl()
     try:
-        problem = _BranchProblem(branch, shooting, point, along, low, high, steps, reconnecting)
+        problem = _BranchProblem(
+            branch, shooting, point, along, low, high, steps, reconnecting, functions
+        )
         yield from Continuation(problem, point, along, low=low, high=high, steps=steps)
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, orbit.family)
@@ -305,8 +312,10 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         high: float,
         steps: StepControl,
         reconnecting: bool,
+        functions: Sequence[FunctionTest] = (),
     ) -> None:
         super().__init__(shooting, point, along)
+        self.functions = FunctionZeros[ShootingEvaluation](shooting, functions)
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting
         self.piece = 0
@@ -524,9 +533,11 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if reach < length:
             here = step.at(reach).point
             after = orbit_tests(shooting, here, tangent(here, step.along))
-        special_points = self._bifurcations(shooting, step, reach, before, after)
+        bifurcations = self._bifurcations(shooting, step, reach, before, after)
+        places = [*bifurcations, *self._function_zeros(shooting, step, reach)]
+        special_points = [each for _, each in sorted(places, key=lambda item: item[0])]
         if first is None:
-            halved = special_points[-1:]
+            halved = [each for _, each in bifurcations[-1:]]
             if halved and halved[0].kind == PERIOD_DOUBLING and halved[0].monitor.kind == FOLD:
                 return LocatedEvents(special_points, halved[0], HALF_PERIOD, here)
             return LocatedEvents(special_points)
@@ -579,8 +590,8 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         length: float,
         before: Mapping[TestFunction, float],
         after: Mapping[TestFunction, float],
-    ) -> list[BranchEvent]:
-        """Return folds, branch points and changes of stability."""
+    ) -> list[tuple[float, BranchEvent]]:
+        """Return folds, branch points and changes of stability, with their positions."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
             short = UNEXPLAINED_STEP_RATIO * self.steps.largest
             self.bifurcations = Bifurcations(
@@ -590,11 +601,24 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if max(abs(first), abs(last)) < REGULARITY_NOISE:
             first = last = 0.0
         found = []
-        for _, kind, here, value in self.bifurcations.within(step, length, first, last):
+        for place, kind, here, value in self.bifurcations.within(step, length, first, last):
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
             special = classify(monitor, shooting, here, tangent(here, step.along))
             if special is not None and self.low <= special.value <= self.high:
-                found.append(special)
+                found.append((place, special))
+        return found
+
+    def _function_zeros(
+        self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
+    ) -> list[tuple[float, BranchEvent]]:
+        """Return the zeros of the user's functions, with their positions."""
+        if self.functions.equations is not shooting:
+            self.functions = FunctionZeros(shooting, self.functions.tests)
+        found = []
+        for place, test, here in self.functions.within(step, length):
+            special = classify(test, shooting, here, tangent(here, step.along))
+            if special is not None and self.low <= special.value <= self.high:
+                found.append((place, special))
         return found
 
 

@@ -1,0 +1,223 @@
+"""Events of users on branches: functions of orbits and equilibria, and values of columns."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from numbers import Real
+from typing import Any, Self
+
+from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
+from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.continuation.function_tests import FunctionTest
+from mems_impact.errors import FunctionError, InvalidParameter
+from mems_impact.hybrid.pickling import portable
+from mems_impact.orbits.equilibrium import make_equilibrium
+from mems_impact.orbits.periodic_orbit import make_orbit
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.state import is_number
+
+__all__ = ["MEASURES", "EquilibriumFunction", "EventFunction", "Events", "OrbitFunction"]
+
+Events = Mapping[str, Callable[[Any], float] | tuple[str, float]]
+"""Events by name: a function of an orbit, or a column of the branch's table and its value."""
+
+REMEDY = "return a finite number, or NaN where the function is undefined"
+LOADED_REMEDY = "continue the branch again with events="
+
+
+@dataclass(frozen=True, eq=False)
+class EventFunction(ABC):
+    """A function of the solutions of a branch in the user's units, zero at an event.
+
+    Attributes
+    ----------
+    name : str
+    system : System
+    parameter : str
+        The parameter of the branch.
+    column : str
+        Column of the table; empty if `function` is given.
+    level : float
+        Value of the column, or of the function, at the event.
+    function : callable, optional
+        Missing in a result that was loaded.
+    """
+
+    name: str
+    system: HybridSystem
+    parameter: str
+    column: str = ""
+    level: float = 0.0
+    function: Callable[[Any], float] | None = field(default=None, compare=False)
+
+    @abstractmethod
+    def solution(self, equations: Any, point: Any) -> Any:
+        """Return the `Orbit` or `Equilibrium` of a point."""
+
+    @abstractmethod
+    def columns(self, solution: Any) -> dict[str, Callable[[], float]]:
+        """Return the columns of its row in the table, computed on demand."""
+
+    def __call__(self, equations: Any, point: Any) -> float:
+        """Return the value at a point, minus the level."""
+        return self.of(self.solution(equations, point)) - self.level
+
+    def of(self, solution: Any) -> float:
+        """Return the value at an orbit or an equilibrium.
+
+        Raises
+        ------
+        FunctionError
+            If the function raises, or returns no number.
+        """
+        if self.column:
+            value = self.columns(solution).get(self.column)
+            return math.nan if value is None else float(value())
+        role = f"event {self.name!r}"
+        if self.function is None:
+            raise FunctionError(role, "is not in the file of the branch", LOADED_REMEDY)
+        try:
+            found = self.function(solution)
+        except Exception as error:  # any exception of the user's function
+            problem = f"raises {type(error).__name__}: {error}"
+            raise FunctionError(role, problem, REMEDY) from error
+        if isinstance(found, bool) or not isinstance(found, Real):
+            raise FunctionError(role, f"returns {found!r}, not a number", REMEDY)
+        return float(found)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "function": portable(self.function)}
+
+    @classmethod
+    def tests(
+        cls, events: Events | None, solution: Any, parameter: str, kinds: Collection[str]
+    ) -> tuple[FunctionTest, ...]:
+        """Return the test functions of the events of a branch.
+
+        Parameters
+        ----------
+        events : mapping, optional
+        solution : Orbit or Equilibrium
+            The first one, at which the functions are tested.
+        parameter : str
+        kinds : collection of str
+            Names of other special points.
+
+        Raises
+        ------
+        InvalidParameter
+            If an event is neither a function nor a column with a value, or its name is taken.
+        FunctionError
+            If a function fails at the first solution.
+        """
+        if events is None:
+            return ()
+        if not isinstance(events, Mapping):
+            raise InvalidParameter("events", events, "a mapping of names to events")
+        for name in events:
+            if not isinstance(name, str) or not name:
+                raise InvalidParameter("events", name, "named by text")
+            if name in kinds:
+                problem = "is another kind of special point; choose another name"
+                raise InvalidParameter("events", name, "", problem=problem)
+        return tuple(
+            FunctionTest(name, cls.checked(name, event, solution, parameter))
+            for name, event in events.items()
+        )
+
+    @classmethod
+    def checked(cls, name: str, event: Any, solution: Any, parameter: str) -> Self:
+        """Return the function of an event; InvalidParameter unless it is one."""
+        function: Self
+        if callable(event):
+            function = cls(name, solution.system, parameter, function=event)
+            function.of(solution)
+            return function
+        where = f"events[{name!r}]"
+        pair = isinstance(event, tuple | list) and len(event) == 2
+        if not (pair and isinstance(event[0], str) and is_number(event[1])):
+            allowed = 'a function of the orbit, or a column of the table and its value: ("v", 0.3)'
+            raise InvalidParameter(where, event, allowed)
+        function = cls(name, solution.system, parameter, event[0], float(event[1]))
+        function.check_column(solution, where)
+        return function
+
+    def check_column(self, solution: Any, where: str) -> None:
+        """Raise InvalidParameter unless the table has the column."""
+        known = self.columns(solution)
+        if self.column not in known:
+            allowed = f"a column of the table: {', '.join(known)}"
+            raise InvalidParameter(where, self.column, allowed)
+
+
+# --- Columns of orbits
+
+MEASURES: dict[str, Callable[[Orbit], float]] = {
+    "period": lambda orbit: orbit.period,
+    "largest multiplier": lambda orbit: (
+        math.inf if orbit.found.touches else float(abs(orbit.found.multipliers[0]))
+    ),
+    "impact speed": lambda orbit: max(orbit.impact_speeds, default=math.nan),
+    "closest approach": lambda orbit: orbit.closest_approach,
+}
+"""Numbers in the row of an orbit, besides observables and states."""
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitFunction(EventFunction):
+    """A function of orbits."""
+
+    def solution(self, equations: Any, point: Any) -> Orbit:
+        """Return the orbit."""
+        return orbit_of(self.system, make_orbit(equations, point))
+
+    def columns(self, solution: Orbit) -> dict[str, Callable[[], float]]:
+        """Return the columns that vary continuously."""
+        columns: dict[str, Callable[[], float]] = {
+            self.parameter: lambda: solution.system.value(self.parameter)
+        }
+        for name, measure in MEASURES.items():
+            columns[name] = partial(measure, solution)
+        if solution.system.forced:
+            del columns["period"]
+        for each in solution.system.observables:
+            columns[each.name] = partial(_observable, solution, each.name)
+        for name in solution.system.displayed_states:
+            columns[name] = partial(_largest, solution, name)
+        return columns
+
+
+def _observable(orbit: Orbit, name: str) -> float:
+    return orbit.observables[name]
+
+
+def _largest(orbit: Orbit, state: str) -> float:
+    """Return the largest of the displayed values of a state, the first of its columns."""
+    values = orbit.shown_states[state]
+    return float(values[0]) if values.size else math.nan
+
+
+# --- Columns of equilibria
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumFunction(EventFunction):
+    """A function of equilibria."""
+
+    def solution(self, equations: Any, point: Any) -> Equilibrium:
+        """Return the equilibrium."""
+        return equilibrium_of(self.system, make_equilibrium(equations, point))
+
+    def columns(self, solution: Equilibrium) -> dict[str, Callable[[], float]]:
+        """Return the columns."""
+        system, cyclic = solution.system, solution.system.automaton.cyclic
+        states = [name for i, name in enumerate(system.states) if i not in cyclic]
+        return {
+            self.parameter: lambda: system.value(self.parameter),
+            "largest real part": lambda: max(solution.eigenvalues.real.tolist(), default=math.nan),
+            **{name: partial(solution.state.__getitem__, name) for name in states},
+        }
