@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 import numpy as np
 
@@ -26,8 +26,14 @@ from mems_impact.analysis.special_points import (
     SpecialPoint,
     check_kind,
 )
-from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.branch_switching import switch_at_hopf, switch_at_period_doubling
+from mems_impact.continuation.arclength import CLOSED, StepControl
+from mems_impact.continuation.branch_switching import (
+    switch_at_branch_point,
+    switch_at_hopf,
+    switch_at_period_doubling,
+    switch_equilibrium,
+)
+from mems_impact.continuation.branching_equation import FirstPoint
 from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
 from mems_impact.continuation.equilibrium_branch import (
     EQUILIBRIUM_LABELS,
@@ -204,7 +210,7 @@ class Branch(ContinuationResult):
         return orbit_tables.special_points(self.parameter, rows, self.system)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
-        """Continue the period-doubled branch that emanates from a period doubling of this one.
+        """Continue the branch that emanates from a period doubling or branch point of this one.
 
         The same as `switch_branch`.
         """
@@ -313,39 +319,69 @@ def continue_orbit(
     return _branch(system, found, bounds)
 
 
+@overload
+def switch_branch(
+    special: SpecialPoint,
+    *,
+    bounds: tuple[float, float] | None = None,
+    steps: StepControl | None = None,
+    through_grazing: bool = True,
+    progress: bool | Callable[[float], None] = False,
+) -> Branch: ...
+
+
+@overload
+def switch_branch(
+    special: EquilibriumPoint,
+    *,
+    bounds: tuple[float, float] | None = None,
+    steps: StepControl | None = None,
+    through_grazing: bool = True,
+    progress: bool | Callable[[float], None] = False,
+) -> Branch | EquilibriumBranch: ...
+
+
 def switch_branch(
     special: SpecialPoint | EquilibriumPoint,
     *,
     bounds: tuple[float, float] | None = None,
-    steps: StepControl = BRANCH_STEPS,
+    steps: StepControl | None = None,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
-) -> Branch:
-    """Switch to the branch that emanates from a period doubling or a Hopf point.
+) -> Branch | EquilibriumBranch:
+    """Switch to the branch that emanates from a period doubling, Hopf point or branch point.
+
+    At a branch point, the branch that crosses is continued on both sides of the point: at a
+    pitchfork it has both halves, and the branch point between them.
 
     Parameters
     ----------
     special : SpecialPoint or EquilibriumPoint
-        A period doubling of a branch of orbits, or a Hopf point of a branch of equilibria.
+        A period doubling or branch point of a branch of orbits, or a Hopf point or branch point of
+        a branch of equilibria.
     bounds : tuple of float, optional
         Smallest and largest value of the parameter; those of the branch by default.
-    steps, through_grazing, progress
+    steps : StepControl, optional
+        As for `continue_orbit`, or `continue_equilibrium`. The number of steps is that of each
+        side.
+    through_grazing, progress
         As for `continue_orbit`.
 
     Returns
     -------
-    Branch
+    Branch or EquilibriumBranch
+        Equilibria at a branch point of equilibria; else orbits.
 
     Raises
     ------
     InvalidParameter
-        If `special` is neither of these.
+        If `special` is none of these.
     OrbitError
         If no orbit of that branch is found.
 
     See Also
     --------
-    continue_orbit, SpecialPoint
+    continue_orbit, continue_equilibrium, SpecialPoint
 
     Examples
     --------
@@ -358,10 +394,22 @@ def switch_branch(
     >>> twice = mi.switch_branch(doubling, bounds=(0.26, 0.29))
     >>> twice.orbits[1].periods / orbit.periods
     2.0
+
+    Both halves of a pitchfork:
+
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": -1.0})
+    >>> (rest,) = mi.find_equilibria(well, guess={"x": 0.0})
+    >>> (fork,) = mi.continue_equilibrium(rest, "a", stop=1.0).special_points
+    >>> halves = mi.switch_branch(fork)
+    >>> [round(halves.equilibria[i].state.x, 6) for i in (0, -1)]
+    [1.0, -1.0]
     """
     check_kind(special, "special", SpecialPoint | EquilibriumPoint, "a special point of a branch")
-    if special.label not in ("PD", "H"):
-        raise InvalidParameter("special", special.kind, "a period doubling or a Hopf point")
+    if special.label not in ("PD", "H", "BP"):
+        allowed = "a period doubling, a Hopf point or a branch point"
+        raise InvalidParameter("special", special.kind, allowed)
     parameter, system = special.parameter, special.system
     low, high = special.bounds if bounds is None else bounds
     check_value(system, parameter, "bounds", low)
@@ -370,24 +418,92 @@ def switch_branch(
         where = _amount(system, parameter, special.value)
         allowed = f"smallest and largest value, with {where} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    if isinstance(special, EquilibriumPoint):
-        first, side = switch_at_hopf(special.equilibrium.found, parameter)
+    if special.kind != BRANCH_POINT:
+        if isinstance(special, EquilibriumPoint):
+            orbit, side = switch_at_hopf(special.equilibrium.found, parameter)
+        else:
+            orbit, side = switch_at_period_doubling(special.found.orbit, parameter)
+    elif isinstance(special, EquilibriumPoint):
+        return _crossing_equilibria(special, (low, high), steps or EQUILIBRIUM_STEPS, progress)
     else:
-        first, side = switch_at_period_doubling(special.found.orbit, parameter)
+        found = special.found
+        orbit, first = switch_at_branch_point(found.orbit, found.direction, parameter)
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = follow(
-            first,
-            parameter,
-            low=system.into(parameter, low),
-            high=system.into(parameter, high),
-            direction=side,
-            steps=steps,
-            reconnecting=through_grazing,
-            progress=report,
-        )
-    return _branch(system, found, (low, high))
+
+        def followed(side: float, steps: StepControl) -> Branch:
+            found = follow(
+                orbit,
+                parameter,
+                low=system.into(parameter, low),
+                high=system.into(parameter, high),
+                direction=side,
+                steps=steps,
+                reconnecting=through_grazing,
+                progress=report,
+            )
+            return _branch(system, found, (low, high))
+
+        steps = steps or BRANCH_STEPS
+        if special.kind != BRANCH_POINT:
+            return followed(side, steps)
+        return _both_sides(followed, first, steps)
+
+
+def _crossing_equilibria(
+    special: EquilibriumPoint,
+    bounds: tuple[float, float],
+    steps: StepControl,
+    progress: bool | Callable[[float], None],
+) -> EquilibriumBranch:
+    """Return the branch of equilibria that crosses at a branch point."""
+    parameter, system, found = special.parameter, special.system, special.found
+    equilibrium, first = switch_equilibrium(found.equilibrium, found.direction, parameter)
+    with parameter_progress(
+        progress, system.label(parameter), "equilibria", partial(system.out, parameter)
+    ) as report:
+
+        def followed(side: float, steps: StepControl) -> EquilibriumBranch:
+            found = follow_equilibrium(
+                equilibrium,
+                parameter,
+                low=system.into(parameter, bounds[0]),
+                high=system.into(parameter, bounds[1]),
+                direction=side,
+                steps=steps,
+                progress=report,
+            )
+            return _equilibrium_branch(system, found, bounds)
+
+        return _both_sides(followed, first, steps)
+
+
+B = TypeVar("B", "Branch", "EquilibriumBranch")
+
+
+def _both_sides(
+    followed: Callable[[float, StepControl], B], first: FirstPoint[Any], steps: StepControl
+) -> B:
+    """Return the branch through a branch point, given its continuation to one side."""
+    outward = followed(first.side, steps)
+    if outward.ended.endswith(CLOSED):
+        return outward
+    # One step passes the branch point: an error of the equations separates the branches there.
+    initial = max(steps.initial, PASSING_RATIO * first.distance)
+    return _joined(outward, followed(-first.side, replace(steps, initial=initial)))
+
+
+def _joined(outward: B, inward: B) -> B:
+    """Return one branch of two that start at the same point in opposite directions."""
+    ends = outward.ended, inward.ended
+    ended = ends[0] if ends[0] == ends[1] else f"{ends[1]}; at its beginning, {ends[0]}"
+    return replace(
+        outward,
+        special_points=(*outward.special_points[::-1], *inward.special_points),
+        ended=ended,
+        found=outward.found.joined(inward.found),
+    )
 
 
 def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float]) -> Branch:
@@ -731,6 +847,7 @@ def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
 # --- Branches of equilibria
 
 EQUILIBRIUM_STEPS = StepControl(largest=0.2)
+PASSING_RATIO = 2.5  # of the step past a branch point, to the distance of its start
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -901,6 +1018,13 @@ def continue_equilibrium(
             functions=tests,
             progress=report,
         )
+    return _equilibrium_branch(system, found, bounds)
+
+
+def _equilibrium_branch(
+    system: HybridSystem, found: Equilibria, bounds: tuple[float, float]
+) -> EquilibriumBranch:
+    parameter = found.parameter
     special = tuple(
         EquilibriumPoint(
             kind=s.kind,
@@ -910,6 +1034,7 @@ def continue_equilibrium(
             value=system.out(parameter, s.value),
             equilibrium=equilibrium_of(system, s.equilibrium),
             bounds=bounds,
+            found=s,
         )
         for s in found.special_points
     )

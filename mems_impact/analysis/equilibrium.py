@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.special_points import BifurcationPoint
+from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
 from mems_impact.continuation.normal_forms import NormalForm, equilibrium_normal_form
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
@@ -170,6 +171,7 @@ class EquilibriumPoint(BifurcationPoint):
     value: float
     equilibrium: Equilibrium
     bounds: tuple[float, float] = field(repr=False)
+    found: EquilibriumEvent = field(repr=False)
 
     def __repr__(self) -> str:
         where = f"{self.label} at {self.parameter}={self.value:.9g}"

@@ -321,6 +321,7 @@ CONTINUATION_ERRORS = (
 They include errors that a function of the user's system raises outside its domain.
 """
 
+CLOSED = "closed upon itself"
 SHORT_STEP_RATIO = 0.1  # part of the largest step below which a message names the limiting cause
 NEUTRAL_DISTANCE = 1e-7  # distance from +1 within which a multiplier counts as permanently neutral
 ORBIT_CONTINUUM = (
@@ -585,7 +586,7 @@ class Continuation(Generic[P, R, E]):
             self._behind.append(step.start)
             self._point, self._along, self._before = following, ahead, after
             problem.record(following, ahead)
-            closed = f"the {problem.noun} closed upon itself" if closing is not None else ""
+            closed = f"the {problem.noun} {CLOSED}" if closing is not None else ""
             problem.branch.ended = closed or problem.end_at(following)
             if not problem.branch.ended:
                 self._rebase()

@@ -10,16 +10,22 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import correct
+from mems_impact.continuation.branching_equation import Crossing, FirstPoint
 from mems_impact.continuation.equilibrium_branch import frequency
 from mems_impact.continuation.test_functions import MULTIPLIER_TOLERANCE
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.orbits.equilibrium import EquilibriumState
+from mems_impact.orbits.equilibrium import (
+    EquilibriumEquations,
+    EquilibriumEvaluation,
+    EquilibriumState,
+    make_equilibrium,
+)
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.shooting import Phase, Shooting
+from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
 # --- Period doublings
@@ -113,6 +119,54 @@ def first_orbit_on_branch(
             break
     assert found is not None
     return found, math.copysign(1.0, change)
+
+
+# --- Branch points
+
+
+def switch_at_branch_point(
+    orbit: PeriodicOrbit, direction: Floats, parameter: str
+) -> tuple[PeriodicOrbit, FirstPoint[ShootingEvaluation]]:
+    """Return an orbit of the other branch next to a branch point.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        At a branch point.
+    direction : float array, shape (unknowns + 1,)
+        Tangent of the known branch.
+    parameter : str
+
+    Returns
+    -------
+    orbit : PeriodicOrbit
+        The first orbit of the other branch, on one side of the branch point.
+    first : FirstPoint
+        Its point.
+
+    Raises
+    ------
+    OrbitError
+        If no other branch is found.
+    """
+    shooting = orbit.equations((parameter,))
+    point = shooting.evaluate(orbit.point.unknowns, np.array([orbit.family.values[parameter]]))
+    first = Crossing(shooting, point, direction).first_point()
+    return make_orbit(shooting, first.point), first
+
+
+def switch_equilibrium(
+    equilibrium: EquilibriumState, direction: Floats, parameter: str
+) -> tuple[EquilibriumState, FirstPoint[EquilibriumEvaluation]]:
+    """Return an equilibrium of the other branch next to a branch point.
+
+    Parameters and errors are those of `switch_at_branch_point`.
+    """
+    equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
+    value = np.array([equilibrium.family.values[parameter]])
+    point = equations.evaluate(equilibrium.balance.unknowns, value)
+    first = Crossing(equations, point, direction).first_point()
+    return make_equilibrium(equations, first.point), first
 
 
 # --- Hopf points

@@ -24,6 +24,7 @@ from mems_impact.continuation.arclength import (
     tangent,
 )
 from mems_impact.continuation.branch_points import regularity
+from mems_impact.continuation.branching_equation import branch_direction
 from mems_impact.continuation.function_tests import FunctionTest, FunctionZeros
 from mems_impact.continuation.stability import (
     CROSSING,
@@ -70,12 +71,15 @@ class EquilibriumEvent:
     value : float
         Of the parameter.
     equilibrium : EquilibriumState
+    direction : float array
+        Tangent of the branch.
     """
 
     kind: str
     guard: str
     value: float
     equilibrium: EquilibriumState = field(repr=False)
+    direction: Floats = field(repr=False)
 
     @property
     def label(self) -> str:
@@ -100,6 +104,15 @@ class Equilibria:
     points: list[EquilibriumState] = field(default_factory=list)
     special_points: list[EquilibriumEvent] = field(default_factory=list)
     ended: str = ""
+
+    def joined(self, other: Equilibria) -> Equilibria:
+        """Return this branch, reversed, and then another one from the same equilibrium."""
+        return Equilibria(
+            self.parameter,
+            [*reversed(self.points), *other.points[1:]],
+            [*reversed(self.special_points), *other.special_points],
+            other.ended,
+        )
 
 
 def follow_equilibrium(
@@ -230,15 +243,21 @@ class _EquilibriumProblem(
         found = []
         ends = before[BranchPointTest()], after[BranchPointTest()]
         for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
-            found.append((place, self._event(there, HOPF if kind == CROSSING else kind)))
+            crossed = kind == BRANCH_POINT  # the tangent there is not unique
+            along = branch_direction(step, there) if crossed else tangent(there, step.along)
+            kind = HOPF if kind == CROSSING else kind
+            found.append((place, self._event(there, along, kind)))
         for test in before:
             if not isinstance(test, BoundaryTest) or test not in after:
                 continue
             if (before[test] < 0.0) != (after[test] < 0.0):
                 place = self._zero(step, length, test)
-                found.append((place, self._event(step.at(place).point, test.kind, test.guard)))
+                there = step.at(place).point
+                along = tangent(there, step.along)
+                found.append((place, self._event(there, along, test.kind, test.guard)))
         for place, function, there in self.functions.within(step, length):
-            found.append((place, self._event(there, function.kind)))
+            along = tangent(there, step.along)
+            found.append((place, self._event(there, along, function.kind)))
         found.sort(key=lambda item: item[0])
         return LocatedEvents([each for _, each in found if self.low <= each.value <= self.high])
 
@@ -254,11 +273,11 @@ class _EquilibriumProblem(
             raise OrbitError(f"a {test.kind} could not be located", SHORTER_STEP_REMEDY) from error
 
     def _event(
-        self, balance: EquilibriumEvaluation, kind: str, guard: int = -1
+        self, balance: EquilibriumEvaluation, along: Floats, kind: str, guard: int = -1
     ) -> EquilibriumEvent:
         equilibrium = make_equilibrium(self.equations, balance)
         name = self.family.automaton.guards[guard].name if guard >= 0 else ""
-        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium)
+        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium, along)
 
 
 def frequency(equilibrium: EquilibriumState) -> float | None:

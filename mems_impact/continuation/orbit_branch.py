@@ -29,6 +29,7 @@ from mems_impact.continuation.arclength import (
     reason_of,
     tangent,
 )
+from mems_impact.continuation.branching_equation import branch_direction
 from mems_impact.continuation.chatter_onset import (
     ACROSS_START,
     BEYOND_ONSET,
@@ -58,6 +59,7 @@ from mems_impact.continuation.stability import (
     Bifurcations,
 )
 from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
     FOLD,
     GRAZING,
     NEIMARK_SACKER,
@@ -208,6 +210,22 @@ class OrbitBranch:
     special_points: list[BranchEvent] = field(default_factory=list)
     ended: str = ""
     passage: SlowPassage | None = None
+
+    def joined(self, other: OrbitBranch) -> OrbitBranch:
+        """Return this branch, reversed, and then another one from the same orbit."""
+        last = self.points[-1].piece
+        points = [
+            replace(point, direction=-point.direction, piece=last - point.piece)
+            for point in reversed(self.points)
+        ]
+        points += [replace(point, piece=last + point.piece) for point in other.points[1:]]
+        return OrbitBranch(
+            self.parameter,
+            points,
+            [*reversed(self.special_points), *other.special_points],
+            other.ended,
+            other.passage or self.passage,
+        )
 
 
 def follow(
@@ -603,7 +621,9 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         found = []
         for place, kind, here, value in self.bifurcations.within(step, length, first, last):
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
-            special = classify(monitor, shooting, here, tangent(here, step.along))
+            crossed = kind == BRANCH_POINT  # the tangent there is not unique
+            along = branch_direction(step, here) if crossed else tangent(here, step.along)
+            special = classify(monitor, shooting, here, along)
             if special is not None and self.low <= special.value <= self.high:
                 found.append((place, special))
         return found

@@ -1,0 +1,265 @@
+"""Branches that cross at a branch point: tangents and first points.
+
+At a branch point x the derivatives G of the equations F by unknowns and parameter have a kernel of
+dimension two, with a basis v_1, v_2, and a left null vector w. Tangents ``a_1 v_1 + a_2 v_2`` of
+branches solve the algebraic branching equation ``w D2F(a v, a v) = 0`` (Govaerts 2000, Numerical
+Methods for Bifurcations, chapter 6). Where it degenerates, the branches are found on a small circle
+in the kernel: the zeros of the reduced equation of Lyapunov and Schmidt, solved numerically.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Generic, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import (
+    MAX_CORRECTOR_ITERATIONS,
+    SHORTER_STEP_REMEDY,
+    PredictorStep,
+    correct,
+    tangent,
+)
+from mems_impact.continuation.branch_points import UNFOLDING_RATIO
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.differences import central_difference
+from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.shooting import ACCEPTED
+
+SECOND_DERIVATIVE_STEP = 1e-4  # difference step along the null vectors
+DEGENERATE_RATIO = 1e-6  # largest ratio of a mixed coefficient that counts as zero
+FIRST_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first point from the branch point
+MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
+CONTINUUM_CHANGE = 1e-11  # largest change of the parameter along a continuum at one value
+MIN_ANGLE = 0.1  # between the first point and the known branch, seen from the branch point
+CIRCLE_POINTS = 36  # at which the sign of the reduced equation is determined
+ANGLE_XTOL = 1e-6
+CONTINUUM = "at the branch point the solutions at one value of the parameter form a continuum"
+NO_OTHER_BRANCH = "no other branch was found at the branch point"
+
+
+def branch_direction(step: PredictorStep[P], point: P) -> Floats:
+    """Return the direction in which a branch passes a branch point within a step, in the kernel."""
+    passed = _whole(point) - step.start
+    size = float(np.linalg.norm(passed))
+    along = passed / size if size > ACCEPTED else step.along
+    kernel = np.linalg.svd(_derivatives(point))[2][-2:]
+    projected = kernel.T @ (kernel @ along)
+    size = float(np.linalg.norm(projected))
+    return np.asarray(projected / size) if size > 0.0 else along
+
+
+class FirstPoint(NamedTuple, Generic[P]):
+    """A point of the other branch next to a branch point.
+
+    Attributes
+    ----------
+    point : ShootingEvaluation or EquilibriumEvaluation
+    side : float
+        1 if the parameter increases along that branch away from the branch point, else -1.
+    distance : float
+        From the branch point, in the space of unknowns and parameter.
+    """
+
+    point: P
+    side: float
+    distance: float
+
+
+class Crossing(Generic[P]):
+    """A branch point with the tangents of the two branches that cross there.
+
+    Parameters
+    ----------
+    equations : Shooting or EquilibriumEquations
+        With one active parameter.
+    point : ShootingEvaluation or EquilibriumEvaluation
+        The branch point.
+    along : float array
+        Approximate direction of the known branch.
+
+    Attributes
+    ----------
+    own, other : float array
+        Unit tangents of the known branch and of the other one. Where the branching equation is
+        degenerate, `other` is normal to `own`.
+    degenerate : bool
+    """
+
+    def __init__(self, equations: Solvable[P], point: P, along: Floats) -> None:
+        self._equations, self._start = equations, _whole(point)
+        self._error = float(np.abs(point.residual).max(initial=0.0))
+        left, _, rows = np.linalg.svd(_derivatives(point))
+        self._left, self._kernel = left[:, -1], rows[-2:]
+        first = self._unit(self._kernel @ along)
+        quadratic = np.array([self._left @ self._second(v) for v in self._kernel]) @ self._kernel.T
+        quadratic = 0.5 * (quadratic + quadratic.T)
+        roots = sorted(_roots(quadratic), key=lambda a: -abs(float(a @ first)))
+        self.degenerate = len(roots) < 2
+        if not self.degenerate:
+            first, other = roots
+        else:
+            other = np.array([-first[1], first[0]])
+        self.own, self.other = first @ self._kernel, _oriented(other @ self._kernel)
+
+    def first_point(self, distances: Sequence[float] = FIRST_DISTANCES) -> FirstPoint[P]:
+        """Return a point of the other branch.
+
+        It has the least of the distances at which the parameter changes significantly.
+
+        Raises
+        ------
+        OrbitError
+            If no branch but the known one is found.
+        """
+        found: FirstPoint[P] | None = None
+        significant = MIN_PARAMETER_CHANGE * abs(self._start[-1])
+        # An error of the equations separates the branches within this radius.
+        radius = UNFOLDING_RATIO * self._error ** (1.0 / 3.0)
+        for distance in [each for each in distances if each > radius] or distances[-1:]:
+            try:
+                point = self._at(distance)
+            except OrbitError:
+                if found is not None:
+                    break
+                continue
+            away = _whole(point) - self._start
+            found = FirstPoint(point, self._side(point, away), float(np.linalg.norm(away)))
+            change = abs(float(away[-1]))
+            if change > max(significant, CONTINUUM_CHANGE):
+                return found
+        if found is None:
+            remedy = "locate it again with shorter steps, or start from a perturbed state"
+            raise OrbitError(NO_OTHER_BRANCH, remedy)
+        if change < CONTINUUM_CHANGE:
+            raise OrbitError(CONTINUUM, "add a nonlinear term, or break the symmetry")
+        return found
+
+    def _side(self, point: P, away: Floats) -> float:
+        return math.copysign(1.0, float(tangent(point, away)[-1]))
+
+    def _at(self, distance: float) -> P:
+        """Return a point of the other branch at a distance."""
+        try:
+            guess = self._start + distance * self.other
+            point = correct(self._equations, guess, self.other).point
+            if self._is_other(point):
+                return point
+        except OrbitError:
+            pass
+        for angle in self._zeros(distance):
+            point = self._on_circle(distance, angle).point
+            guess = _whole(point)
+            away = guess - self._start
+            point = correct(self._equations, guess, away / np.linalg.norm(away)).point
+            if self._is_other(point):
+                return point
+        raise OrbitError(NO_OTHER_BRANCH, SHORTER_STEP_REMEDY)
+
+    def _is_other(self, point: P) -> bool:
+        """Return whether a point near the branch point lies on another branch than the known one.
+
+        Its projection to the kernel is compared with that of the known branch at its distance.
+        """
+        away = self._kernel @ (_whole(point) - self._start)
+        along = self._kernel @ self.own
+        size = float(np.linalg.norm(away))
+        if not size > 0.0:
+            return False
+        return abs(away[0] * along[1] - away[1] * along[0]) > math.sin(MIN_ANGLE) * size
+
+    def _zeros(self, radius: float) -> Iterator[float]:
+        """Yield the angles to the known branch at which others leave the circle."""
+
+        def reduced(angle: float) -> float:
+            return float(self._on_circle(radius, angle).unknowns[-1])
+
+        # The known branch is bent: its zero is near the angles 0 and pi.
+        angles = MIN_ANGLE + 2.0 * math.pi * np.arange(CIRCLE_POINTS + 1) / CIRCLE_POINTS
+        values: list[float] = []
+        for angle in angles.tolist():
+            try:
+                values.append(reduced(angle))
+            except OrbitError:
+                values.append(math.nan)
+        for (a, b), (first, last) in zip(pairwise(angles), pairwise(values), strict=True):
+            if first * last < 0.0:
+                angle = float(brentq(reduced, a, b, xtol=ANGLE_XTOL))
+                if abs(math.sin(angle)) > math.sin(MIN_ANGLE):
+                    yield angle
+
+    def _on_circle(self, radius: float, angle: float) -> Solution[P]:
+        """Solve the equations but for a multiple of the left null vector, the last unknown.
+
+        The projection to the kernel lies on the circle, at the angle to the known branch.
+        """
+        x = self._kernel @ self.own
+        across = np.array([-x[1], x[0]])
+        place = radius * (math.cos(angle) * x + math.sin(angle) * across)
+
+        def extended(u: Floats) -> tuple[P, Floats, Floats]:
+            point = self._equations.evaluate(u[:-2], u[-2:-1])
+            size = self._left.size
+            matrix = np.zeros((size + 2, size + 2))
+            matrix[:size, :-1], matrix[:size, -1] = _derivatives(point), self._left
+            matrix[size:, :-1] = self._kernel
+            residual = point.residual + u[-1] * self._left
+            rest = self._kernel @ (u[:-1] - self._start) - place
+            return point, np.concatenate([residual, rest]), matrix
+
+        return newton(
+            extended,
+            np.append(self._start + place @ self._kernel, 0.0),
+            reason="the reduced equation could not be solved near the branch point",
+            remedy=SHORTER_STEP_REMEDY,
+            iterations=MAX_CORRECTOR_ITERATIONS,
+        )
+
+    def _second(self, v: Floats) -> Floats:
+        """Return the second derivatives along `v`, shape (unknowns, unknowns + 1)."""
+
+        def along(step: float) -> Floats:
+            there = self._start + step * v
+            return _derivatives(self._equations.evaluate(there[:-1], there[-1:]))
+
+        return central_difference(along, SECOND_DERIVATIVE_STEP)
+
+    def _unit(self, vector: Floats) -> Floats:
+        size = float(np.linalg.norm(vector))
+        return vector / size if size > 0.0 else np.array([1.0, 0.0])
+
+
+def _roots(quadratic: Floats) -> list[Floats]:
+    """Return the unit vectors a with ``a Q a = 0``; empty if they are not two, or ill-conditioned.
+
+    With the eigenvalues p > 0 > n of Q they are ``sqrt(-n) e_p +- sqrt(p) e_n``.
+    """
+    (low, high), vectors = np.linalg.eigh(quadratic)
+    size = max(abs(low), abs(high))
+    if not (low < 0.0 < high and min(-low, high) > DEGENERATE_RATIO * size):
+        return []
+    if size <= DEGENERATE_RATIO:
+        return []
+    parts = math.sqrt(high) * vectors[:, 0], math.sqrt(-low) * vectors[:, 1]
+    return [each / np.linalg.norm(each) for each in (parts[0] + parts[1], parts[0] - parts[1])]
+
+
+def _oriented(direction: Floats) -> Floats:
+    """Orient a tangent: the parameter increases, or else the largest component is positive."""
+    leading = direction[-1] if abs(direction[-1]) > DEGENERATE_RATIO else 0.0
+    if leading == 0.0:
+        leading = direction[np.argmax(np.abs(direction))]
+    return direction if leading > 0.0 else -direction
+
+
+def _whole(point: Linearised) -> Floats:
+    return np.concatenate([point.unknowns, point.values])
+
+
+def _derivatives(point: Linearised) -> Floats:
+    return np.hstack([point.jacobian, point.by_parameter])

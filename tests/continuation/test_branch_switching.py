@@ -1,0 +1,191 @@
+"""Switching at branch points, against branches in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+import mems_impact as mi
+
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
+
+
+def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
+    """Return the branch points of the equilibrium zero."""
+    system = mi.System(states=states, flow=flow, parameters={"a": start, **values})
+    rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
+    steps = mi.StepControl(largest=longest)
+    return mi.continue_equilibrium(rest, "a", stop, steps=steps).special_points
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-10])
+def test_both_halves_of_a_pitchfork(error):
+    (fork,) = forks(lambda mode, t, y, p: (p.a * y.x - y.x**3 + p.error,), error=error)
+    halves = mi.switch_branch(fork)
+    assert [special.label for special in halves.special_points] == ["BP"]
+    assert abs(halves.special_points[0].value) < 1e-12
+    x, a = (halves.table[name].to_numpy() for name in ("x", "a"))
+    assert np.allclose(x**3 - a * x, error, atol=1e-9)
+    assert np.all(np.diff(x) < 0.0)  # in the order of the branch
+    assert x[[0, -1]] == pytest.approx([1.0, -1.0], abs=1e-9)
+    assert halves.ended == "a reached its bound"
+
+
+def test_a_transcritical_branch_is_continued_on_both_sides():
+    (crossing,) = forks(lambda mode, t, y, p: ((p.a - 0.3) * y.x - y.x**2,))
+    assert crossing.value == pytest.approx(0.3, abs=1e-13)
+    other = mi.switch_branch(crossing, bounds=(-0.5, 0.8))
+    x, a = (other.table[name].to_numpy() for name in ("x", "a"))
+    assert np.allclose(x, a - 0.3, atol=1e-12)
+    assert a[[0, -1]].tolist() == [0.8, -0.5]
+    assert other.table["stable"].iloc[[0, -1]].tolist() == [True, False]
+    # The branch through it is the one of the start, from the side of the other branch.
+    back = mi.switch_branch(other.special_points[0])
+    assert np.abs(back.table["x"]).max() < 1e-12
+
+
+def test_one_side_that_folds_back_and_one_that_does_not():
+    def flow(mode, t, y, p):
+        return (p.a * y.x - y.x**2 + y.x**3,)
+
+    other = mi.switch_branch(forks(flow)[0])
+    assert [special.label for special in other.special_points] == ["LP", "BP"]
+    assert other.special_points[0].value == pytest.approx(0.25, abs=1e-12)  # a = x - x^2
+
+
+def test_the_pitchfork_of_the_lorenz_system():
+    def lorenz(mode, t, y, p):
+        return 10.0 * (y.y - y.x), y.x * (p.a - y.z) - y.y, y.x * y.y - 8.0 / 3.0 * y.z
+
+    (fork,) = forks(lorenz, start=0.5, stop=28.0, states=("x", "y", "z"), longest=2.0)
+    assert fork.value == pytest.approx(1.0, abs=1e-10)
+    halves = mi.switch_branch(fork, steps=mi.StepControl(largest=2.0))
+    hopf = 10.0 * (10.0 + 8.0 / 3.0 + 3.0) / (10.0 - 8.0 / 3.0 - 1.0)
+    assert [special.label for special in halves.special_points] == ["H", "BP", "H"]
+    found = [halves.special_points[i].value for i in (0, 2)]
+    assert found == pytest.approx([hopf, hopf], abs=1e-8)
+    x, r = (halves.table[name].to_numpy() for name in ("x", "a"))
+    assert np.allclose(x**2, 8.0 / 3.0 * (r - 1.0), atol=1e-9)
+
+
+def test_where_the_branching_equation_is_degenerate():
+    """Four lines through one point: the equations have no second derivatives there."""
+
+    def flow(mode, t, y, p):
+        return (y.x * (p.a - y.x) * (p.a + 2.0 * y.x) * (p.a - 4.0 * y.x),)
+
+    other = mi.switch_branch(forks(flow)[0])
+    x, a = (other.table[name].to_numpy() for name in ("x", "a"))
+    ratios = x[np.abs(a) > 0.1] / a[np.abs(a) > 0.1]
+    assert min(np.abs(ratios - ratio).max() for ratio in (1.0, -0.5, 0.25)) < 1e-4
+    assert np.abs(a[[0, -1]]).tolist() == [1.0, 1.0]
+
+
+def test_a_continuum_at_one_value_is_no_branch():
+    (crossing,) = forks(lambda mode, t, y, p: (p.a * y.x,))
+    with pytest.raises(mi.OrbitError, match="continuum"):
+        mi.switch_branch(crossing)
+
+
+def fork_map(mode, t, y, p):
+    return mode, ((1.0 + p.a) * y.x - y.x**3 + 0.5 * y.w, 0.3 * y.w + 0.2 * y.x**3)
+
+
+def test_the_pitchfork_of_a_map():
+    system = mi.System(
+        states=("x", "w"),
+        flow=lambda mode, t, y, p: (0.0, 0.0),
+        switch_transition=fork_map,
+        switches=(0.5,),
+        period=1.0,
+        parameters={"a": -0.3},
+    )
+    start = mi.find_orbit(system, periods=1, options=INTERPRETED, guess=mi.State(x=0.0, w=0.0))
+    steps = mi.StepControl(largest=0.1)
+    (fork,) = mi.continue_orbit(start, "a", 0.4, steps=steps).special_points
+    assert abs(fork.value) < 1e-11
+    halves = mi.switch_branch(fork, steps=steps)
+    assert [special.label for special in halves.special_points] == ["BP"]
+    x, a = (halves.table[name].to_numpy() for name in ("x", "a"))
+    assert np.allclose(x**3 - a * x, 0.5 * 0.2 / 0.7 * x**3, atol=1e-10)
+    assert x[0] == pytest.approx(math.sqrt(0.4 / (1.0 - 0.1 / 0.7)), abs=1e-9)
+    assert x[-1] == pytest.approx(-x[0], abs=1e-9)
+
+
+def stops(mode, t, y, p):
+    return y.v, p.A * math.cos(p.w * t) - 2.0 * p.z * y.v - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (y.x, -p.e * y.v)
+
+
+TWO_STOPS = mi.System(
+    states=("x", "v"),
+    flow=stops,
+    period=lambda p: 2.0 * math.pi / p.w,
+    parameters={"A": 0.8, "z": 0.05, "w": 0.7, "e": 0.7},
+    guards=[
+        mi.Impact("right stop", lambda mode, t, y, p: 1.0 - y.x, rebound),
+        mi.Impact("left stop", lambda mode, t, y, p: 1.0 + y.x, rebound),
+    ],
+    initial={"v": 1.0},
+)
+
+
+def half_map(A, z, w, e):
+    """Return the linearised half period of the symmetric orbit with the fastest impacts, mirrored.
+
+    After an impact on the right stop, at (1, -e v), the motion is a forced part f and a free one;
+    half a period later it is (-1, -v), with the forced part -f.
+    """
+    free = expm(math.pi / w * np.array([[0.0, 1.0], [-1.0, -2.0 * z]]))
+
+    def forced(v):
+        part = np.linalg.solve(np.eye(2) + free, [0.0, -(1.0 + e) * v])
+        return np.array([1.0, -e * v]) - part
+
+    def mismatch(v):
+        x, rate = forced(v)
+        return math.hypot(x, rate / w) - A / abs(1.0 - w**2 + 2j * z * w)
+
+    speeds = np.linspace(2.0, 0.01, 400)
+    signs = np.sign([mismatch(v) for v in speeds])
+    i = int(np.flatnonzero(signs[:-1] != signs[1:])[0])
+    v = brentq(mismatch, speeds[i + 1], speeds[i], xtol=1e-15)
+    x, rate = forced(v)
+    drive = -((1.0 - w**2) * x + 2.0 * z * rate)  # at the left stop
+    before, after = drive + 2.0 * z * v + 1.0, drive - 2.0 * z * e * v + 1.0
+    return -np.array([[-e, 0.0], [-(after + e * before) / v, -e]]) @ free
+
+
+@pytest.mark.slow
+def test_symmetry_breaking_of_an_oscillator_between_two_stops():
+    orbit = mi.find_orbit(TWO_STOPS, transient=100)
+    branch = mi.continue_orbit(orbit, "A", 0.68)
+    (fork,) = (special for special in branch.special_points if special.label == "BP")
+
+    def crossed(A):
+        """Zero if a multiplier of the mirrored half period is -1."""
+        values = {**TWO_STOPS.parameters, "A": A}
+        return np.linalg.det(half_map(**values) + np.eye(2))
+
+    expected = brentq(crossed, 0.7, 0.8, xtol=1e-14)
+    assert expected == pytest.approx(0.71281896408275, abs=1e-12)
+    assert fork.value == pytest.approx(expected, abs=1e-10)
+    halves = mi.switch_branch(fork, bounds=(0.68, 0.8))
+    assert [special.label for special in halves.special_points] == ["BP"]
+    assert halves.special_points[0].value == pytest.approx(expected, abs=1e-10)
+    first, last = halves.orbits[0], halves.orbits[-1]
+    assert first.system.parameters["A"] == last.system.parameters["A"] == 0.68
+    assert first.stable
+    assert np.sort_complex(first.multipliers) == pytest.approx(np.sort_complex(last.multipliers))
+    speeds = [orbit.impacts["v before"].to_numpy() for orbit in (first, last)]
+    assert np.sort(speeds[0]) == pytest.approx(np.sort(-speeds[1]), abs=1e-8)
+    # Brute force
+    run = mi.simulate(TWO_STOPS.changed(A=0.68), periods=300)
+    settled = mi.find_orbit(run)
+    found = np.sort(np.abs(settled.impacts["v before"]))
+    assert found == pytest.approx(np.sort(np.abs(speeds[0])), abs=1e-8)
