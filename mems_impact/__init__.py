@@ -6,7 +6,9 @@ from typing import Any
 
 import lazy_loader
 
-import mems_impact.actuator  # noqa: F401 - so that files of its results can be loaded
+from mems_impact.systems.serialization import STORABLE_MODULES
+
+STORABLE_MODULES.append("mems_impact.actuator.serialization")  # of storable classes
 
 # The stub `__init__.pyi` lists the public names with their modules. Each is imported on first use:
 # pandas, numba and matplotlib take over a second, which `mems-impact --help` need not wait for.

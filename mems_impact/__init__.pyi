@@ -1,4 +1,6 @@
 # The public names, each with its module: imported on first use by `__init__.py`.
+from .actuator.design.blows import BlowStatistics as BlowStatistics
+from .actuator.design.blows import blows as blows
 from .actuator.design.characteristics import DutyCycle as DutyCycle
 from .actuator.design.characteristics import PeriodOneWindow as PeriodOneWindow
 from .actuator.design.characteristics import duty_cycle as duty_cycle
@@ -34,10 +36,6 @@ from .actuator.drives.sine import Sine as Sine
 from .actuator.drives.square import Square as Square
 from .actuator.drives.trapezoid import Trapezoid as Trapezoid
 from .actuator.drives.two_sided import TwoSided as TwoSided
-from .actuator.impact_statistics import BlowStatistics as BlowStatistics
-from .actuator.impact_statistics import blows as blows
-from .actuator.overloads import find_orbit as find_orbit
-from .actuator.overloads import simulate as simulate
 from .actuator.parameters import Actuator as Actuator
 from .actuator.parameters import load_actuator as load_actuator
 from .actuator.plots import plot_chart as plot_chart
@@ -113,6 +111,8 @@ from .errors import WorkersLost as WorkersLost
 from .hybrid.automaton import Guard as Guard
 from .hybrid.automaton import Impact as Impact
 from .integrators.options import Options as Options
+from .overloads import find_orbit as find_orbit
+from .overloads import simulate as simulate
 from .plotting.animation import Animation as Animation
 from .plotting.animation import animate as animate
 from .plotting.bifurcation import plot_branch as plot_branch

@@ -20,7 +20,12 @@ from mems_impact.actuator.plausibility import check_plausible_device, check_plau
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_names, term_of, term_with
 from mems_impact.actuator.toml_files import parse_toml, read_bytes
-from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
+from mems_impact.actuator.units import (
+    PARAMETER_UNITS,
+    DeviceScales,
+    scaled_fields,
+    unscaled_fields,
+)
 from mems_impact.errors import InvalidParameter, UnitsWarning
 
 if TYPE_CHECKING:
@@ -30,7 +35,6 @@ if TYPE_CHECKING:
 __all__ = [
     "PARAMETER_MEANINGS",
     "PARAMETER_NAMES",
-    "PARAMETER_UNITS",
     "Actuator",
     "load_actuator",
     "preset_names",
@@ -279,18 +283,6 @@ class Actuator(Checked):
         terms = tuple(term.unscaled(scales) for term in self.terms)
         return self.replace(**values, terms=terms, units="SI")
 
-
-PARAMETER_UNITS = {
-    "m1": "kg",
-    "m2": "kg",
-    "k": "N/m",
-    "c": "N s/m",
-    "d": "m",
-    "delta": "m",
-    "alpha": "F m",
-    "g": "m/s^2",
-}
-"""The SI unit of each parameter that is not dimensionless."""
 
 PARAMETER_MEANINGS = {
     "m1": "mass of the frame",

@@ -7,16 +7,14 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.terms.base import Device, Term
+from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import UnitsWarning
-
-if TYPE_CHECKING:
-    from mems_impact.actuator.drives.base import Drive
-    from mems_impact.actuator.parameters import Actuator
-    from mems_impact.actuator.terms.base import Term
 
 __all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
 
@@ -101,10 +99,8 @@ RESONANCE_RATIO = 30.0  # largest ratio of a plausible frequency to the resonanc
 EQUAL_RESONANCE_RATIO = 1.3  # largest ratio of resonances that count as equal
 
 
-def check_plausible_device(actuator: Actuator) -> None:
+def check_plausible_device(actuator: Device) -> None:
     """Warn once of parameters that seem to be given in other units."""
-    from mems_impact.actuator.parameters import PARAMETER_UNITS
-
     if actuator.units != "SI":
         return
     for name, within in DEVICE.items():
@@ -119,7 +115,7 @@ def check_plausible_device(actuator: Actuator) -> None:
         _check_term(term)
 
 
-def check_plausible_drive(actuator: Actuator, drive: Drive) -> None:
+def check_plausible_drive(actuator: Device, drive: Drive) -> None:
     """Warn once of voltages and times that seem to be given in other units."""
     if actuator.units != "SI":
         return
@@ -129,10 +125,8 @@ def check_plausible_drive(actuator: Actuator, drive: Drive) -> None:
     _check_times(actuator, drive, "")
 
 
-def _check_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
+def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     """Warn of periods and frequencies, also those of nested drives."""
-    from mems_impact.actuator.drives.base import Drive
-
     resonance = math.sqrt(actuator.k / actuator.m2) / (2.0 * math.pi)
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
@@ -159,7 +153,7 @@ def _peak(drive: Drive) -> float:
     return float(max(np.abs(drive.value(times, left=left)).max() for left in (False, True)))
 
 
-def _contact_voltage(actuator: Actuator) -> float:
+def _contact_voltage(actuator: Device) -> float:
     """Return the static voltage at which the block reaches a stopper, at or before pull-in.
 
     It is computed without terms, which change it little.
@@ -191,7 +185,7 @@ def _is_stiffness(term: Any) -> bool:
     return bool(term.exponent == 1.0 or term.depth != type(term).model_fields["depth"].default)
 
 
-def check_plausible_target(actuator: Actuator, quantity: str, value: float, unit: str) -> None:
+def check_plausible_target(actuator: Device, quantity: str, value: float, unit: str) -> None:
     """Warn once of a measured number that seems to be given in another unit."""
     if actuator.units != "SI":
         return

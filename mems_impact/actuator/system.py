@@ -33,7 +33,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.impact_statistics import yields
-from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
     COLUMN_UNITS,
     SWEEP_COLUMNS,
@@ -49,7 +49,7 @@ from mems_impact.actuator.statistics import (
     standstill_period,
 )
 from mems_impact.actuator.terms.base import Term, TermKind, Validity
-from mems_impact.actuator.units import scaled_fields
+from mems_impact.actuator.units import PARAMETER_UNITS, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard

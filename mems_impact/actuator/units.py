@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from mems_impact._util.units import Scales
 
-__all__ = ["KNOWN_UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
+__all__ = ["KNOWN_UNITS", "PARAMETER_UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 
 KNOWN_UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
 """SI units of fields and columns, besides products of these and of `DERIVED_UNITS`, such as
@@ -31,6 +31,18 @@ DERIVED_UNITS = {
     "F": "C/V",
 }
 """Derived units."""
+
+PARAMETER_UNITS = {
+    "m1": "kg",
+    "m2": "kg",
+    "k": "N/m",
+    "c": "N s/m",
+    "d": "m",
+    "delta": "m",
+    "alpha": "F m",
+    "g": "m/s^2",
+}
+"""SI units of the parameters of an `Actuator` that are not dimensionless."""
 
 
 class _Factors(dict[str, float]):

@@ -35,7 +35,7 @@ from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, places_
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
-from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
 

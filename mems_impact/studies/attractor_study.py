@@ -24,7 +24,7 @@ from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of
 from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.serialization.file import identity, identity_of_options
+from mems_impact.systems.serialization.identity import identity, identity_of_options
 from mems_impact.systems.statistics import (
     CHAOTIC,
     FAILED,

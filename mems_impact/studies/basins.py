@@ -36,7 +36,7 @@ from mems_impact.studies.sampling import (
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, is_number, state_from
 from mems_impact.systems.statistics import FAILED
 

@@ -26,7 +26,7 @@ from mems_impact.studies.sampling import Axis, axis, check_apart, identity_of_ax
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 
 if TYPE_CHECKING:

@@ -33,7 +33,11 @@ from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import STATUS, Columns, Study
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
-from mems_impact.systems.serialization.file import identity, identity_of_options, identity_of_state
+from mems_impact.systems.serialization.identity import (
+    identity,
+    identity_of_options,
+    identity_of_state,
+)
 from mems_impact.systems.state import State, is_number, state_from, whole
 from mems_impact.systems.statistics import maxima
 

@@ -101,7 +101,7 @@ class Result(SummaryRepr):
         >>> mi.load("run.zip") == run
         True
         """
-        from mems_impact.systems.serialization.file import save  # runs do not need it
+        from mems_impact.systems.serialization.archive import save  # runs do not need it
 
         save(self, path)
 

@@ -19,7 +19,7 @@ import pytest
 
 import mems_impact
 import mems_impact as mi
-from mems_impact.systems.serialization.file import FILE_FORMAT
+from mems_impact.systems.serialization.archive import FILE_FORMAT
 from mems_impact.systems.system import System
 from tests.analysis.machine import FREE, chain, gap, oscillator, rebound
 

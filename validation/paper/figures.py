@@ -20,6 +20,7 @@ from mems_impact.actuator.automaton import (
     V2,
     side_of,
 )
+from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.design.operating_chart import (
     OperatingChart,
@@ -27,8 +28,7 @@ from mems_impact.actuator.design.operating_chart import (
     operating_chart,
 )
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.impact_statistics import blows, is_impact
-from mems_impact.actuator.overloads import simulate
+from mems_impact.actuator.impact_statistics import is_impact
 from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.plots import plot_chart
 from mems_impact.actuator.results import ActuatorRun
@@ -37,6 +37,7 @@ from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
 from mems_impact.analysis.orbit import Orbit, find_orbit
 from mems_impact.analysis.special_points import SpecialPoint, grazing_type
 from mems_impact.errors import MemsImpactError
+from mems_impact.overloads import simulate
 from mems_impact.plotting.labels import legend_above
 from mems_impact.plotting.style import new_figure, styled
 from mems_impact.studies.sweep import sweep

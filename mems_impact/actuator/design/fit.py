@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import results
+from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.impact_statistics import blows
-from mems_impact.actuator.overloads import simulate
-from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.plausibility import check_plausible_target
+from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
+from mems_impact.overloads import simulate
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import State, is_number
 

@@ -17,7 +17,7 @@ import warnings
 from abc import ABC
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -31,10 +31,8 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 
-if TYPE_CHECKING:
-    from mems_impact.actuator.parameters import Actuator
-
 __all__ = [
+    "Device",
     "Electrode",
     "Function",
     "Limit",
@@ -294,7 +292,7 @@ class Term(Checked, ABC):
         """Return a copy with some numbers changed, out of range only if not `checked`."""
         return self.replace(**values) if checked else self.replace_unchecked(**values)
 
-    def check_on(self, actuator: Actuator) -> None:
+    def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
 
     def check_resolved(self, options: Options, scales: Scales) -> None:
@@ -350,6 +348,38 @@ class Term(Checked, ABC):
     ) -> Function | None:
         """Return ``lost(v, x, y, p)``, the power that it dissipates at an electrode, >= 0."""
         return None
+
+
+class Device(Protocol):
+    """An `Actuator`, as far as its terms and the checks of its numbers depend on it."""
+
+    @property
+    def m2(self) -> float:
+        """Mass of the block."""
+
+    @property
+    def k(self) -> float:
+        """Stiffness of the spring."""
+
+    @property
+    def d(self) -> float:
+        """Gap between the electrodes without voltage."""
+
+    @property
+    def delta(self) -> float:
+        """Distance from the block at rest to each stopper."""
+
+    @property
+    def alpha(self) -> float:
+        """Half the permittivity times the overlap area of the electrodes."""
+
+    @property
+    def units(self) -> Literal["dimensionless", "SI"]:
+        """The units of its numbers."""
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Its terms."""
 
 
 def _shape(value: Any) -> Hashable:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from mems_impact._util.formatting import shown
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
-from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
+from mems_impact.actuator.terms.base import Device, Electrode, ParameterIndices, Shape, Term
 from mems_impact.errors import InvalidParameter
-
-if TYPE_CHECKING:
-    from mems_impact.actuator.parameters import Actuator
 
 __all__ = ["Fringing"]
 
@@ -63,7 +59,7 @@ class Fringing(Term):
 
     units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
 
-    def check_on(self, actuator: Actuator) -> None:
+    def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the widest gap is too wide for the electrodes."""
         least = 2.0 * (actuator.d + actuator.delta)
         for name in ("width", "length"):

@@ -45,7 +45,7 @@ from mems_impact.studies.engine.study import (
     plain,
 )
 from mems_impact.systems.result import SummaryRepr
-from mems_impact.systems.serialization.file import check_format, versions
+from mems_impact.systems.serialization.archive import check_format, versions
 
 __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study"]
 

@@ -1,7 +1,7 @@
 """`simulate` and `find_orbit` with overloads for devices, which `overloads.pyi` gives to editors.
 
-The functions are those of `analysis`. This module imports nothing of the actuator, so that runs of
-other systems do not load it.
+The functions are those of `analysis`. The types of devices are in the stub alone, so that runs of
+other systems do not import them.
 """
 
 from mems_impact.analysis.orbit import find_orbit

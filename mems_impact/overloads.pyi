@@ -40,7 +40,7 @@ class ActuatorVerb(Protocol[P, Result, Special]):
     @overload
     def __call__(self, *, system: HybridSystem, **named: Any) -> Result: ...
 
-def _told(verb: Verb[P, R], _special: type[S]) -> ActuatorVerb[P, R, S]: ...
+def _with_overloads(verb: Verb[P, R], _special: type[S]) -> ActuatorVerb[P, R, S]: ...
 
-simulate = _told(simulate_system, ActuatorRun)
-find_orbit = _told(find_orbit_of_system, ActuatorOrbit)
+simulate = _with_overloads(simulate_system, ActuatorRun)
+find_orbit = _with_overloads(find_orbit_of_system, ActuatorOrbit)

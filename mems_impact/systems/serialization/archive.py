@@ -1,0 +1,157 @@
+"""Result files: a zip archive of ``header.json`` and one ``.npy`` per array, and its writing."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from importlib import import_module
+from importlib.metadata import version
+from os import PathLike, fspath
+from typing import Any
+
+import numpy as np
+
+from mems_impact._util.files import replacing
+from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
+from mems_impact.integrators.cvode.compiled import sundials_version
+from mems_impact.systems.serialization import STORABLE_MODULES
+from mems_impact.systems.serialization.codec import Writer
+
+__all__ = [
+    "DAMAGE_REMEDY",
+    "FILE_FORMAT",
+    "FILE_REMEDY",
+    "check_format",
+    "check_path",
+    "read_archive",
+    "register_storables",
+    "save",
+    "text_of_error",
+    "versions",
+]
+
+# Incremented with every change of the format; no other format is read.
+FILE_FORMAT = 4
+HEADER = "header.json"
+ARRAY = ".npy"
+FILE_REMEDY = "give a file written by a result's save(path)"
+DAMAGE_REMEDY = "save the result again, or get another copy of the file"
+
+
+def save(value: Any, path: str | PathLike[str]) -> None:
+    """Write a result into the file `path`; see `mems_impact.systems.result.Result.save`."""
+    check_path(path)
+    register_storables()
+    writer = Writer()
+    header = {
+        "format": FILE_FORMAT,
+        "versions": versions(),
+        "result": writer.node(value, "result"),
+        "tables": {name: writer.node(table, name) for name, table in _kept(value).items()},
+    }
+    text = json.dumps(header, allow_nan=False)
+    with (
+        replacing(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file,
+    ):
+        file.writestr(HEADER, text)
+        for name, array in writer.members.items():
+            with file.open(name + ARRAY, "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the software that made a result."""
+    return {
+        "mems_impact": version("mems_impact"),
+        "numpy": np.__version__,
+        "SUNDIALS": sundials_version(),
+    }
+
+
+def register_storables() -> None:
+    """Import the modules that register storable classes."""
+    for room in STORABLE_MODULES:
+        import_module(room)
+
+
+def _kept(value: Any) -> dict[str, Any]:
+    """Return the attributes that cannot be computed without the system's functions."""
+    system = getattr(value, "system", None)
+    if system is None or system.is_data_only:
+        return {}
+    found = {}
+    for name in value.kept:
+        try:
+            found[name] = getattr(value, name)
+        except MemsImpactError:  # a run without events has no table of them
+            continue
+    return found
+
+
+def read_archive(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return header and arrays of a file."""
+    try:
+        with zipfile.ZipFile(source) as file:
+            names = file.namelist()
+            if HEADER not in names:
+                raise InvalidFile(source, f"holds no {HEADER}", FILE_REMEDY)
+            header = json.loads(file.read(HEADER))
+            _check_header(source, header)
+            members = {}
+            for name in names:
+                if name.endswith(ARRAY):
+                    with file.open(name) as member:
+                        array = np.lib.format.read_array(member, allow_pickle=False)
+                    members[name.removesuffix(ARRAY)] = array
+            return header, members
+    except FileNotFoundError:
+        raise InvalidFile(source, "no such file", FILE_REMEDY) from None
+    except zipfile.BadZipFile as error:
+        reason = f"is not a result file, or is truncated ({text_of_error(error)})"
+        raise InvalidFile(source, reason, FILE_REMEDY) from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InvalidFile(source, f"cannot be read ({reason})", FILE_REMEDY) from None
+    except InvalidFile:
+        raise
+    except (ValueError, EOFError, zlib.error, NotImplementedError, RecursionError) as error:
+        raise InvalidFile(source, f"is damaged ({text_of_error(error)})", DAMAGE_REMEDY) from None
+
+
+def _check_header(source: str, header: Any) -> None:
+    number = header.get("format") if isinstance(header, dict) else None
+    if not isinstance(number, int) or not {"result", "tables"} <= header.keys():
+        raise InvalidFile(source, "holds no result", FILE_REMEDY)
+    made = header.get("versions", {}).get("mems_impact", "of an unknown version")
+    check_format(source, number, FILE_FORMAT, made, "save the result again with this version")
+
+
+def check_format(path: str | PathLike[str], number: int, read: int, made: str, again: str) -> None:
+    """Raise InvalidFile for a format that this version does not read.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+    number, read : int
+        The format of the file, and the format that this version reads.
+    made : str
+        The version of mems_impact that wrote it.
+    again : str
+        What to do if its format is older.
+    """
+    if number != read:
+        reason = f"has format {number} (mems_impact {made}); this version reads format {read}"
+        raise InvalidFile(path, reason, "update mems_impact" if number > read else again)
+
+
+def check_path(path: Any) -> None:
+    """Raise InvalidParameter unless the argument is the path of a file."""
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
+        raise InvalidParameter("path", path, "the path of a file")
+
+
+def text_of_error(error: Exception) -> str:
+    """Return the message of an error on one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
