@@ -59,15 +59,21 @@ def progress_bar(
     elif is_interactive():
         from tqdm import tqdm
 
-        total = total and round(total, 3)
+        # Whole numbers, but for a few periods and a part of one.
+        whole = total is None or total >= 10.0 or float(total).is_integer()
+        total = total and (round(total) if whole else round(total, 3))
         with tqdm(
-            desc=work or None, initial=before, total=total, delay=QUIET_SECONDS, unit=f" {unit}"
+            desc=work or None,
+            initial=int(before) if whole else before,
+            total=total,
+            delay=QUIET_SECONDS,
+            unit=f" {unit}",
         ) as bar:
 
             def show(done: float, note: str = "") -> None:
                 if note:
                     bar.set_postfix_str(note, refresh=False)
-                bar.update((int(done) if isinstance(total, int) else done) - bar.n)
+                bar.update((int(done) if whole else round(done, 3)) - bar.n)
 
             yield show
     else:

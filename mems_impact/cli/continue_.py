@@ -22,7 +22,7 @@ from mems_impact.cli.options import (
     refuse_system,
     state_from,
 )
-from mems_impact.cli.output import Output, add_json_tables, show, unit_of
+from mems_impact.cli.output import Output, add_json_tables, filled, show, unit_of
 from mems_impact.cli.runtime import warn
 from mems_impact.integrators.options import Options
 
@@ -131,9 +131,11 @@ def _show(branch: mi.Branch) -> None:
     periods = branch.orbits[0].periods
     each = "one forcing period" if periods == 1 else f"{periods} forcing periods"
     show(
-        f"{len(branch)} orbits of {each}, {branch.parameter} "
-        f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} stable; "
-        f"{branch.ended}"
+        filled(
+            f"{len(branch)} orbits of {each}, {branch.parameter} "
+            f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} stable; "
+            f"{branch.ended}"
+        )
     )
     width = max([3, *(len(special.label) + 1 for special in branch.special_points)])
     for special in branch.special_points:

@@ -22,7 +22,7 @@ from mems_impact.cli.options import (
     state_from,
     transient_option,
 )
-from mems_impact.cli.output import OutputValue, add_json_values, show
+from mems_impact.cli.output import OutputValue, add_json_values, filled, show, show_table
 from mems_impact.cli.runtime import FAILED
 from mems_impact.integrators.options import Options
 
@@ -110,7 +110,9 @@ def command(
         add_json_values(
             {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
         )
-        show(f"{found}\n")
+        show(filled(f"{found.verdict}: {found.note}") + "\n")
+        show_table("parameters", found.parameters, 6)
+        show_table("residuals", found.residuals, 6)
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {settings}\n")

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 # --- Text and JSON output
 
 _KEY = "mems_impact.document"
+MIN_TEXT_WIDTH = 20  # columns of a wrapped text beside a wide first column
 
 
 class OutputValue(NamedTuple):
@@ -134,7 +135,7 @@ def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str
     """Return a table as text that is at most `width` wide, where single columns allow it.
 
     Headings of a wider table are wrapped. Columns that do not fit follow in blocks below, each of
-    which begins with the first column.
+    which begins with the first column; texts that do not fit beside it are wrapped.
     """
     text: str = table.to_string(index=False, float_format=form)
     if max(map(len, text.splitlines())) <= width:
@@ -142,6 +143,7 @@ def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str
     columns = [_wrapped(table.iloc[:, [i]], form) for i in range(table.shape[1])]
     height = max(map(len, columns))
     columns = [[" " * len(lines[0])] * (height - len(lines)) + lines for lines in columns]
+    columns = _with_wrapped_texts(columns, width)
     blocks = [columns[:1]]
     for lines in columns[1:]:
         wide = sum(len(each[0]) + 1 for each in blocks[-1]) + len(lines[0])
@@ -150,6 +152,30 @@ def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str
         blocks[-1].append(lines)
     rows = ([" ".join(row) for row in zip(*block, strict=True)] for block in blocks)
     return "\n\n".join("\n".join(row for row in block if row.strip()) for block in rows)
+
+
+def _with_wrapped_texts(columns: list[list[str]], width: int) -> list[list[str]]:
+    """Return columns whose texts are wrapped where they do not fit beside the first column."""
+    room = max(width - len(columns[0][0]) - 1, MIN_TEXT_WIDTH)
+    if all(len(lines[0]) <= room for lines in columns[1:]):
+        return columns
+
+    def parts(cell: str) -> list[str]:
+        if len(cell) <= room:
+            return [cell]
+        return textwrap.wrap(cell.strip(), room, break_long_words=False) or [""]
+
+    cells = [[[line] for line in columns[0]], *([parts(line) for line in c] for c in columns[1:])]
+    heights = [max(map(len, row)) for row in zip(*cells, strict=True)]
+    result = []
+    for column in cells:
+        lines = [
+            line
+            for each, height in zip(column, heights, strict=True)
+            for line in each + [""] * (height - len(each))
+        ]
+        result.append([line.ljust(max(map(len, lines))) for line in lines])
+    return result
 
 
 def _wrapped(column: pd.DataFrame, form: Callable[[float], str]) -> list[str]:

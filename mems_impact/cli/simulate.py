@@ -22,6 +22,7 @@ from mems_impact.cli.output import (
     Output,
     OutputValue,
     add_json_values,
+    filled,
     show,
     show_table,
     show_values,
@@ -128,7 +129,9 @@ def command(
         _show(run)
         if verification is not None:
             add_json_values({"agrees": OutputValue(verification.agrees)})
-            show(f"Comparison with an independent method:\n{verification}\n")
+            show("Comparison with an independent method:")
+            show_table("verification", verification.table, 2)
+            show(filled(verification.verdict) + "\n")
         files.show()
     if verification is not None and not verification.agrees:
         ctx.exit(FAILED)

@@ -37,3 +37,13 @@ def test_headings_are_wrapped_before_columns_are_folded():
 def test_a_cell_wider_than_the_terminal_stays_whole():
     frame = pd.DataFrame({"status": ["x" * 100], "n": [1]})
     assert "x" * 100 in folded(frame, FORM, 80)
+
+
+def test_a_long_text_is_wrapped_beside_the_first_column():
+    long = "amplitude = 100 V, omega = 6.28318531 rad/s, bias = 0 V, phase = 0"
+    frame = pd.DataFrame({"quantity": ["mean speed", "step"], "drive": [long, "a"], "n": [1, 2]})
+    words = long.split()
+    words.insert(words.index("rad/s,"), "1")  # the last column, on the first line of its row
+    text = folded(frame, FORM, 50)
+    assert max(map(len, text.splitlines())) <= 50
+    assert text.split() == ["quantity", "drive", "n", "mean", "speed", *words, "step", "a", "2"]
