@@ -72,6 +72,7 @@ from .analysis.branch import switch_branch as switch_branch
 from .analysis.equilibrium import Equilibrium as Equilibrium
 from .analysis.equilibrium import EquilibriumPoint as EquilibriumPoint
 from .analysis.equilibrium import find_equilibria as find_equilibria
+from .analysis.homoclinic import HomoclinicEnd as HomoclinicEnd
 from .analysis.lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .analysis.lyapunov import classify as classify
 from .analysis.lyapunov import lyapunov as lyapunov

@@ -19,6 +19,7 @@ from mems_impact.analysis.event_functions import (
     Events,
     OrbitFunction,
 )
+from mems_impact.analysis.homoclinic import HomoclinicEnd
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.special_points import (
     BifurcationPoint,
@@ -41,7 +42,7 @@ from mems_impact.continuation.equilibrium_branch import (
     follow_equilibrium,
 )
 from mems_impact.continuation.function_tests import FunctionTest
-from mems_impact.continuation.homoclinic import SlowPassage
+from mems_impact.continuation.homoclinic import homoclinic_value, leading
 from mems_impact.continuation.orbit_branch import OrbitBranch, follow
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import BRANCH_POINT, ORBIT_LABELS, UNEXPLAINED
@@ -67,6 +68,7 @@ __all__ = [
 
 # --- Branches of periodic orbits
 
+MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
 BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
 
 
@@ -208,6 +210,11 @@ class Branch(ContinuationResult):
         """
         rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
         return orbit_tables.special_points(self.parameter, rows, self.system)
+
+    @cached_property
+    def homoclinic(self) -> HomoclinicEnd | None:
+        """The homoclinic orbit that the last limit cycle approaches, if the branch ends there."""
+        return _homoclinic_end(self.system, self.found)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
         """Continue the branch that emanates from a period doubling or branch point of this one.
@@ -530,24 +537,49 @@ def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float
         parameter=parameter,
         bounds=bounds,
         special_points=special,
-        ended=found.ended if found.passage is None else _beyond_bounds(system, found.passage),
+        ended=found.ended if found.passage is None else _beyond_bounds(system, found),
         found=found,
     )
 
 
-def _beyond_bounds(system: HybridSystem, passage: SlowPassage) -> str:
+def _beyond_bounds(system: HybridSystem, found: OrbitBranch) -> str:
     """Return that the period of cycles diverges, and the state at which they are slow."""
+    passage = found.passage
+    assert passage is not None
     shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
     where = ", ".join(
         f"{system.label(name)} = {system.out(name, value):.4g}"
         for i, (name, value) in enumerate(zip(system.states, passage.state.tolist(), strict=True))
         if i not in system.automaton.cyclic
     )
-    if passage.equilibrium:
+    end = _homoclinic_end(system, found)
+    if end is not None:
+        what = f"the cycles approach a saddle ({where}), as near a homoclinic orbit"
+        what += f" at {end.parameter} = {end.value:.7g}; saddle quantity {end.saddle_quantity:.4g}"
+        what += f": {end.cycles} near it" if end.cycles else ""
+    elif passage.equilibrium is not None:
         what = f"the cycles approach an equilibrium ({where}), as near a homoclinic orbit"
     else:
         what = f"the cycles slow down at ({where}), as near a saddle-node of equilibria"
     return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
+
+
+def _homoclinic_end(system: HybridSystem, found: OrbitBranch) -> HomoclinicEnd | None:
+    """Return the homoclinic orbit at the end of a branch of limit cycles to a saddle."""
+    saddle = None if found.passage is None else found.passage.equilibrium
+    pair = None if saddle is None else leading(saddle.eigenvalues)
+    if saddle is None or pair is None or len(found.points) < MIN_EXTRAPOLATED:
+        return None
+    values = np.array([system.out(found.parameter, point.value) for point in found.points])
+    periods = np.array([point.orbit.point.period for point in found.points])
+    rate = min(abs(float(each[0].real)) for each in pair)
+    value, error = homoclinic_value(values, periods, rate)
+    return HomoclinicEnd(
+        parameter=found.parameter,
+        value=value,
+        error=error,
+        saddle=equilibrium_of(system, saddle),
+    )
 
 
 def _names(special: BifurcationPoint) -> dict[str, str]:

@@ -22,6 +22,7 @@ from mems_impact.analysis.event_functions import EquilibriumFunction, OrbitFunct
 from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
 from mems_impact.continuation.function_tests import FunctionTest
+from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ORBIT_TESTS
@@ -121,7 +122,7 @@ register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, HybridState, Events, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
-    BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
+    BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,
     TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
     EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from mems_impact._util.arrays import Floats
+from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS
-from mems_impact.orbits.equilibrium import find_equilibrium
+from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 
@@ -18,6 +19,7 @@ MIN_PERIOD_GROWTH = 2.0  # least ratio of the last period to the shortest one of
 SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle per period; the mean is above one
 SLOWING_RATIO = 0.7  # largest ratio of the least speeds of a cycle and one of half its period
 EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
+ZERO_RATIO = 1e-12  # component of an equilibrium that counts as zero, in sizes of the cycle
 SEGMENT_SAMPLES = 64  # intervals per segment
 MAX_ERROR_GROWTH = (
     1e6  # error growth in a segment; multipliers have the error growth^2 times rounding
@@ -33,15 +35,15 @@ class SlowPassage:
     mode : int
     state : float array, shape (n,)
         The state of an equilibrium nearby if there is one, else that of slowest motion.
-    equilibrium : bool
-        Whether it is an equilibrium.
+    equilibrium : EquilibriumState, optional
+        The equilibrium nearby.
     periods : tuple of float
         The shortest and the last period of the branch.
     """
 
     mode: int
     state: Floats
-    equilibrium: bool
+    equilibrium: EquilibriumState | None
     periods: tuple[float, float]
 
 
@@ -68,13 +70,15 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
         return None
     both = float(periods.min()), float(periods[-1])
     try:
-        found = find_equilibrium(last.family, mode, state).state
+        found = find_equilibrium(last.family, mode, state)
     except CONTINUATION_ERRORS:
-        return SlowPassage(mode, state, False, both)
+        return SlowPassage(mode, state, None, both)
     free = last.shooting.free
-    if np.abs((found - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
-        return SlowPassage(mode, state, False, both)
-    return SlowPassage(mode, found, True, both)
+    if np.abs((found.state - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
+        return SlowPassage(mode, state, None, both)
+    rest = found.state.copy()
+    rest[free] = np.where(np.abs(rest[free]) < ZERO_RATIO * sizes, 0.0, rest[free])
+    return SlowPassage(mode, rest, found, both)
 
 
 def has_large_error_growth(point: ShootingEvaluation) -> bool:
@@ -101,3 +105,70 @@ def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats]:
     speeds = np.linalg.norm(np.array(slopes) / sizes, axis=1) * point.period
     k = int(np.argmin(speeds))
     return float(speeds[k]), modes[k], states[k], sizes
+
+
+# --- The homoclinic orbit and the cycles near it
+
+NEUTRAL_RATIO = 1e-6  # least ratio of the saddle quantity to the leading eigenvalues with a sign
+
+
+def leading(eigenvalues: Complexes) -> tuple[Complexes, Complexes] | None:
+    """Return the leading stable and unstable eigenvalues of a saddle; None of another equilibrium.
+
+    They are those closest to the imaginary axis on either side: real ones, or a pair.
+    """
+    stable, unstable = eigenvalues[eigenvalues.real < 0.0], eigenvalues[eigenvalues.real > 0.0]
+    if not stable.size or not unstable.size or stable.size + unstable.size < eigenvalues.size:
+        return None
+    nearest = stable.real.max(), unstable.real.min()
+    close = (np.isclose(stable.real, nearest[0]), np.isclose(unstable.real, nearest[1]))
+    return stable[close[0]], unstable[close[1]]
+
+
+def saddle_quantity(eigenvalues: Complexes) -> float:
+    """Return the sum of the real parts of both leading eigenvalues; NaN unless of a saddle."""
+    found = leading(eigenvalues)
+    return math.nan if found is None else float(found[0][0].real + found[1][0].real)
+
+
+def cycles_beside(eigenvalues: Complexes) -> str:
+    """Return which cycles a homoclinic orbit to a saddle has nearby; empty if that is undecided.
+
+    Kuznetsov, Elements of Applied Bifurcation Theory, theorems 6.1 to 6.6 (Andronov and Leontovich;
+    Shilnikov).
+    """
+    found = leading(eigenvalues)
+    quantity = saddle_quantity(eigenvalues)
+    if found is None or abs(quantity) <= NEUTRAL_RATIO * abs(found[1][0].real):
+        return ""
+    stable, unstable = (bool(np.any(each.imag != 0.0)) for each in found)
+    # Along the weaker of the leading directions the orbit may spiral.
+    if (stable if quantity > 0.0 else unstable) or (stable and unstable):
+        return "infinitely many cycles"
+    attracting = quantity < 0.0 and np.count_nonzero(eigenvalues.real > 0.0) == 1
+    return "one stable cycle" if attracting else "one unstable cycle"
+
+
+def homoclinic_value(values: Floats, periods: Floats, rate: float) -> tuple[float, float]:
+    """Extrapolate the parameter of cycles to an infinite period, with an estimate of the error.
+
+    The distance to the homoclinic orbit decays as ``exp(-rate T)`` with the period T.
+
+    Parameters
+    ----------
+    values, periods : float array, shape (points,)
+        Along the branch.
+    rate : float
+        The smaller of the absolute real parts of the leading eigenvalues.
+    """
+
+    def estimate(i: int) -> tuple[float, int]:
+        """Extrapolate from a point and an earlier one, whose distance is twice as large."""
+        j = int(np.argmin(np.abs(periods[:i] - (periods[i] - math.log(2.0) / rate))))
+        share = math.exp(-rate * (periods[i] - periods[j]))
+        return float((values[i] - share * values[j]) / (1.0 - share)), j
+
+    found, before = estimate(len(values) - 1)
+    if before == 0:
+        return found, abs(found - float(values[-1]))
+    return found, abs(found - estimate(before)[0])

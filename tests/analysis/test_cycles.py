@@ -219,8 +219,11 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
 def test_a_curve_of_folds_of_cycles():
     """mu + k r^2 - r^4 = 0 turns where mu = -k^2/4."""
     steps = mi.StepControl(largest=0.1)
-    (fold,) = mi.continue_orbit(find(spiral(0.5)), "mu", -0.5, steps=steps).special_points
+    branch = mi.continue_orbit(find(spiral(0.5)), "mu", -0.5, steps=steps)
+    (fold,) = branch.special_points
     curve = mi.continue_curve(fold, "k", 2.0, steps=steps)
+    for table in (branch.table, branch.special_table, curve.table):
+        assert table["period"].to_numpy() == pytest.approx(2.0 * math.pi, abs=1e-9)
     assert curve.ended == "k reached its bound"
     np.testing.assert_allclose(curve.table["mu"], -0.25 * curve.table["k"] ** 2, atol=1e-9)
 

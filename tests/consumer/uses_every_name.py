@@ -144,6 +144,7 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
     assert_type(mi.grazing_type(special), mi.GrazingType)
     assert_type(special.normal_form, mi.NormalForm | None)
     assert_type(mi.switch_branch(special), mi.Branch)
+    assert_type(branch.homoclinic, mi.HomoclinicEnd | None)
     curve = assert_type(mi.continue_curve(special, "omega", 1.0), mi.Curve)
     equilibrium = assert_type(mi.find_equilibria(system)[0], mi.Equilibrium)
     places = assert_type(mi.continue_equilibrium(equilibrium, "A", 1.0), mi.EquilibriumBranch)
