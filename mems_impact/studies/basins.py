@@ -22,6 +22,12 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies import attractor_matching
 from mems_impact.studies.attractor_matching import AttractorMatcher
 from mems_impact.studies.attractor_study import AttractorEvaluator, AttractorStudy
+from mems_impact.studies.basin_entropy import (
+    BasinEntropy,
+    UncertaintyExponent,
+    basin_entropy,
+    uncertainty_exponent,
+)
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import STATUS, Columns
 from mems_impact.studies.sampling import (
@@ -202,6 +208,89 @@ class Basins(Result):
         if column not in self.table:
             raise InvalidParameter("column", column, f"one of {', '.join(self.table.columns)}")
         return np.asarray(self.table[column].to_numpy()).reshape(self.starts.shape)
+
+    def entropy(self, box: int = 5) -> BasinEntropy:
+        """Compute basin entropy and boundary basin entropy of a grid.
+
+        The grid is divided into boxes; incomplete boxes at its upper ends are omitted. The entropy
+        of a box is that of the shares of the attractors among its points, without failed ones.
+
+        Parameters
+        ----------
+        box : int, optional
+            Points along a side of a box, >= 2.
+
+        Returns
+        -------
+        BasinEntropy
+            ``basin`` (Sb) is the mean over all boxes, ``boundary`` (Sbb) that over the boxes with
+            at least two attractors: above log 2 the boundary is fractal.
+
+        Raises
+        ------
+        InvalidParameter
+            If `box` is out of range, or the initial states are a sample.
+
+        Notes
+        -----
+        Daza et al., *Scientific Reports* 6, 31416 (2016). Compare entropies at one size of boxes.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import mems_impact as mi
+        >>> def double_well(mode, t, y, p):
+        ...     return y.v, y.x - y.x**3 - 0.5 * y.v
+        >>> system = mi.System(states=("x", "v"), flow=double_well)
+        >>> points = np.linspace(-2.05, 2.0, 10)
+        >>> entropy = mi.basins(system, x=("x", points), y=("v", points)).entropy()
+        >>> entropy.boxes, bool(0.0 < entropy.basin < np.log(2.0))
+        (4, True)
+        """
+        return basin_entropy(self.grid(), box)
+
+    def uncertainty_exponent(self, largest: int | None = None) -> UncertaintyExponent:
+        """Estimate the uncertainty exponent of a grid.
+
+        A point is uncertain at a distance if another attractor is reached within this distance from
+        it along the axes. The fraction of uncertain points grows as the distance to the power of
+        the exponent, as long as it is far below 1.
+
+        Parameters
+        ----------
+        largest : int, optional
+            Largest distance in grid steps; a tenth of the shortest axis by default.
+
+        Returns
+        -------
+        UncertaintyExponent
+            ``exponent`` is 1 for a smooth boundary and smaller for a fractal one, whose dimension
+            is that of the grid minus the exponent; ``error`` is its variation between halves of the
+            range of distances.
+
+        Raises
+        ------
+        InvalidParameter
+            If the grid has fewer than 10 points along an axis, `largest` is out of range, or the
+            initial states are a sample.
+
+        Notes
+        -----
+        Grebogi, McDonald, Ott and Yorke, *Physics Letters A* 99, 415 (1983).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import mems_impact as mi
+        >>> def double_well(mode, t, y, p):
+        ...     return y.v, y.x - y.x**3 - 0.5 * y.v
+        >>> system = mi.System(states=("x", "v"), flow=double_well)
+        >>> points = np.linspace(-0.45, 0.5, 40)
+        >>> found = mi.basins(system, x=("x", points), y=("v", points)).uncertainty_exponent()
+        >>> abs(found.exponent - 1.0) < 0.05
+        True
+        """
+        return uncertainty_exponent(self.grid(), largest)
 
     def _attractor_summary(self) -> str:
         found = self.attractors
