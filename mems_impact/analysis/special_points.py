@@ -205,6 +205,7 @@ class CodimensionTwo(Result):
     kind : str
         "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double Neimark-Sacker";
         "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the unit circle;
+        "generalized flip" and "Chenciner" (the cubic coefficient of the normal form is zero);
         "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
         "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
         stopper nor towards it), "double grazing"; for another guard its name replaces "grazing".

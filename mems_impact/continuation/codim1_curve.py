@@ -19,6 +19,7 @@ from mems_impact.continuation.arclength import (
     StepControl,
     reason_of,
 )
+from mems_impact.continuation.criticality import CriticalityTest
 from mems_impact.continuation.grazing import DegenerateGrazingTest
 from mems_impact.continuation.orbit_branch import OrbitProblem, oriented
 from mems_impact.continuation.special_points import BranchEvent
@@ -261,6 +262,8 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
         if isinstance(self.monitor, ClosestApproachTest):
             named.append(DegenerateGrazingTest(self.monitor.kind))
+        if self.monitor.kind in CriticalityTest.NAMES:
+            named.append(CriticalityTest(self.monitor.kind))
         multipliers = multipliers_at(self.shooting, point)  # once for all tests that need them
         found = {
             test: test.of(multipliers)
@@ -277,7 +280,9 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def _kind(self, test: TestFunction) -> str:
         """Return the name of a zero of `test` on this curve."""
         if not isinstance(test, MARGIN_TESTS):
-            assert isinstance(test, MultiplierTest | CuspTest | DegenerateGrazingTest)
+            assert isinstance(
+                test, MultiplierTest | CuspTest | CriticalityTest | DegenerateGrazingTest
+            )
             return test.name
         name = self.shooting.automaton.guards[test.guard].name
         if test.kind == GRAZING and self.monitor.kind == FOLD:
@@ -359,7 +364,13 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
         kind = self._kind(test)
         try:
-            position = step.zero(value, length)
+            if isinstance(test, CriticalityTest):
+                zero = test.zero(self.condition, step, length)
+                if zero is None:
+                    return None  # the change of sign is not confirmed
+                position = zero
+            else:
+                position = step.zero(value, length)
             point = step.at(position).point
         except ValueError as error:
             raise OrbitError(f"{kind} could not be located", "take a shorter step") from error

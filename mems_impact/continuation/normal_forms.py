@@ -13,7 +13,6 @@ Equilibria: the same for the flow, section 5.4 there too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +22,7 @@ from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.equilibrium_branch import HOPF
+from mems_impact.continuation.higher_derivatives import Jacobian, directional_derivatives
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
@@ -36,91 +36,7 @@ from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 
-# --- Derivatives of a map along a vector.
-
-LARGEST_STEP_RATIO = 0.05  # of the size of the states, of the differences
-STEP_RATIO = 0.5  # from one step length to the next
-MAX_STEPS = 14
-GROWTH = 2.0  # factor by which errors grow where rounding takes over
-ROUNDING = 1e-12  # relative error that a derivative has at least
 SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
-
-Jacobian = Callable[[Floats], Floats]
-
-
-class DirectionalDerivatives(NamedTuple):
-    """Second and third derivatives of a map along a vector u.
-
-    Attributes
-    ----------
-    second : float array, shape (k, k)
-        Its product with w is B(u, w).
-    third : float array, shape (k, k)
-        Its product with w is C(u, u, w).
-    second_error, third_error : float
-        Estimates of the errors of their entries.
-    """
-
-    second: Floats
-    third: Floats
-    second_error: float
-    third_error: float
-
-
-def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> DirectionalDerivatives:
-    """Differentiate the Jacobian of a map at zero along `u`.
-
-    Central differences with one extrapolation (Richardson). Of the step lengths, from `size` times
-    `LARGEST_STEP_RATIO` down, each derivative takes that at which it changes least.
-
-    Raises
-    ------
-    OrbitError
-        If the map cannot be evaluated at two steps.
-    """
-    length = float(np.linalg.norm(u))
-    here = jacobian(np.zeros(u.size))
-    estimates: list[tuple[Floats, Floats]] = []
-    best = [(math.inf, here), (math.inf, here)]
-    extrapolated: list[Floats] = []
-    h = LARGEST_STEP_RATIO * size / length
-    for _ in range(MAX_STEPS):
-        try:
-            up, down = jacobian(h * u), jacobian(-h * u)
-        except OrbitError:
-            h *= STEP_RATIO
-            continue
-        estimates.append(((up - down) / (2.0 * h), (up + down - 2.0 * here) / h**2))
-        h *= STEP_RATIO
-        if len(estimates) < 2:
-            continue
-        coarse, fine = estimates[-2:]
-        share = STEP_RATIO**2
-        new = [(b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True)]
-        if extrapolated:
-            errors = [float(np.abs(a - b).max()) for a, b in zip(extrapolated, new, strict=True)]
-            if all(error > GROWTH * kept[0] for error, kept in zip(errors, best, strict=True)):
-                break  # rounding grows from here on
-            best = [
-                (error, value) if error < kept[0] else kept
-                for error, value, kept in zip(errors, new, best, strict=True)
-            ]
-        extrapolated = new
-    if not math.isfinite(best[0][0]):
-        raise OrbitError(
-            "the map near the orbit could not be differentiated",
-            "take a point farther from a grazing",
-        )
-    (second_error, second), (third_error, third) = best
-    # Steps at which two results agree by chance say nothing of rounding.
-    third_error = max(third_error, ROUNDING * float(np.abs(third).max(initial=0.0)))
-    second_error = max(
-        second_error,
-        ROUNDING * float(np.abs(second).max(initial=0.0)),
-        third_error * ROUNDING * size,
-    )
-    return DirectionalDerivatives(second, third, second_error, third_error)
-
 
 # --- The return map of an orbit.
 

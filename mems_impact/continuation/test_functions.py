@@ -11,9 +11,10 @@ import numpy as np
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.branch_points import regularity
+from mems_impact.continuation.critical_vectors import CriticalVectors
+from mems_impact.continuation.higher_derivatives import plain_derivatives
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.periodic_orbit import reduced_monodromy
 from mems_impact.orbits.shooting import (
@@ -127,7 +128,7 @@ def kind_of(guard: Guard) -> str:
 # --- Defining systems of curves
 
 GRADIENT_STEP = 1e-6  # difference step of the gradient of a test function
-NULL_VECTOR_STEP = 1e-4  # difference step of second derivatives along the null vector
+MIN_CONDITION = 1e-3  # of an eigenvalue, below which its gradient loses digits
 
 
 class DefiningSystem:
@@ -205,38 +206,54 @@ class SegmentLengthCondition(DefiningSystem):
         return length_gradient(self.shooting, point, self.monitor.segment)
 
 
-class PeriodDoublingCondition(DefiningSystem):
-    """A period doubling: det(M + I) = 0, where M is the reduced monodromy matrix."""
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return the determinant, relative to the largest entry of M."""
-        matrix = reduced_monodromy(self.shooting, point)
-        # Multipliers diverge as the inverse of an impact speed; the scaling removes this growth.
-        return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
-
-
 class NeimarkSackerCondition(DefiningSystem):
     """A Neimark-Sacker point: the product of a pair of multipliers is one."""
+
+    def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
+        super().__init__(shooting, monitor)
+        self._vectors: CriticalVectors | None = None
 
     def value(self, point: ShootingEvaluation) -> float:
         """Return the product of the pair closest to a product of one, minus one."""
         return neutral_pair(multipliers_at(self.shooting, point))[2]
+
+    def gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return the derivatives by unknowns and parameters."""
+        vectors = self.vectors(point)
+        if vectors is None or abs(vectors.condition) < MIN_CONDITION:
+            return super().gradient(point)
+        by_all = vectors.multiplier_gradient()
+        return np.asarray(2.0 * (np.conj(vectors.multiplier) * by_all).real)
+
+    def vectors(self, point: ShootingEvaluation) -> CriticalVectors | None:
+        """Return the critical vectors; None if the pair is real."""
+        if self._vectors is None or self._vectors.point is not point:
+            multipliers = multipliers_at(self.shooting, point)
+            pair = multipliers[list(neutral_pair(multipliers)[:2])]
+            multiplier = complex(pair[np.argmax(pair.imag)])
+            if multiplier.imag == 0.0:
+                return None
+            self._vectors = CriticalVectors(self.shooting, point, multiplier, plain_derivatives)
+        return self._vectors
 
 
 class ModeChoiceCondition(DefiningSystem):
     """The margin that determines to which of two modes an event leads."""
 
 
-class FoldCondition(DefiningSystem):
-    """A fold: the last unknown of the equations bordered by their null vectors.
+class BorderedCondition(DefiningSystem):
+    """A real critical multiplier: the last unknown of the equations bordered by null vectors.
 
-    It is zero where the equations are singular, and smooth even where the multipliers are not.
+    The equations are those of a perturbation with this multiplier. The value is zero where they are
+    singular, and smooth even where the multipliers are not.
     """
+
+    multiplier: ClassVar[float]
 
     def __init__(self, shooting: Shooting, monitor: TestFunction) -> None:
         super().__init__(shooting, monitor)
         self._border: tuple[Floats, Floats] | None = None
-        self._second: tuple[ShootingEvaluation, Floats, Floats, Floats] | None = None
+        self._vectors: CriticalVectors | None = None
 
     def value(self, point: ShootingEvaluation) -> float:
         """Return the last unknown of the bordered equations."""
@@ -248,43 +265,52 @@ class FoldCondition(DefiningSystem):
         With the left and right solutions w and v of the bordered equations they are -w F_uu v and
         -w F_up v, computed by differences of the first derivatives along v.
         """
-        left, null, by_all = self._along_null(point)
-        self._border = left, null
+        vectors = self.vectors(point)
+        self._border, null = vectors.null, vectors.null[1]
         v = self._solve(point, transposed=False)[:-1]
         w = self._solve(point, transposed=True)[:-1]
-        return np.asarray(-(w @ by_all) * (v @ null))
+        return np.asarray(-(w @ vectors.by_all) * (v @ null))
 
-    def curvature(self, point: ShootingEvaluation) -> float:
-        """Return the quadratic coefficient of the fold, zero at a cusp."""
-        left, null, by_all = self._along_null(point)
-        # Orient the left singular vector, whose sign is arbitrary, by the parameter derivative.
-        sign = float(np.sign(left @ point.by_parameter[:, 0]))
-        return float(left @ by_all[:, : null.size] @ null) * sign
-
-    def _along_null(self, point: ShootingEvaluation) -> tuple[Floats, Floats, Floats]:
-        """Return the left and right null vectors, and the derivatives of F_u and F_p along v."""
-        if self._second is None or self._second[0] is not point:
-            vectors, _, rows = np.linalg.svd(point.jacobian)
-            left, null = vectors[:, -1], rows[-1]
-
-            def along(step: float) -> Floats:
-                there = self.shooting.evaluate(point.unknowns + step * null, point.values)
-                return np.hstack([there.jacobian, there.by_parameter])
-
-            self._second = point, left, null, central_difference(along, NULL_VECTOR_STEP)
-        return self._second[1:]
+    def vectors(self, point: ShootingEvaluation) -> CriticalVectors:
+        """Return the critical vectors."""
+        if self._vectors is None or self._vectors.point is not point:
+            self._vectors = CriticalVectors(
+                self.shooting, point, self.multiplier, plain_derivatives
+            )
+        return self._vectors
 
     def _solve(self, point: ShootingEvaluation, *, transposed: bool) -> Floats:
+        vectors = self.vectors(point)
         if self._border is None:
-            self._border = self._along_null(point)[:2]
+            self._border = vectors.null
         left, null = self._border
         size = null.size
         matrix = np.zeros((size + 1, size + 1))
-        matrix[:size, :size] = point.jacobian
+        matrix[:size, :size] = vectors.matrix(self.multiplier)
         matrix[:size, size], matrix[size, :size] = left, null
         unit = np.zeros(size + 1)
         unit[size] = 1.0
         return np.asarray(np.linalg.solve(matrix.T if transposed else matrix, unit))
+
+
+class FoldCondition(BorderedCondition):
+    """A multiplier +1."""
+
+    multiplier = 1.0
+
+    def curvature(self, point: ShootingEvaluation) -> float:
+        """Return the quadratic coefficient of the fold, zero at a cusp."""
+        vectors = self.vectors(point)
+        left, null = vectors.null
+        # Orient the left singular vector, whose sign is arbitrary, by the parameter derivative.
+        sign = float(np.sign(left @ point.by_parameter[:, 0]))
+        return float(left @ vectors.by_all[:, : null.size] @ null) * sign
+
+
+class PeriodDoublingCondition(BorderedCondition):
+    """A multiplier -1."""
+
+    multiplier = -1.0
 
 
 # --- Test functions of orbits and equilibria
@@ -363,8 +389,10 @@ class PeriodDoublingTest(TestFunction):
     condition: ClassVar[type[DefiningSystem]] = PeriodDoublingCondition
 
     def value(self, equations: Any, point: Any, along: Floats) -> float:
-        """Return it, relative to the size of the matrix."""
-        return self.equation(equations).value(point)
+        """Return it, relative to the largest entry of the reduced monodromy matrix."""
+        matrix = reduced_monodromy(equations, point)
+        # Multipliers diverge as the inverse of an impact speed; the scaling removes this growth.
+        return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
 
 
 @dataclass(frozen=True)

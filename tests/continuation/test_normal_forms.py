@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import mems_impact as mi
 from mems_impact.continuation.normal_forms import orbit_normal_form
@@ -102,6 +103,26 @@ def test_neimark_sacker_of_a_map(t, e, f):
     assert form.coefficient == pytest.approx(exact, abs=max(1e-8, form.error))
     assert form.error < 1e-5
     assert form.criticality == ("supercritical" if exact < 0.0 else "subcritical")
+
+
+def test_generalized_flip_on_a_curve():
+    orbit = mi.find_orbit(_flip(a=-0.1, b=-0.1), periods=1, options=PLAIN)
+    (doubling,) = mi.continue_orbit(orbit, "a", stop=0.2).special_points
+    assert doubling.criticality == "supercritical"
+    (point,) = mi.continue_curve(doubling, "b", -0.4).special_points
+    assert point.kind == "generalized flip"
+    assert point.values == pytest.approx({"a": 0.0, "b": -0.25}, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_chenciner_on_a_curve():
+    """The root of the coefficient in closed form. At 1:3 the coefficient is not defined."""
+    orbit = mi.find_orbit(_turn(d=0.9, t=-0.9), periods=1, options=PLAIN)
+    (start,) = mi.continue_orbit(orbit, "d", stop=1.2).special_points
+    curve = mi.continue_curve(start, "t", -1.3)
+    found = {special.kind: special.values["t"] for special in curve.special_points}
+    exact = brentq(lambda t: _turn_coefficient(t, 0.3, 0.2), -1.3, -1.05)
+    assert found == pytest.approx({"1:3 resonance": -1.0, "Chenciner": exact}, abs=1e-8)
 
 
 def _rossler(mode, t, y, p):

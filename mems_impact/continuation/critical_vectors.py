@@ -1,0 +1,120 @@
+"""Critical Floquet vectors of the shooting equations, and the normal form's cubic coefficient.
+
+A perturbation v of all unknowns that is multiplied by mu in every period satisfies
+``(F_u + (mu - 1) S) v = 0``. F_u are the derivatives of the shooting equations, and S selects the
+first state in the equation that closes the orbit. Derivatives of F_u along v give the gradient of
+mu as well as the normal form on the center manifold: no motion near the orbit is solved for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.higher_derivatives import DirectionalDerivatives
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+
+
+class Differentiation(Protocol):
+    """A function that differentiates a Jacobian along a vector, as `directional_derivatives`."""
+
+    def __call__(self, jacobian: Any, u: Floats, size: float) -> DirectionalDerivatives:
+        """Return the derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalVectors:
+    """Null vectors of the shooting equations for a multiplier, and derivatives along them.
+
+    Attributes
+    ----------
+    shooting : Shooting
+    point : ShootingEvaluation
+    multiplier : complex
+        On the unit circle, or close to it.
+    differentiate : callable
+        As `directional_derivatives`.
+    """
+
+    shooting: Shooting
+    point: ShootingEvaluation
+    multiplier: complex
+    differentiate: Differentiation
+
+    @cached_property
+    def closure(self) -> Floats:
+        """The matrix S."""
+        matrix = np.zeros(self.point.jacobian.shape)
+        for c, row in enumerate(self.shooting.layout.state_rows[-1].tolist()):
+            if c not in self.shooting.pinned:
+                matrix[row, c] = 1.0
+        return matrix
+
+    def matrix(self, multiplier: complex) -> Any:
+        """Return the derivatives of the equations for perturbations with a multiplier."""
+        if multiplier.imag == 0.0:
+            return self.point.jacobian + (multiplier.real - 1.0) * self.closure
+        return self.point.jacobian + (multiplier - 1.0) * self.closure
+
+    @cached_property
+    def null(self) -> tuple[Any, Any]:
+        """The left and the right null vector, each of unit length."""
+        vectors, _, rows = np.linalg.svd(self.matrix(self.multiplier))
+        return vectors[:, -1].conj(), rows[-1].conj()
+
+    @cached_property
+    def condition(self) -> complex:
+        """The product w S v, zero where the multiplier is double."""
+        left, right = self.null
+        return complex(left @ self.closure @ right)
+
+    @cached_property
+    def _along(self) -> tuple[DirectionalDerivatives, ...]:
+        """Derivatives along the real and, if there is one, the imaginary part of v."""
+        point, right = self.point, self.null[1]
+        size = float(np.abs(self.shooting.unpack(point.unknowns)[0]).max()) or 1.0
+
+        def jacobian(x: Floats) -> Floats:
+            at = self.shooting.evaluate(point.unknowns + x, point.values) if x.any() else point
+            return np.hstack([at.jacobian, at.by_parameter])
+
+        parts = (right.real, right.imag) if np.iscomplexobj(right) else (right,)
+        return tuple(self.differentiate(jacobian, part, size) for part in parts)
+
+    @property
+    def by_all(self) -> Any:
+        """Derivative along v of the derivatives by all unknowns and parameters."""
+        real, *imaginary = self._along
+        return real.second + 1j * imaginary[0].second if imaginary else real.second
+
+    def multiplier_gradient(self) -> Complexes:
+        """Return the derivatives of the multiplier by unknowns and parameters."""
+        return np.asarray(-(self.null[0] @ self.by_all) / self.condition)
+
+    def cubic(self) -> float:
+        """Return the cubic coefficient on the center manifold; v has the length of one.
+
+        c of ``x -> mu x + c x^3`` for a real multiplier, Re(c / mu) of ``z -> mu z + c z |z|^2``
+        for a complex one.
+        """
+        mu, (left, v), n = self.multiplier, self.null, self.point.unknowns.size
+        second = self.by_all[:, :n]
+        third = sum(each.third[:, :n] @ v for each in self._along)
+        square = -second @ v
+        if not np.iscomplexobj(v):
+            if mu == 1.0:  # on the complement of v, where the equations are regular
+                columns, sizes, rows = np.linalg.svd(self.point.jacobian)
+                h = rows[:-1].T @ (columns[:, :-1].T @ square / sizes[:-1])
+            else:
+                h = np.linalg.solve(self.point.jacobian, square)
+            return float(-left @ (third + 3.0 * second @ h) / (6.0 * self.condition.real))
+        mean = np.linalg.solve(self.point.jacobian, -second @ v.conj())
+        double = np.linalg.solve(self.matrix(mu * mu), square)
+        real, imaginary = (each.second[:, :n] for each in self._along)
+        conjugate = real - 1j * imaginary
+        total = third + 2.0 * second @ mean + conjugate @ double
+        return float((-left @ total / (2.0 * self.condition) / mu).real)
