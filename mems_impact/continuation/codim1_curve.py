@@ -28,12 +28,14 @@ from mems_impact.continuation.test_functions import (
     FOLLOWED_NAMES,
     GRAZING,
     NEUTRAL_RESONANCES,
+    BorderedCondition,
     ClosestApproachTest,
     ContactSpeedTest,
     CuspTest,
     DefiningSystem,
     ModeChoiceTest,
     MultiplierTest,
+    NeimarkSackerCondition,
     TestFunction,
     closest_approach,
     curve_tests,
@@ -262,7 +264,9 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
         if isinstance(self.monitor, ClosestApproachTest):
             named.append(DegenerateGrazingTest(self.monitor.kind))
-        if self.monitor.kind in CriticalityTest.NAMES:
+        if isinstance(self.condition, BorderedCondition | NeimarkSackerCondition) and (
+            self.monitor.kind in CriticalityTest.NAMES
+        ):
             named.append(CriticalityTest(self.monitor.kind))
         multipliers = multipliers_at(self.shooting, point)  # once for all tests that need them
         found = {
