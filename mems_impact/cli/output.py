@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shutil
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 # --- Text and JSON output
 
 _KEY = "mems_impact.document"
+ENTRY = re.compile(r"[\w ]{1,40}: ")  # of a list of names or topics
+DOCSTRING_WIDTH = 92  # columns of the narrowest docstrings, those of methods
 MIN_TEXT_WIDTH = 20  # columns of a wrapped text beside a wide first column
 
 
@@ -114,7 +117,60 @@ def show_text(text: str) -> None:
     """Show a long text, page by page on a terminal."""
     add_json_values({"text": OutputValue(text)})
     if not as_json() and not quiet():
-        click.echo_via_pager(text)
+        click.echo_via_pager(reflowed(text, shutil.get_terminal_size().columns))
+
+
+def reflowed(text: str, width: int) -> str:
+    """Return a text whose paragraphs are at most `width` wide; code stays as it is.
+
+    A line that was filled continues in the next line of the same indent.
+    """
+    paragraphs: list[list[str]] = []
+    for line in text.splitlines():
+        if paragraphs and _continues(paragraphs[-1], line):
+            paragraphs[-1].append(line)
+        else:
+            paragraphs.append([line])
+    return "\n".join(line for lines in paragraphs for line in _refilled(lines, width))
+
+
+def _continues(paragraph: list[str], line: str) -> bool:
+    """Return whether a line belongs to a paragraph."""
+    word = line.split(maxsplit=1)[:1]
+    if not word or not paragraph[-1].strip() or _is_code(paragraph[0]) or _is_code(line):
+        return False
+    if ENTRY.match(line):
+        return False
+    full = len(paragraph[-1]) + 1 + len(word[0]) > DOCSTRING_WIDTH
+    return full and _indent(line) == _hanging_indent(paragraph)
+
+
+def _refilled(paragraph: list[str], width: int) -> list[str]:
+    named = len(paragraph) == 1 and len(paragraph[0].split()) <= 2  # an address and its name
+    if named or _is_code(paragraph[0]) or max(map(len, paragraph)) <= width:
+        return paragraph
+    return textwrap.wrap(
+        " ".join(line.strip() for line in paragraph),
+        width,
+        initial_indent=" " * _indent(paragraph[0]),
+        subsequent_indent=" " * _hanging_indent(paragraph),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
+
+
+def _hanging_indent(paragraph: list[str]) -> int:
+    """Return the indent of all lines but the first."""
+    item = paragraph[0].lstrip().startswith("- ")
+    return _indent(paragraph[0]) + 2 * item
+
+
+def _is_code(line: str) -> bool:
+    return line.lstrip().startswith((">>>", "..."))
 
 
 def show_table(name: str, table: pd.DataFrame, digits: int, *, empty: str = "") -> None:

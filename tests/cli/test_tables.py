@@ -1,9 +1,9 @@
-"""Tables on the screen: as wide as the terminal."""
+"""Tables and texts on the screen: as wide as the terminal."""
 
 import pandas as pd
 import pytest
 
-from mems_impact.cli.output import folded
+from mems_impact.cli.output import folded, reflowed
 
 FORM = "{:.6g}".format
 
@@ -47,3 +47,23 @@ def test_a_long_text_is_wrapped_beside_the_first_column():
     text = folded(frame, FORM, 50)
     assert max(map(len, text.splitlines())) <= 50
     assert text.split() == ["quantity", "drive", "n", "mean", "speed", *words, "step", "a", "2"]
+
+
+def test_paragraphs_of_docstrings_are_filled_and_code_stays():
+    words = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]
+    filled = " ".join(words * 2)[:90]
+    text = f"values : float\n    {filled[:86]}\n    {filled[:20]}\nother : int\n\n>>> {filled}\n"
+    shown = reflowed(text, 40).splitlines()
+    assert [line for line in shown if len(line) > 40] == [f">>> {filled}"]
+    assert shown[0] == "values : float"
+    assert shown[shown.index("other : int") - 1].startswith("    ")
+    inner = shown[1 : shown.index("other : int")]
+    assert " ".join(" ".join(inner).split()) == f"{filled[:86]} {filled[:20]}"
+    assert all(len(line) + 6 > 40 - len("seven") for line in inner[:-1])
+
+
+def test_entries_of_one_line_stay_apart():
+    text = "Actuator: " + "word " * 20 + "\nring_down: a free decay"
+    shown = reflowed(text, 40).splitlines()
+    assert shown[-1] == "ring_down: a free decay"
+    assert max(map(len, shown)) <= 40
