@@ -28,6 +28,7 @@ from mems_impact.analysis.special_points import (
     check_kind,
 )
 from mems_impact.continuation.arclength import CLOSED, StepControl
+from mems_impact.continuation.branch_point_curve import follow_branch_points
 from mems_impact.continuation.branch_switching import (
     switch_at_branch_point,
     switch_at_hopf,
@@ -740,13 +741,15 @@ def continue_curve(
     """Continue a special point of a branch in two parameters.
 
     Points of codimension two on the curve are located and listed. A curve of Neimark-Sacker points
-    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance.
+    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance. A branch point has a
+    curve if a symmetry or an invariant subspace keeps it; otherwise it unfolds.
 
     Parameters
     ----------
     special : SpecialPoint or Orbit
-        A grazing, fold, period doubling or Neimark-Sacker point, an onset of complete chatter (to
-        some 1e-7), a point at which another guard is touched, or an event of `continue_orbit`.
+        A grazing, fold, period doubling, Neimark-Sacker or branch point, an onset of complete
+        chatter (to some 1e-7), a point at which another guard is touched, or an event of
+        `continue_orbit`.
         An orbit is continued with a quantity `fixed` at its value.
     parameter : str
         The second parameter; the first is that of the branch.
@@ -806,9 +809,6 @@ def continue_curve(
         system, first, start = special.system, special.parameter, special.without_impact
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
-    if start.kind == BRANCH_POINT:
-        allowed = "a point other than a branch point, which has no curve in two parameters"
-        raise InvalidParameter("special", start.kind, allowed)
     if start.kind == UNEXPLAINED:
         raise InvalidParameter("special", start.kind, "a point of known kind")
     bounds = check_bounds(system, parameter, stop, back)
@@ -816,7 +816,8 @@ def continue_curve(
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = follow_curve(
+        follow_special = follow_branch_points if start.kind == BRANCH_POINT else follow_curve
+        found = follow_special(
             start,
             first,
             parameter,

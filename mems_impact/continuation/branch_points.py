@@ -73,9 +73,8 @@ class BranchPoints(Generic[P]):
         """
         guess = step.expected(length * first / (first - last))
         near = self._equations.evaluate(guess[:-1], guess[-1:])
-        left, _, rows = np.linalg.svd(_derivatives(near))
         found = newton(
-            partial(self._defining, left[:, -1], rows[-2:]),
+            partial(extended_equations, self._equations, *null_vectors(near)),
             np.append(guess, 0.0),
             reason=NOT_LOCATED,
             remedy="take a shorter step",
@@ -109,24 +108,52 @@ class BranchPoints(Generic[P]):
         same = [(x, radius) for x, radius in self._known if x.size == here.size]
         return any(float(np.linalg.norm(here - x)) < radius for x, radius in same)
 
-    def _defining(self, border: Floats, kernel: Floats, u: Floats) -> tuple[P, Floats, Floats]:
-        x, beta, size = u[:-1], u[-1], border.size
-        point = self._equations.evaluate(x[:-1], x[-1:])
-        bordered = np.zeros((size + 2, size + 2))
-        bordered[:size, :-1], bordered[:size, -1] = _derivatives(point), border
-        bordered[size:, :-1] = kernel
-        units = np.eye(size + 2)
-        solved = np.linalg.solve(bordered.T, units[-1])
-        w, g = solved[:size], solved[size:]
-        matrix = np.zeros((size + 2, size + 2))
-        matrix[:size] = bordered[:size]
-        for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
-            matrix[size + j, :-1] = -w @ central_difference(partial(self._along, x, v), KERNEL_STEP)
-        return point, np.concatenate([point.residual + beta * border, g]), matrix
 
-    def _along(self, x: Floats, v: Floats, step: float) -> Floats:
-        there = x + step * v
-        return _derivatives(self._equations.evaluate(there[:-1], there[-1:]))
+def extended_equations(
+    equations: Solvable[P], border: Floats, kernel: Floats, u: Floats
+) -> tuple[P, Floats, Floats]:
+    """Evaluate the equations of a branch point in the first parameter: point, residual, matrix.
+
+    Parameters
+    ----------
+    equations : Shooting or EquilibriumEquations
+        With one or more active parameters.
+    border : float array, shape (unknowns,)
+        Approximate left null vector b.
+    kernel : float array, shape (2, unknowns + 1)
+        Approximate null vectors of the derivatives by unknowns and the first parameter.
+    u : float array
+        Unknowns, parameters and beta.
+    """
+    x, beta, size = u[:-1], u[-1], border.size
+    point = equations.evaluate(x[:size], x[size:])
+    derivatives = _derivatives(point)
+    bordered = np.zeros((size + 2, size + 2))
+    bordered[:size, :-1], bordered[:size, -1] = derivatives[:, : size + 1], border
+    bordered[size:, :-1] = kernel
+    units = np.eye(size + 2)
+    solved = np.linalg.solve(bordered.T, units[-1])
+    w, g = solved[:size], solved[size:]
+    matrix = np.zeros((size + 2, u.size))
+    matrix[:size, :-1], matrix[:size, -1] = derivatives, border
+    for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
+        towards = np.concatenate([v, np.zeros(x.size - v.size)])
+        along = partial(_derivatives_along, equations, size, x, towards)
+        matrix[size + j, :-1] = -w @ central_difference(along, KERNEL_STEP)
+    return point, np.concatenate([point.residual + beta * border, g]), matrix
+
+
+def null_vectors(point: Linearised) -> tuple[Floats, Floats]:
+    """Return the left null vector at a branch point in the first parameter, and the kernel."""
+    left, _, rows = np.linalg.svd(_derivatives(point)[:, : point.unknowns.size + 1])
+    return left[:, -1], rows[-2:]
+
+
+def _derivatives_along(
+    equations: Solvable[P], size: int, x: Floats, v: Floats, step: float
+) -> Floats:
+    there = x + step * v
+    return _derivatives(equations.evaluate(there[:size], there[size:]))
 
 
 def _derivatives(point: Linearised) -> Floats:

@@ -162,7 +162,7 @@ def follow_curve(
         curve.ended = f"the first point could not be corrected: {reason_of(error, orbit.family)}"
         return curve
     try:
-        problem = _CurveProblem(curve, special, condition, point, along, (low, high))
+        problem = CurveProblem(curve, special, condition, point, along, (low, high))
         for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
             if progress is not None:
                 progress(found.values[1])
@@ -171,7 +171,7 @@ def follow_curve(
     return curve
 
 
-class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
+class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     """Orbits at which one test function is zero, in two parameters."""
 
     noun = "curve"

@@ -29,8 +29,9 @@ def test_another_branch_crosses():
     (crossing,) = branch.special_points
     assert crossing.label == "BP"
     assert abs(crossing.value) < 1e-9
-    with pytest.raises(mi.InvalidParameter, match="branch point"):
-        mi.continue_curve(crossing, "b", 1.0)
+    curve = mi.continue_curve(crossing, "b", 1.5)
+    assert curve.ended == "b reached its bound"
+    assert np.abs(curve.table["a"]).max() < 1e-9
 
 
 @pytest.mark.slow
@@ -107,3 +108,57 @@ def test_branch_points_of_maps_where_residuals_are_rounding(seed):
     branch = mi.continue_orbit(rest, "q", 0.09 / r, back=-1.0)
     (crossing,) = (point for point in branch.special_points if point.label == "BP")
     assert crossing.value == pytest.approx(0.05 / r, rel=1e-10)
+
+
+def symmetric_map(mode, t, y, p):
+    x = (1.0 + p.a - p.c**2) * y.x - y.x**3 + p.d
+    return mode, (x, (0.3 + p.c) * y.w + 0.1 * y.x**2)
+
+
+def invariant_map(mode, t, y, p):
+    x = (1.0 + p.a - p.c) * y.x - y.x**2 * (1.0 + y.w)
+    return mode, (x, (0.3 + p.c) * y.w + 0.1 * y.x)
+
+
+def crossing_of(transition):
+    system = mi.System(
+        states=("x", "w"),
+        flow=lambda mode, t, y, p: (0.0, 0.0),
+        switch_transition=transition,
+        switches=(0.5,),
+        period=1.0,
+        parameters={"a": -0.2, "c": 0.1, "d": 0.0},
+    )
+    options = mi.Options(method="dop853", engine="interpreted")
+    rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, w=0.0))
+    steps = mi.StepControl(largest=0.1)
+    (crossing,) = mi.continue_orbit(rest, "a", 0.3, steps=steps).special_points
+    return crossing
+
+
+def test_curves_of_branch_points_of_maps():
+    """With a symmetry a = c^2 at the branch point; the other multiplier is 0.3 + c."""
+    fork = crossing_of(symmetric_map)
+    steps = mi.StepControl(initial=0.1, largest=1.0)
+    curve = mi.continue_curve(fork, "c", -1.5, back=0.2, steps=steps)
+    a, c = (curve.table[name].to_numpy() for name in ("a", "c"))
+    assert a == pytest.approx(c**2, abs=1e-10)
+    assert curve.ended == "c reached its bound"
+    (flip,) = curve.special_points
+    assert flip.kind == "branch point-flip"
+    assert flip.values == pytest.approx({"a": 1.69, "c": -1.3}, abs=1e-9)
+    unfolded = mi.continue_curve(fork, "d", 0.1)
+    assert unfolded.ended.startswith("the branch point unfolds: at another value of d than 0,")
+    assert len(unfolded) == 1
+    with pytest.raises(mi.InvalidParameter, match="another one"):
+        mi.continue_curve(fork, "a", 1.0)
+
+
+@pytest.mark.slow
+def test_a_curve_of_transcritical_points_on_an_invariant_line():
+    crossing = crossing_of(invariant_map)
+    steps = mi.StepControl(initial=0.1, largest=1.0)
+    curve = mi.continue_curve(crossing, "c", 0.5, steps=steps)
+    assert curve.table["a"].to_numpy() == pytest.approx(curve.table["c"].to_numpy(), abs=1e-10)
+    assert len(curve) > 2
+    assert not curve.special_points

@@ -175,6 +175,10 @@ def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     expected = brentq(crossed, 0.7, 0.8, xtol=1e-14)
     assert expected == pytest.approx(0.71281896408275, abs=1e-12)
     assert fork.value == pytest.approx(expected, abs=1e-10)
+    curve = mi.continue_curve(fork, "z", 0.03)
+    for z, A in zip(curve.table["z"], curve.table["A"], strict=True):
+        assert np.linalg.det(half_map(A, z, 0.7, 0.7) + np.eye(2)) == pytest.approx(0.0, abs=1e-10)
+    assert len(curve) > 5
     halves = mi.switch_branch(fork, bounds=(0.68, 0.8))
     assert [special.label for special in halves.special_points] == ["BP"]
     assert halves.special_points[0].value == pytest.approx(expected, abs=1e-10)

@@ -1,0 +1,198 @@
+"""Curves of branch points in two parameters.
+
+A branch point is a solution of the equations ``F + beta b = 0`` and ``g = 0`` of `branch_points` at
+which beta is zero. With a second parameter they have a curve of solutions. Along it beta stays zero
+where a symmetry or an invariant subspace keeps the branch point; elsewhere the second parameter
+unfolds the crossing, and beta leaves zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import (
+    CONTINUATION_ERRORS,
+    SHORTER_STEP_REMEDY,
+    Continuation,
+    Corrector,
+    StepControl,
+    reason_of,
+)
+from mems_impact.continuation.branch_points import extended_equations, null_vectors
+from mems_impact.continuation.codim1_curve import (
+    MARGIN_TESTS,
+    MAX_CURVE_ITERATIONS,
+    CurveProblem,
+    OrbitCurve,
+    Tests,
+)
+from mems_impact.continuation.orbit_branch import oriented
+from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    MINUS,
+    PAIR,
+    DefiningSystem,
+    MultiplierTest,
+    multipliers_at,
+    orbit_tests,
+)
+from mems_impact.errors import OrbitError
+from mems_impact.orbits.limit_cycle import rebase_phase
+from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.shooting import ACCEPTED, ShootingEvaluation
+
+__all__ = ["follow_branch_points"]
+
+UNFOLDS = "the branch point unfolds"
+
+
+def unfolding(point: Linearised) -> float:
+    """Return by how much a solution of the extended equations fails to be a branch point."""
+    return float(np.abs(point.residual).max(initial=0.0))
+
+
+def correct_branch_point(
+    equations: Solvable[P], near: P, plane: Floats, along: Floats, guess: Floats
+) -> Solution[P]:
+    """Solve the extended equations in the plane through `plane` normal to `along`.
+
+    Parameters
+    ----------
+    equations : Shooting or EquilibriumEquations
+        With two active parameters.
+    near : ShootingEvaluation or EquilibriumEvaluation
+        A branch point nearby, which provides the borders.
+    plane, along, guess : float array
+        Unknowns and parameters.
+
+    Raises
+    ------
+    OrbitError
+        If the correction does not converge.
+    """
+    border, kernel = null_vectors(near)
+
+    def extended(u: Floats) -> tuple[P, Floats, Floats]:
+        point, residual, matrix = extended_equations(equations, border, kernel, u)
+        rows = np.vstack([matrix, np.append(along, 0.0)])
+        return point, np.append(residual, along @ (u[:-1] - plane)), rows
+
+    found = newton(
+        extended,
+        np.append(guess, 0.0),
+        reason="the correction of a step did not converge",
+        remedy=SHORTER_STEP_REMEDY,
+        iterations=MAX_CURVE_ITERATIONS,
+    )
+    return Solution(found.unknowns[:-1], found.point, found.iterations)
+
+
+def curve_tangent(equations: Solvable[P], point: P) -> Floats:
+    """Return a unit tangent of a curve of branch points, of arbitrary sign."""
+    border, kernel = null_vectors(point)
+    u = np.concatenate([point.unknowns, point.values, [0.0]])
+    _, _, matrix = extended_equations(equations, border, kernel, u)
+    direction = np.linalg.svd(matrix)[2][-1][:-1]
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def follow_branch_points(
+    special: BranchEvent,
+    parameter: str,
+    second: str,
+    *,
+    low: float,
+    high: float,
+    direction: float = 1.0,
+    steps: StepControl | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> OrbitCurve:
+    """Continue a branch point of a branch of orbits in a second parameter.
+
+    Parameters are those of `follow_curve`.
+
+    Returns
+    -------
+    OrbitCurve
+    """
+    curve = OrbitCurve(special.kind, (parameter, second))
+    orbit, steps = special.orbit, steps or StepControl()
+    try:
+        shooting = orbit.equations(curve.parameters)
+        values = np.array([orbit.family.values[name] for name in curve.parameters])
+        near = shooting.evaluate(orbit.point.unknowns, values)
+        along = curve_tangent(shooting, near)
+        along = along if along[-1] * direction >= 0.0 else -along
+        start = np.concatenate([near.unknowns, values])
+        point = correct_branch_point(shooting, near, start, along, start).point
+        condition = DefiningSystem(shooting, special.monitor)
+        problem = _BranchPointCurve(curve, special, condition, point, along, (low, high))
+        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
+            if progress is not None:
+                progress(found.values[1])
+    except CONTINUATION_ERRORS as error:
+        curve.ended = reason_of(error, orbit.family)
+    return curve
+
+
+class _BranchPointCurve(CurveProblem):
+    """Orbits at which another branch crosses, in two parameters."""
+
+    def restarted_cycle(
+        self, point: ShootingEvaluation, along: Floats
+    ) -> tuple[ShootingEvaluation, Floats]:
+        """Return the point for a cycle with another start, and the tangent."""
+        shooting, unknowns, first = rebase_phase(self.shooting, point)
+        near = shooting.evaluate(unknowns, point.values)
+        start, across = np.concatenate([unknowns, point.values]), curve_tangent(shooting, near)
+        there = correct_branch_point(shooting, near, start, across, start).point
+        self.zero = {other.rebased(len(self.shooting.segments), first) for other in self.zero}
+        self.shooting, self.condition = shooting, DefiningSystem(shooting, self.monitor)
+        return there, oriented(curve_tangent(shooting, there), along, 2)
+
+    def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
+        """Return the unit tangent of the curve, in the direction of `along`."""
+        direction = curve_tangent(self.shooting, point)
+        return direction if direction @ along >= 0.0 else -direction
+
+    def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
+        """Return the corrector of a step."""
+        self._near = point
+        return partial(correct_branch_point, self.shooting, point)
+
+    def solve(self, guess: Floats) -> ShootingEvaluation:
+        """Correct a guess at its value of the second parameter."""
+        point = self.corrector(self._near)(guess, np.eye(guess.size)[-1], guess).point
+        if unfolding(point) > ACCEPTED:
+            raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
+        return point
+
+    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+        """Append an orbit to the curve, unless it is no branch point."""
+        if unfolding(point) <= ACCEPTED:
+            super().record(point, along)
+
+    def end_at(self, point: ShootingEvaluation) -> str:
+        """Return the reason for an end where the branch point unfolds."""
+        if unfolding(point) <= ACCEPTED:
+            return ""
+        where = self.family.amount(self.parameters[1], float(self.branch.points[-1].values[1]))
+        return (
+            f"{UNFOLDS}: at another value of {self.parameters[1]} than {where}, no branch crosses"
+        )
+
+    def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:
+        """Return the test functions for points of codimension two."""
+        multipliers = multipliers_at(self.shooting, point)
+        # A second multiplier +1 is not separated from the first.
+        named = (MultiplierTest(BRANCH_POINT, name) for name in (MINUS, PAIR))
+        tests: Tests = {test: test.of(multipliers) for test in named}
+        for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
+            if isinstance(other, MARGIN_TESTS) and other not in self.zero:
+                tests[other] = value
+        return tests
