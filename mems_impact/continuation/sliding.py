@@ -1,0 +1,496 @@
+"""Sliding bifurcations, and collisions with corners and borders.
+
+Where two fields lead a state towards a surface H = 0, it slides or sticks there. The sliding region
+ends where one of the two fields is tangent to the surface. An orbit that meets this boundary passes
+one of four sliding bifurcations (di Bernardo, Kowalczyk and Nordmark 2002), by the modes in which
+it arrives and departs:
+
+===================  ==================  ==================
+type                 arrives             departs
+===================  ==================  ==================
+grazing-sliding      the tangent field   the tangent field
+crossing-sliding     the other field     the tangent field
+switching-sliding    the other field     sliding
+adding-sliding       sliding             sliding
+===================  ==================  ==================
+
+The second derivative of H along the tangent field, positive into its side, is positive in the first
+two (a visible tangency), negative in the third, and zero in the last, where the third derivative is
+negative.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH, BranchEvent
+from mems_impact.continuation.test_functions import (
+    ClosestApproachTest,
+    ContactSpeedTest,
+    ModeChoiceTest,
+    SegmentLengthTest,
+    closest_approach,
+)
+from mems_impact.errors import FunctionError, InvalidParameter, OrbitError
+from mems_impact.hybrid.differences import sixth_order_difference
+from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.orbits.signature import BOUNDARY
+
+__all__ = ["Discontinuity", "Tangency", "discontinuity"]
+
+GRAZING_SLIDING, CROSSING_SLIDING, SWITCHING_SLIDING, ADDING_SLIDING = (
+    "grazing-sliding",
+    "crossing-sliding",
+    "switching-sliding",
+    "adding-sliding",
+)
+SURFACE_GRAZING, CORNER_COLLISION, BORDER_COLLISION = (
+    "grazing",
+    "corner collision",
+    "border collision",
+)
+
+SURFACE_MARGIN = 1e-5  # largest margin of a guard whose surface contains the point
+STATE_DISTANCE = 1e-4  # of states at which modes are determined, relative to the orbit's size
+DIFFERENCE_STEP = 1e-3  # of derivatives along a field, relative to the period or time scale
+RATE_TOLERANCE = 1e-6  # of rates that are zero in a mode that slides, relative to the largest rate
+TANGENT_TOLERANCE = 1e-3  # of the rate of a tangent field, relative to the largest rate
+
+
+@dataclass(frozen=True)
+class Tangency:
+    """Derivatives of the height of a surface at the boundary of its sliding region.
+
+    The height is the margin of the surface's guard in the mode of the tangent field, so it is
+    positive on the side of that field.
+
+    Attributes
+    ----------
+    guard : int
+        Guard of the surface.
+    tangent, other, sliding : int
+        Modes of the tangent field, of the field on the other side (NONE if there is none) and of
+        sliding.
+    rates : tuple of float
+        First derivatives along the tangent field and along the other one (nan if there is none).
+    second, third : float
+        Second and third derivative along the tangent field.
+    """
+
+    guard: int
+    tangent: int
+    other: int
+    sliding: int
+    rates: tuple[float, float]
+    second: float
+    third: float
+
+
+@dataclass(frozen=True)
+class Discontinuity:
+    """A bifurcation at which an orbit meets a discontinuity of its field.
+
+    Attributes
+    ----------
+    type : str
+    guards : tuple of int
+        The guards that meet there.
+    modes : tuple of int
+        Modes in which the orbit arrives and departs.
+    time : float
+        Since the start of the orbit's period.
+    state : float array
+    tangency : Tangency or None
+        None unless the orbit meets the boundary of a sliding region.
+    """
+
+    type: str
+    guards: tuple[int, ...]
+    modes: tuple[int, int]
+    time: float
+    state: Floats
+    tangency: Tangency | None = None
+
+
+def discontinuity(event: BranchEvent) -> Discontinuity:
+    """Classify a special point at which a guard is touched, or events coincide.
+
+    Raises
+    ------
+    InvalidParameter
+        If the point is of another kind, or the grazing of an impact.
+    OrbitError
+        If its type cannot be determined.
+    """
+    if not isinstance(
+        event.monitor,
+        ClosestApproachTest | ContactSpeedTest | SegmentLengthTest | ModeChoiceTest,
+    ):
+        raise InvalidParameter(
+            "special", event.kind, "a point at which a guard is touched, or events coincide"
+        )
+    return Junction(event).discontinuity()
+
+
+# --- The point at which an orbit meets surfaces
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface with a sliding region.
+
+    Attributes
+    ----------
+    guard, mode : int
+        Its height is the margin of this guard in this mode.
+    sliding : frozenset of int
+        The modes that slide on it.
+    free : mapping of int to int
+        The modes that reach it, each with its side: 1 for positive height, else -1.
+    guards : frozenset of int
+        The guards that reach it, or leave it.
+    """
+
+    guard: int
+    mode: int
+    sliding: frozenset[int]
+    free: dict[int, int]
+    guards: frozenset[int]
+
+
+class Junction:
+    """The instant of a special point, with the modes and events of the orbit next to it.
+
+    Segments that vanish at the point are part of it.
+    """
+
+    def __init__(self, event: BranchEvent) -> None:
+        orbit = event.orbit
+        self.event, self.shooting, self.point = event, orbit.shooting, orbit.point
+        self.automaton, self.m = self.shooting.automaton, self.shooting.m
+        self.parameters = np.asarray(orbit.problem.parameters, dtype=float)
+        variational = self.shooting.variational(self.point.setting)
+        self.step = DIFFERENCE_STEP * variational.time_scale
+        segments, count = self.shooting.segments, len(self.shooting.segments)
+        short = self.point.ends - self.point.starts < MAX_VANISHING_LENGTH
+        inside = self._touch()
+        if inside is not None and not short[inside[0]]:
+            i, self.time, self.state = inside
+            self.before = self.after = segments[i].mode
+            self.passed, self.codes = (), frozenset()
+            return
+        first = self._last_segment()
+        while short[first]:
+            first = (first - 1) % count
+        passed, following = [], (first + 1) % count
+        while short[following]:
+            passed.append(following)
+            following = (following + 1) % count
+        self.passed: tuple[int, ...] = tuple(segments[i].mode for i in passed)
+        codes = (segments[i].code for i in (first, *passed))
+        self.codes: frozenset[int] = frozenset(codes) - {BOUNDARY}
+        self.before, self.after = segments[first].mode, segments[following].mode
+        self.time = float(self.point.ends[first])
+        self.state = np.array(self.point.arcs[first].end)
+
+    def _touch(self) -> tuple[int, float, Floats] | None:
+        """Return segment, time and state of a closest approach within a segment."""
+        monitor = self.event.monitor
+        if not isinstance(monitor, ClosestApproachTest):
+            return None
+        touch = closest_approach(self.shooting, self.point, monitor.guard, monitor.segment)
+        if touch is None or not touch.inside:
+            return None
+        state = np.array(self.point.arcs[touch.segment].touches[monitor.guard, 0])
+        return touch.segment, touch.time, state
+
+    def _last_segment(self) -> int:
+        """Return a segment that ends at the point."""
+        monitor = self.event.monitor
+        if not isinstance(monitor, ClosestApproachTest):
+            return int(monitor.segment)  # type: ignore[attr-defined]
+        touch = closest_approach(self.shooting, self.point, monitor.guard, monitor.segment)
+        if touch is None:
+            raise OrbitError("the orbit does not touch the guard", "locate the point again")
+        i = touch.segment
+        middle = 0.5 * float(self.point.starts[i] + self.point.ends[i])
+        return i if touch.time > middle else (i - 1) % len(self.shooting.segments)
+
+    @cached_property
+    def guards(self) -> frozenset[int]:
+        """The guards that meet at the point."""
+        own = getattr(self.event.monitor, "guard", NONE)
+        if isinstance(self.event.monitor, ModeChoiceTest):
+            own = NONE  # a margin of one of the modes, not an event
+        fired = {code % self.m for code in self.codes if code < 2 * self.m}
+        return frozenset(fired | {own}) - {NONE}
+
+    # Fields and heights near the point, interpreted.
+
+    def height(self, guard: int, mode: int, t: float, y: Floats) -> float:
+        """Return the margin of a guard in a mode."""
+        return float(self.automaton.margins_at(mode, t, y, self.parameters)[0][guard])
+
+    def derivative(
+        self, field: int, surface: tuple[int, int], order: int, t: float, y: Floats
+    ) -> float:
+        """Return a derivative of the height of a surface along the field of a mode."""
+        if order == 0:
+            return self.height(*surface, t, y)
+        slope = self.automaton.slope_at(field, t, y, self.parameters)
+
+        def lower(s: float) -> Any:
+            return self.derivative(field, surface, order - 1, t + s, y + s * slope)
+
+        return float(sixth_order_difference(lower, self.step))
+
+    def gradient(self, surface: tuple[int, int]) -> Floats:
+        """Return the derivative of a height by the state."""
+        sizes = self.sizes
+        found = np.zeros(sizes.size)
+        for j in range(sizes.size):
+            unit = np.zeros(sizes.size)
+            unit[j] = sizes[j]
+
+            def along(s: float, unit: Floats = unit) -> Any:
+                return self.height(*surface, self.time, self.state + s * unit)
+
+            found[j] = float(sixth_order_difference(along, STATE_DISTANCE)) / sizes[j]
+        return found
+
+    @cached_property
+    def sizes(self) -> Floats:
+        """Size of each component over the orbit."""
+        states, _ = self.shooting.unpack(self.point.unknowns)
+        arcs = self.point.arcs
+        ends = np.array([arc.end for arc in arcs])
+        slopes = np.array([[arc.slope_start, arc.slope_end] for arc in arcs]).reshape(-1, ends[0].size)
+        largest = np.abs(np.vstack([states, ends])).max(axis=0)
+        moved = self.step / DIFFERENCE_STEP * np.abs(slopes).max(axis=0)
+        found = np.maximum(largest, 0.1 * moved)
+        return np.asarray(np.where(found > 0.0, found, 1.0))
+
+    def nearby(self, normal: Floats | None = None) -> list[Floats]:
+        """Return the point and states around it, on the surface with this normal if given."""
+        moves = [np.zeros(self.state.size)]
+        for j in self.shooting.free:
+            unit = np.zeros(self.state.size)
+            unit[j] = STATE_DISTANCE * self.sizes[j]
+            if normal is not None:
+                unit -= normal * float(normal @ unit) / float(normal @ normal)
+            moves += [unit, -unit]
+        return [self.state + move for move in moves]
+
+    # Modes next to the point.
+
+    @cached_property
+    def transitions(self) -> frozenset[tuple[int, int, int]]:
+        """Mode, guard and mode after it, of the transitions at the point and around it."""
+        monitor = self.event.monitor
+        begin = {self.before, self.after, *self.passed}
+        if isinstance(monitor, ModeChoiceTest) and monitor.mode != NONE:
+            begin.add(monitor.mode)
+        known: set[int] = set()
+        found: set[tuple[int, int, int]] = set()
+        while begin - known:
+            mode = min(begin - known)
+            known.add(mode)
+            margins, _ = self.automaton.margins_at(mode, self.time, self.state, self.parameters)
+            for j, guard in enumerate(self.automaton.guards):
+                if guard.records or guard.impact or abs(margins[j]) > SURFACE_MARGIN:
+                    continue
+                for y in self.nearby():
+                    try:
+                        into, _ = self.automaton.state_after(mode, j, self.time, y, self.parameters)
+                    except FunctionError:
+                        continue
+                    if 0 <= into < len(self.automaton.modes) and into != mode:
+                        found.add((mode, j, into))
+                        begin.add(into)
+        return frozenset(found)
+
+    def slides(self, mode: int, surface: tuple[int, int], modes: Iterable[int]) -> bool:
+        """Return whether a mode keeps a height constant on its surface; others determine scales."""
+        normal = self.gradient(surface)
+        if not normal.any():
+            return False
+        around = self.nearby(normal)
+
+        def rates(field: int) -> float:
+            values = [self.derivative(field, surface, 1, self.time, y) for y in around]
+            return float(np.abs(values).max())
+
+        largest = max(rates(other) for other in modes)
+        return rates(mode) <= RATE_TOLERANCE * largest
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surfaces with sliding regions that contain the point."""
+        modes = sorted({mode for one, _, other in self.transitions for mode in (one, other)})
+        pairs = [
+            (mode, j, into)
+            for mode, j, into in sorted(self.transitions)
+            if self.slides(into, (j, mode), modes)
+        ]
+        # A mode that slides is not one that reaches the surface, as a held body's own limit.
+        found: list[Surface] = []
+        for mode, j, _ in pairs:
+            if any(mode in surface.free and j in surface.guards for surface in found):
+                continue
+            sliding = {into for one, guard, into in pairs if (one, guard) == (mode, j)}
+            normal = self.gradient((j, mode))
+            free: dict[int, int] = {}
+            reach: set[int] = set()
+            for one, guard, into in pairs:
+                if into not in sliding or one in sliding:
+                    continue
+                other = self.gradient((guard, one))
+                cosine = float(normal @ other) / float(np.linalg.norm(normal) * np.linalg.norm(other))
+                if abs(cosine) > 1.0 - RATE_TOLERANCE:
+                    free[one] = 1 if cosine > 0.0 else -1
+                    reach.add(guard)
+            for one, guard, into in self.transitions:
+                if one in sliding and into not in sliding and guard not in reach:
+                    if into not in free:
+                        free[into] = self._side((j, mode), one, into)
+                    reach.add(guard)
+            found.append(Surface(j, mode, frozenset(sliding), free, frozenset(reach)))
+        return tuple(found)
+
+    def _side(self, surface: tuple[int, int], sliding: int, mode: int) -> int:
+        """Return the side to which a mode departs from sliding."""
+        rates = [self.derivative(mode, surface, k, self.time, self.state) for k in (1, 2)]
+        scale = max(abs(self.derivative(surface[1], surface, 1, self.time, y)) for y in self.nearby())
+        leading = rates[0] if abs(rates[0]) > TANGENT_TOLERANCE * scale else rates[1]
+        return 1 if leading >= 0.0 else -1
+
+    # Classification.
+
+    def discontinuity(self) -> Discontinuity:
+        """Return the bifurcation at the point."""
+        switches = 2 * self.m in self.codes
+        impacts = any(self.automaton.guards[j].impact for j in self.guards)
+        if impacts and not switches and len(self.guards) == 1:
+            raise InvalidParameter(
+                "special", self.event.kind, "another point than the grazing of an impact",
+                problem="is the grazing of an impact: grazing_type classifies it",
+            )  # fmt: skip
+        if switches:
+            return self._of(BORDER_COLLISION)
+        if not impacts:
+            for surface in self.surfaces:
+                if self.guards <= surface.guards:
+                    return self._sliding(surface)
+        if len(self.guards) > 1 and not self._parallel():
+            return self._of(CORNER_COLLISION)
+        if self.before == self.after and self.guards:
+            return self._of(SURFACE_GRAZING)
+        raise self._undecided("no mode slides on the surface of the guard")
+
+    def _of(self, kind: str, tangency: Tangency | None = None) -> Discontinuity:
+        return Discontinuity(
+            type=kind,
+            guards=tuple(sorted(self.guards)),
+            modes=(self.before, self.after),
+            time=self.time,
+            state=self.state,
+            tangency=tangency,
+        )
+
+    def _undecided(self, reason: str) -> OrbitError:
+        names = self.automaton.modes
+        return OrbitError(
+            f"the type of {self.event.kind!r} between the modes {names[self.before]} and "
+            f"{names[self.after]} cannot be determined: {reason}",
+            "compare the orbits on both sides of the point",
+        )
+
+    def _parallel(self) -> bool:
+        """Return whether the guards that meet have one surface."""
+        normals = [
+            self.gradient((j, mode))
+            for j in self.guards
+            for mode in (self.before, *self.passed, self.after)
+            if abs(self.height(j, mode, self.time, self.state)) < SURFACE_MARGIN
+        ]
+        units = [normal / np.linalg.norm(normal) for normal in normals if normal.any()]
+        pairs = itertools.combinations(units, 2)
+        return all(abs(float(a @ b)) > 1.0 - RATE_TOLERANCE for a, b in pairs)
+
+    def _sliding(self, surface: Surface) -> Discontinuity:
+        """Return the sliding bifurcation at the boundary of the sliding region of a surface."""
+        arrives, departs = (mode in surface.sliding for mode in (self.before, self.after))
+        sides = [surface.free.get(mode, 0) for mode in (self.before, self.after)]
+        if arrives and departs:
+            kind = ADDING_SLIDING
+            left = [m for m in self.passed if m in surface.free] or [
+                into for one, _, into in sorted(self.transitions)
+                if one in surface.sliding and into in surface.free
+            ]  # fmt: skip
+            tangent = min(left, key=self._rate_of(surface), default=NONE)
+        elif arrives:
+            raise self._undecided("it leaves the surface, and does not reach it")
+        elif departs:
+            kind = SWITCHING_SLIDING
+            beyond = [mode for mode, side in surface.free.items() if side == -sides[0]]
+            tangent = min(beyond, key=self._rate_of(surface), default=NONE)
+        else:
+            kind = GRAZING_SLIDING if self.before == self.after else CROSSING_SLIDING
+            if kind == CROSSING_SLIDING and sides[0] == sides[1]:
+                raise self._undecided("both lie on one side of the surface")
+            tangent = self.after
+        return self._of(kind, self._tangency(surface, kind, tangent))
+
+    def _rate_of(self, surface: Surface) -> Any:
+        def rate(mode: int) -> float:
+            place = surface.guard, surface.mode
+            return abs(self.derivative(mode, place, 1, self.time, self.state))
+
+        return rate
+
+    def _tangency(self, surface: Surface, kind: str, tangent: int) -> Tangency | None:
+        """Return the derivatives along the tangent field.
+
+        Raises
+        ------
+        OrbitError
+            If they contradict the type.
+        """
+        if tangent == NONE:
+            return None
+        place, side = (surface.guard, surface.mode), surface.free[tangent]
+        others = [mode for mode, other in surface.free.items() if other == -side]
+        if self.before in others:
+            others = [self.before]
+
+        def along(mode: int, order: int) -> float:
+            return side * self.derivative(mode, place, order, self.time, self.state)
+
+        first, second, third = (along(tangent, order) for order in (1, 2, 3))
+        other = along(others[0], 1) if others else float("nan")
+        sliding = next(
+            (m for m in (self.before, self.after, *self.passed) if m in surface.sliding),
+            min(surface.sliding),
+        )
+        found = Tangency(
+            guard=surface.guard,
+            tangent=tangent,
+            other=others[0] if others else NONE,
+            sliding=sliding,
+            rates=(first, other),
+            second=second,
+            third=third,
+        )
+        scale = max(abs(first), abs(other) if others else 0.0, abs(second) * self.step / DIFFERENCE_STEP)
+        expected = {GRAZING_SLIDING: 1.0, CROSSING_SLIDING: 1.0, SWITCHING_SLIDING: -1.0}.get(kind)
+        # With static above dynamic friction the field is not tangent at the limit of sticking.
+        if expected is not None and abs(first) < TANGENT_TOLERANCE * scale and second * expected < 0.0:
+            raise self._undecided(f"the second derivative {second:.3g} has the other sign")
+        return found
