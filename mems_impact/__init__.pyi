@@ -78,6 +78,8 @@ from .analysis.lyapunov import classify as classify
 from .analysis.lyapunov import lyapunov as lyapunov
 from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
+from .analysis.sliding_type import SlidingType as SlidingType
+from .analysis.sliding_type import sliding_type as sliding_type
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.special_points import grazing_type as grazing_type

@@ -327,8 +327,9 @@ def special_points(
     parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per special point of a branch; `rows` with its names as well."""
+    names = ("label", "kind", "criticality", "type")
     columns = {
-        **{name: [row[name] for row in rows] for name in ("label", "kind", "criticality")},
+        **{name: [row[name] for row in rows] for name in names},
         parameter: np.array([row["value"] for row in rows], dtype=float),
     }
     return _table(columns, rows, labels)
@@ -364,7 +365,7 @@ def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dic
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the columns that describe orbits, those of their location first."""
-    own = ("value", "values", "label", "kind", "criticality", "states")
+    own = ("value", "values", "label", "kind", "criticality", "type", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in own]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
     for state in rows[0]["states"] if rows else ():

@@ -21,6 +21,7 @@ from mems_impact.analysis.event_functions import (
 )
 from mems_impact.analysis.homoclinic import HomoclinicEnd
 from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.analysis.sliding_type import type_of
 from mems_impact.analysis.special_points import (
     BifurcationPoint,
     CodimensionTwo,
@@ -207,7 +208,8 @@ class Branch(ContinuationResult):
     def special_table(self) -> pd.DataFrame:
         """One row per special point.
 
-        Columns: label, kind, criticality (see `NormalForm`), the parameter, then those of `table`.
+        Columns: label, kind, criticality (see `NormalForm`), type (see `SlidingType`), the
+        parameter, then those of `table`.
         """
         rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
         return orbit_tables.special_points(self.parameter, rows, self.system)
@@ -586,7 +588,7 @@ def _homoclinic_end(system: HybridSystem, found: OrbitBranch) -> HomoclinicEnd |
 def _names(special: BifurcationPoint) -> dict[str, str]:
     """Return what a special point is called, for its row in tables."""
     names = ("label", "kind", "criticality")
-    return {name: getattr(special, name) for name in names}
+    return {**{name: getattr(special, name) for name in names}, "type": type_of(special)}
 
 
 def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:

@@ -103,7 +103,8 @@ class SpecialPoint(BifurcationPoint):
         sticking contact), or "unexplained" where the number of unstable multipliers changes without
         such a point.
     label : str
-        G, CF or PD, as in the paper; NS, BP, CC, ?; for another guard the kind.
+        G, CF or PD, as in the paper; NS, BP, CC, ?; for another guard the kind. `sliding_type`
+        classifies the latter.
     parameter : str
     value : float
         Value of the parameter.
@@ -114,7 +115,7 @@ class SpecialPoint(BifurcationPoint):
 
     See Also
     --------
-    Branch, switch_branch, continue_curve, grazing_type
+    Branch, switch_branch, continue_curve, grazing_type, sliding_type
 
     Examples
     --------

@@ -46,6 +46,7 @@ from mems_impact.continuation.grazing import (
 from mems_impact.continuation.homoclinic import SlowPassage, has_large_error_growth, slow_passage
 from mems_impact.continuation.special_points import (
     BranchEvent,
+    admissible_bracket,
     classify,
     locate_choice,
     locate_defect,
@@ -539,7 +540,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
                 key=lambda item: priority(item[1]),
             )
             if isinstance(first[1].monitor, ClosestApproachTest) and first[1].kind != GRAZING:
-                first = locate_choice(shooting, step, first[0]) or first
+                first = self._mode_choice(shooting, step, first) or first
             # Beyond a loss the test functions may jump, and are not evaluated.
             reach = max(lost[0][0] - COINCIDENT, 0.0)
         if self._is_inadmissible(
@@ -566,6 +567,23 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             lost_here = replace(lost_here, direction=tangent(here, step.along))
         loss = lost_here if self.reconnecting else None
         return LocatedEvents([*special_points, lost_here], loss, "", here, corner)
+
+    def _mode_choice(
+        self,
+        shooting: Shooting,
+        step: PredictorStep[ShootingEvaluation],
+        lost: tuple[float, BranchEvent],
+    ) -> tuple[float, BranchEvent] | None:
+        """Locate a change of the mode after an event at or just before a loss, if there is one."""
+        found = locate_choice(shooting, step, lost[0])
+        if found is not None or not self._requires_admissibility:
+            return found
+        # Beyond such a change a margin is zero up to rounding, and its sign is arbitrary.
+        begin = max(lost[0] - COMMON_CAUSE_DISTANCE, 0.0)
+        if not lost[1].orbit.defects or self._is_inadmissible(shooting, step, begin):
+            return None
+        kept, _ = admissible_bracket(shooting, step, begin, lost[0])
+        return locate_choice(shooting, step, kept)
 
     def _admissible(
         self,

@@ -32,18 +32,20 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.special_points import MAX_VANISHING_LENGTH, BranchEvent
 from mems_impact.continuation.test_functions import (
+    CHATTER_ONSET,
+    GRAZING,
+    GUARD_TESTS,
     ClosestApproachTest,
     ContactSpeedTest,
     ModeChoiceTest,
-    SegmentLengthTest,
     closest_approach,
 )
-from mems_impact.errors import FunctionError, InvalidParameter, OrbitError
+from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.signature import BOUNDARY
 
-__all__ = ["Discontinuity", "Tangency", "discontinuity"]
+__all__ = ["Discontinuity", "Tangency", "discontinuity", "is_discontinuity"]
 
 GRAZING_SLIDING, CROSSING_SLIDING, SWITCHING_SLIDING, ADDING_SLIDING = (
     "grazing-sliding",
@@ -52,16 +54,33 @@ GRAZING_SLIDING, CROSSING_SLIDING, SWITCHING_SLIDING, ADDING_SLIDING = (
     "adding-sliding",
 )
 SURFACE_GRAZING, CORNER_COLLISION, BORDER_COLLISION = (
-    "grazing",
+    "surface grazing",
     "corner collision",
     "border collision",
 )
+TYPE_LABELS = {
+    GRAZING_SLIDING: "GS",
+    CROSSING_SLIDING: "CS",
+    SWITCHING_SLIDING: "SS",
+    ADDING_SLIDING: "AS",
+    CORNER_COLLISION: "CO",
+    BORDER_COLLISION: "BC",
+    SURFACE_GRAZING: "SG",
+}
 
+TOUCH_TESTS = (ClosestApproachTest, ContactSpeedTest)
 SURFACE_MARGIN = 1e-5  # largest margin of a guard whose surface contains the point
 STATE_DISTANCE = 1e-4  # of states at which modes are determined, relative to the orbit's size
 DIFFERENCE_STEP = 1e-3  # of derivatives along a field, relative to the period or time scale
 RATE_TOLERANCE = 1e-6  # of rates that are zero in a mode that slides, relative to the largest rate
-TANGENT_TOLERANCE = 1e-3  # of the rate of a tangent field, relative to the largest rate
+TANGENT_TOLERANCE = 1e-4  # of the rate of a tangent field, relative to the other derivatives
+CUBIC_TOLERANCE = 1e-2  # of its second derivative at a cubic tangency, relative to the third
+EXPECTED_TANGENCIES = {
+    GRAZING_SLIDING: "visible",
+    CROSSING_SLIDING: "visible",
+    SWITCHING_SLIDING: "invisible",
+    ADDING_SLIDING: "cubic",
+}
 
 
 @dataclass(frozen=True)
@@ -82,6 +101,9 @@ class Tangency:
         First derivatives along the tangent field and along the other one (nan if there is none).
     second, third : float
         Second and third derivative along the tangent field.
+    kind : str
+        "visible", "invisible" or "cubic"; empty if the first derivative is not zero, as with static
+        friction above the dynamic one.
     """
 
     guard: int
@@ -91,6 +113,7 @@ class Tangency:
     rates: tuple[float, float]
     second: float
     third: float
+    kind: str
 
 
 @dataclass(frozen=True)
@@ -119,23 +142,21 @@ class Discontinuity:
     tangency: Tangency | None = None
 
 
+def is_discontinuity(event: BranchEvent) -> bool:
+    """Return whether a guard is touched at a special point, or events coincide there."""
+    by_impact = event.kind == GRAZING and isinstance(event.monitor, TOUCH_TESTS)
+    known = by_impact or event.kind == CHATTER_ONSET
+    return isinstance(event.monitor, GUARD_TESTS) and not known
+
+
 def discontinuity(event: BranchEvent) -> Discontinuity:
-    """Classify a special point at which a guard is touched, or events coincide.
+    """Classify a special point for which `is_discontinuity` holds.
 
     Raises
     ------
-    InvalidParameter
-        If the point is of another kind, or the grazing of an impact.
     OrbitError
         If its type cannot be determined.
     """
-    if not isinstance(
-        event.monitor,
-        ClosestApproachTest | ContactSpeedTest | SegmentLengthTest | ModeChoiceTest,
-    ):
-        raise InvalidParameter(
-            "special", event.kind, "a point at which a guard is touched, or events coincide"
-        )
     return Junction(event).discontinuity()
 
 
@@ -180,11 +201,12 @@ class Junction:
         self.step = DIFFERENCE_STEP * variational.time_scale
         segments, count = self.shooting.segments, len(self.shooting.segments)
         short = self.point.ends - self.point.starts < MAX_VANISHING_LENGTH
+        self.passed: tuple[int, ...] = ()
+        self.codes: frozenset[int] = frozenset()
         inside = self._touch()
         if inside is not None and not short[inside[0]]:
             i, self.time, self.state = inside
             self.before = self.after = segments[i].mode
-            self.passed, self.codes = (), frozenset()
             return
         first = self._last_segment()
         while short[first]:
@@ -193,9 +215,8 @@ class Junction:
         while short[following]:
             passed.append(following)
             following = (following + 1) % count
-        self.passed: tuple[int, ...] = tuple(segments[i].mode for i in passed)
-        codes = (segments[i].code for i in (first, *passed))
-        self.codes: frozenset[int] = frozenset(codes) - {BOUNDARY}
+        self.passed = tuple(segments[i].mode for i in passed)
+        self.codes = frozenset(segments[i].code for i in (first, *passed)) - {BOUNDARY}
         self.before, self.after = segments[first].mode, segments[following].mode
         self.time = float(self.point.ends[first])
         self.state = np.array(self.point.arcs[first].end)
@@ -271,7 +292,9 @@ class Junction:
         states, _ = self.shooting.unpack(self.point.unknowns)
         arcs = self.point.arcs
         ends = np.array([arc.end for arc in arcs])
-        slopes = np.array([[arc.slope_start, arc.slope_end] for arc in arcs]).reshape(-1, ends[0].size)
+        slopes = np.array([[arc.slope_start, arc.slope_end] for arc in arcs]).reshape(
+            -1, ends[0].size
+        )
         largest = np.abs(np.vstack([states, ends])).max(axis=0)
         moved = self.step / DIFFERENCE_STEP * np.abs(slopes).max(axis=0)
         found = np.maximum(largest, 0.1 * moved)
@@ -306,14 +329,9 @@ class Junction:
             for j, guard in enumerate(self.automaton.guards):
                 if guard.records or guard.impact or abs(margins[j]) > SURFACE_MARGIN:
                     continue
-                for y in self.nearby():
-                    try:
-                        into, _ = self.automaton.state_after(mode, j, self.time, y, self.parameters)
-                    except FunctionError:
-                        continue
-                    if 0 <= into < len(self.automaton.modes) and into != mode:
-                        found.add((mode, j, into))
-                        begin.add(into)
+                led = {self._led(mode, j, y) for y in self.nearby()} - {mode, NONE}
+                found |= {(mode, j, into) for into in led}
+                begin |= led
         return frozenset(found)
 
     def slides(self, mode: int, surface: tuple[int, int], modes: Iterable[int]) -> bool:
@@ -352,7 +370,9 @@ class Junction:
                 if into not in sliding or one in sliding:
                     continue
                 other = self.gradient((guard, one))
-                cosine = float(normal @ other) / float(np.linalg.norm(normal) * np.linalg.norm(other))
+                cosine = float(normal @ other) / float(
+                    np.linalg.norm(normal) * np.linalg.norm(other)
+                )
                 if abs(cosine) > 1.0 - RATE_TOLERANCE:
                     free[one] = 1 if cosine > 0.0 else -1
                     reach.add(guard)
@@ -367,7 +387,9 @@ class Junction:
     def _side(self, surface: tuple[int, int], sliding: int, mode: int) -> int:
         """Return the side to which a mode departs from sliding."""
         rates = [self.derivative(mode, surface, k, self.time, self.state) for k in (1, 2)]
-        scale = max(abs(self.derivative(surface[1], surface, 1, self.time, y)) for y in self.nearby())
+        scale = max(
+            abs(self.derivative(surface[1], surface, 1, self.time, y)) for y in self.nearby()
+        )
         leading = rates[0] if abs(rates[0]) > TANGENT_TOLERANCE * scale else rates[1]
         return 1 if leading >= 0.0 else -1
 
@@ -377,11 +399,6 @@ class Junction:
         """Return the bifurcation at the point."""
         switches = 2 * self.m in self.codes
         impacts = any(self.automaton.guards[j].impact for j in self.guards)
-        if impacts and not switches and len(self.guards) == 1:
-            raise InvalidParameter(
-                "special", self.event.kind, "another point than the grazing of an impact",
-                problem="is the grazing of an impact: grazing_type classifies it",
-            )  # fmt: skip
         if switches:
             return self._of(BORDER_COLLISION)
         if not impacts:
@@ -390,9 +407,10 @@ class Junction:
                     return self._sliding(surface)
         if len(self.guards) > 1 and not self._parallel():
             return self._of(CORNER_COLLISION)
-        if self.before == self.after and self.guards:
+        touched = isinstance(self.event.monitor, TOUCH_TESTS) and not impacts
+        if touched and self.before == self.after:
             return self._of(SURFACE_GRAZING)
-        raise self._undecided("no mode slides on the surface of the guard")
+        raise self._undecided("no mode slides on its surface")
 
     def _of(self, kind: str, tangency: Tangency | None = None) -> Discontinuity:
         return Discontinuity(
@@ -448,6 +466,30 @@ class Junction:
             tangent = self.after
         return self._of(kind, self._tangency(surface, kind, tangent))
 
+    def _opposite(self, surface: Surface, side: int) -> list[int]:
+        """Return a mode of the field opposite to a side, which the orbit does not reach."""
+        normal = self.gradient((surface.guard, surface.mode))
+        for mode in range(len(self.automaton.modes)):
+            place = surface.guard, mode
+            if mode in surface.sliding or abs(self.height(*place, self.time, self.state)) > (
+                SURFACE_MARGIN
+            ):
+                continue
+            if side * float(normal @ self.gradient(place)) >= 0.0:
+                continue
+            led = {self._led(mode, surface.guard, y) for y in self.nearby()}
+            if led & surface.sliding:
+                return [mode]
+        return []
+
+    def _led(self, mode: int, guard: int, y: Floats) -> int:
+        """Return the mode after an event at a state; NONE if it has none."""
+        try:
+            into, _ = self.automaton.state_after(mode, guard, self.time, y, self.parameters)
+        except FunctionError:
+            return NONE
+        return into if 0 <= into < len(self.automaton.modes) else NONE
+
     def _rate_of(self, surface: Surface) -> Any:
         def rate(mode: int) -> float:
             place = surface.guard, surface.mode
@@ -469,6 +511,7 @@ class Junction:
         others = [mode for mode, other in surface.free.items() if other == -side]
         if self.before in others:
             others = [self.before]
+        others = others or self._opposite(surface, side)
 
         def along(mode: int, order: int) -> float:
             return side * self.derivative(mode, place, order, self.time, self.state)
@@ -479,7 +522,16 @@ class Junction:
             (m for m in (self.before, self.after, *self.passed) if m in surface.sliding),
             min(surface.sliding),
         )
-        found = Tangency(
+        unit = self.step / DIFFERENCE_STEP
+        expected = EXPECTED_TANGENCIES[kind]
+        shape = "visible" if second > 0.0 else "invisible"
+        if abs(first) > TANGENT_TOLERANCE * max(abs(other) if others else 0.0, abs(second) * unit):
+            shape = ""  # with static above dynamic friction
+        elif kind == ADDING_SLIDING and abs(second) < CUBIC_TOLERANCE * abs(third) * unit:
+            shape = "cubic"
+        if shape not in ("", expected):
+            raise self._undecided(f"the tangency is {shape}, not {expected}")
+        return Tangency(
             guard=surface.guard,
             tangent=tangent,
             other=others[0] if others else NONE,
@@ -487,10 +539,5 @@ class Junction:
             rates=(first, other),
             second=second,
             third=third,
+            kind=shape,
         )
-        scale = max(abs(first), abs(other) if others else 0.0, abs(second) * self.step / DIFFERENCE_STEP)
-        expected = {GRAZING_SLIDING: 1.0, CROSSING_SLIDING: 1.0, SWITCHING_SLIDING: -1.0}.get(kind)
-        # With static above dynamic friction the field is not tangent at the limit of sticking.
-        if expected is not None and abs(first) < TANGENT_TOLERANCE * scale and second * expected < 0.0:
-            raise self._undecided(f"the second derivative {second:.3g} has the other sign")
-        return found

@@ -117,8 +117,7 @@ def locate_defect(
     OrbitError
         If a point within the step cannot be corrected.
     """
-    bracket = max(MIN_BRACKET_RATIO, 4.0 * float(np.spacing(length)))
-    kept, lost = bisect(lambda at: not defects(shooting, step.at(at).point), 0.0, length, bracket)
+    kept, lost = admissible_bracket(shooting, step, 0.0, length)
     defect = defects(shooting, step.at(lost).point)[0]
     i, guards = defect.segment, shooting.automaton.guards
     monitor: TestFunction
@@ -134,6 +133,14 @@ def locate_defect(
         kind = kind_of(guards[guard]) if guard != NONE else defect.guard
         monitor = ModeChoiceTest(kind, NONE, i)
     return locate_choice(shooting, step, kept) or _event_at(shooting, step, kept, monitor)
+
+
+def admissible_bracket(
+    shooting: Shooting, step: PredictorStep[ShootingEvaluation], begin: float, length: float
+) -> tuple[float, float]:
+    """Return adjacent positions of an admissible and an inadmissible orbit within a step."""
+    bracket = max(MIN_BRACKET_RATIO, 4.0 * float(np.spacing(length)))
+    return bisect(lambda at: not defects(shooting, step.at(at).point), begin, length, bracket)
 
 
 def locate_choice(

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
+from mems_impact.continuation.sliding import TYPE_LABELS
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import (
     Label,
@@ -206,7 +207,10 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
 
 def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
     rows = table[table["admissible"].astype(bool)]
-    names = {"label": rows["label"], "criticality": rows["criticality"]}
+    label = rows["label"]
+    if "type" in rows:
+        label = rows["type"].map(TYPE_LABELS).fillna(label)
+    names = {"label": label, "criticality": rows["criticality"]}
     return pd.DataFrame({**names, "value": rows[parameter], "y": rows[state]})
 
 

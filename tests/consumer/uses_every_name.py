@@ -142,6 +142,7 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
     branch = assert_type(mi.continue_orbit(orbit, "A", 1.0, steps=mi.StepControl()), mi.Branch)
     special = assert_type(branch.special_points[0], mi.SpecialPoint)
     assert_type(mi.grazing_type(special), mi.GrazingType)
+    assert_type(mi.sliding_type(special), mi.SlidingType)
     assert_type(special.normal_form, mi.NormalForm | None)
     assert_type(mi.switch_branch(special), mi.Branch)
     assert_type(branch.homoclinic, mi.HomoclinicEnd | None)

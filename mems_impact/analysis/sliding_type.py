@@ -1,0 +1,205 @@
+"""Types of sliding bifurcations and of other bifurcations at discontinuities."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Self
+
+from mems_impact.analysis.special_points import BifurcationPoint, SpecialPoint, check_kind
+from mems_impact.continuation.sliding import TYPE_LABELS, discontinuity, is_discontinuity
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.hybrid.state import HybridState
+from mems_impact.systems.state import State
+
+__all__ = ["SlidingType", "sliding_type"]
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingType(str):
+    """Type of a bifurcation at a discontinuity: a string, with the numbers of its criterion.
+
+    At the boundary of the sliding region of a surface (sticking, for dry friction), where one of
+    the two fields is tangent to it:
+
+    - "grazing-sliding": the orbit arrives and departs with the tangent field;
+    - "crossing-sliding": it arrives with the other field, and departs with the tangent one;
+    - "switching-sliding": it arrives with the other field, and slides;
+    - "adding-sliding": a sliding orbit touches the boundary.
+
+    Elsewhere:
+
+    - "border collision": an event coincides with a switching time of the forcing, which is a
+      border of the map over one period;
+    - "corner collision": events of two guards coincide, where their surfaces intersect;
+    - "surface grazing": the orbit touches a surface on which it does not slide.
+
+    Attributes
+    ----------
+    value : str
+        The type.
+    surfaces : tuple of str
+        The guards that meet at the point.
+    modes : tuple of str
+        Modes in which the orbit arrives and departs.
+    state : State
+        The state there.
+    time : float
+        Time since the start of the period.
+    tangent, other, sliding : str
+        Modes of the tangent field, of the other field, and of sliding; empty if there is none.
+    rates : tuple of float
+        Derivatives of the margin of the surface's guard, positive on the side of the tangent field,
+        along the tangent and the other field.
+    second, third : float
+        Second and third derivative along the tangent field.
+    tangency : str
+        "visible" (second > 0), "invisible" (second < 0), "cubic" (second = 0); empty where the
+        first derivative is not zero, as with a static friction above the dynamic one.
+
+    See Also
+    --------
+    sliding_type, GrazingType
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def flow(mode, t, y, p):
+    ...     if mode.wall == 1:
+    ...         return -1.0, 0.0
+    ...     r = y.x**2 + y.y**2
+    ...     return (p.mu - r) * y.x - y.y, y.x + (p.mu - r) * y.y
+    >>> system = mi.System(
+    ...     states=("x", "y"), flow=flow, parameters={"mu": 0.8}, initial={"x": 0.5},
+    ...     parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
+    ... )
+    >>> branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.2)
+    >>> found = mi.sliding_type(branch.special_points[0])
+    >>> found.label, found.tangent, found.tangency, round(found.second, 6)
+    ('GS', 'below', 'visible', 1.0)
+    """
+
+    value: str
+    surfaces: tuple[str, ...] = ()
+    modes: tuple[str, str] = ("", "")
+    state: State | None = None
+    time: float = math.nan
+    tangent: str = ""
+    other: str = ""
+    sliding: str = ""
+    rates: tuple[float, float] = (math.nan, math.nan)
+    second: float = math.nan
+    third: float = math.nan
+    tangency: str = ""
+
+    def __new__(cls, value: str, *_: Any, **__: Any) -> Self:
+        """Return the string."""
+        return super().__new__(cls, value)
+
+    @property
+    def label(self) -> str:
+        """The abbreviation in figures: GS, CS, SS, AS, CO, BC or SG."""
+        return TYPE_LABELS[self.value]
+
+
+def sliding_type(special: SpecialPoint) -> SlidingType:
+    """Classify a point at which an orbit meets a discontinuity of its field.
+
+    Parameters
+    ----------
+    special : SpecialPoint
+        A point at which a guard other than an impact is touched, or at which events coincide,
+        located from either side.
+
+    Returns
+    -------
+    SlidingType
+        The type, a string such as "grazing-sliding", with the modes of the fields and their
+        derivatives at the point.
+
+    Raises
+    ------
+    InvalidParameter
+        If `special` is a point of another kind.
+    OrbitError
+        If the type cannot be determined, as where no mode of the automaton slides.
+
+    See Also
+    --------
+    SlidingType, SpecialPoint, grazing_type
+
+    Notes
+    -----
+    A mode slides on the surface of a guard if it keeps the guard's margin constant there, so modes
+    of components, of hand-written guards and of the actuator are recognised alike. The field on
+    the other side is known only if a guard leads from it to sliding.
+
+    References
+    ----------
+    .. [1] M. di Bernardo, P. Kowalczyk and A. Nordmark, "Bifurcations of dynamical systems with
+       sliding: derivation of normal-form mappings", Physica D 170 (2002) 175-205.
+    .. [2] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth
+       Dynamical Systems", Springer, 2008, chapters 7 and 8.
+
+    Examples
+    --------
+    >>> import math
+    >>> import mems_impact as mi
+    >>> def forced(mode, t, y, p):
+    ...     return y.v, -y.x + p.A * math.cos(0.7 * t) + 0.3 * math.sin(1.4 * t)
+    >>> block = mi.System(
+    ...     states=("x", "v"), flow=forced, period=2.0 * math.pi / 0.7, parameters={"A": 1.3},
+    ...     parts=[mi.Friction("ground", "v", mu=1.0)],
+    ... )
+    >>> branch = mi.continue_orbit(mi.find_orbit(block, transient=300), "A", stop=1.2)
+    >>> found = mi.sliding_type(branch.special_points[0])
+    >>> print(found)
+    crossing-sliding
+    >>> found.modes, found.sliding, found.tangency
+    (('backward', 'forward'), 'stuck', 'visible')
+    """
+    check_kind(special, "special", SpecialPoint, "a special point of a branch")
+    if not is_discontinuity(special.found):
+        allowed = "a point at which a guard is touched, or events coincide"
+        raise InvalidParameter("special", special.kind, allowed)
+    system = special.system
+    found = discontinuity(special.found)
+    names = system.modes
+    begin, end = found.modes
+    instant = HybridState(0, found.time, begin, found.state)
+    place: dict[str, Any] = {
+        "surfaces": tuple(system.automaton.guards[j].name for j in found.guards),
+        "modes": (names[begin], names[end]),
+        "state": system.state_of(instant),
+        "time": float(system.out("time", found.time)),
+    }
+    tangency = found.tangency
+    if tangency is None:
+        return SlidingType(found.type, **place)
+    time = system.factor("time")
+    unit = system.margin_unit(system.automaton.guards[tangency.guard].name)
+    first, other = (rate * unit / time for rate in tangency.rates)
+    numbered = (tangency.tangent, tangency.other, tangency.sliding)
+    tangent, across, sliding = (names[mode] if mode != NONE else "" for mode in numbered)
+    return SlidingType(
+        found.type,
+        **place,
+        tangent=tangent,
+        other=across,
+        sliding=sliding,
+        rates=(first, other),
+        second=tangency.second * unit / time**2,
+        third=tangency.third * unit / time**3,
+        tangency=tangency.kind,
+    )
+
+
+def type_of(special: BifurcationPoint) -> str:
+    """Return the type of a point at a discontinuity, for tables; empty if it has none."""
+    if not isinstance(special, SpecialPoint) or not is_discontinuity(special.found):
+        return ""
+    try:
+        return str(discontinuity(special.found).type)
+    except (InvalidParameter, OrbitError):
+        return ""
