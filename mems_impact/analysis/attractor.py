@@ -45,6 +45,7 @@ EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
 LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
+WIDER = 4  # longest period, over `longest`, of a motion that is unsettled otherwise
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -68,7 +69,8 @@ class RecurrenceOptions:
         Forcing periods in which a motion may become periodic, and further periods over which a
         motion that has not is measured. In time for an autonomous system.
     longest : int
-        Longest period in returns: the largest n of a period-n motion.
+        Longest period in returns: the largest n of a period-n motion. A motion that the exponent
+        does not classify is followed once more with four times as many.
     tolerance : float
         Relative tolerance for recognising a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
@@ -135,7 +137,7 @@ class Attractor:
         or whose exponent shows that it becomes periodic; "resting" at rest; "chaotic" or
         "quasi-periodic" by its largest exponent (see `classify`) if it has not become periodic;
         "unsettled" if the exponent does not decide, for example because the motion approaches an
-        orbit slowly, has a period of more than `longest` returns or is transiently chaotic;
+        orbit slowly, has a period of more than four times `longest` or is transiently chaotic;
         "failed".
     period : int
         Period in returns, 0 for a motion that is not periodic. Returns are forcing periods or, for
@@ -237,14 +239,19 @@ def _followed(
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
     return_kind, return_index = _return_of(system)
-    mapper = AttractorMapper(
-        problem,
-        longest=recurrence.longest,
-        tolerance=recurrence.tolerance,
-        return_kind=return_kind,
-        return_index=return_index,
-        observed=system.observed,
-    )
+
+    def mapper_of(longest: int) -> AttractorMapper:
+        return AttractorMapper(
+            problem,
+            longest=longest,
+            tolerance=recurrence.tolerance,
+            return_kind=return_kind,
+            return_index=return_index,
+            observed=system.observed,
+        )
+
+    mapper = mapper_of(recurrence.longest)
+    wide: AttractorMapper | None = None
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
     transient, longer = (
@@ -300,9 +307,26 @@ def _followed(
                     each = replace(each, motion=UNSETTLED)
                 elif not each.motion == after.motion == CHAOTIC:
                     each = replace(after, returns=one.returns + later.returns)
+            if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0:
+                # An orbit of a longer period, or one that is approached slowly.
+                if wide is None:
+                    wide = mapper_of(WIDER * recurrence.longest)
+                (later,) = wide.follow([(at.numbers, one.final)], longer, length, on)
+                if later.outcome == detection.PERIODIC:
+                    arrived = _attractor(
+                        case, at, later, replace(recurrence, exponents="none"), options
+                    )
+                    each = replace(
+                        arrived,
+                        returns=each.returns + later.returns,
+                        exponent=each.exponent,
+                        error=each.error,
+                    )
             found.append(each)
     finally:
         mapper.close()
+        if wide is not None:
+            wide.close()
     return found
 
 
