@@ -70,7 +70,6 @@ from .analysis.branch import continue_equilibrium as continue_equilibrium
 from .analysis.branch import continue_orbit as continue_orbit
 from .analysis.branch import switch_branch as switch_branch
 from .analysis.equilibrium import Equilibrium as Equilibrium
-from .analysis.equilibrium import EquilibriumPoint as EquilibriumPoint
 from .analysis.equilibrium import find_equilibria as find_equilibria
 from .analysis.homoclinic import HomoclinicEnd as HomoclinicEnd
 from .analysis.lyapunov import LyapunovSpectrum as LyapunovSpectrum
@@ -80,6 +79,7 @@ from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
 from .analysis.sliding_type import SlidingType as SlidingType
 from .analysis.sliding_type import sliding_type as sliding_type
+from .analysis.special_points import EquilibriumPoint as EquilibriumPoint
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.special_points import grazing_type as grazing_type

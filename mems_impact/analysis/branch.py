@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
-from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, equilibrium_of
+from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.event_functions import (
     MEASURES,
     EquilibriumFunction,
@@ -25,6 +25,7 @@ from mems_impact.analysis.sliding_type import type_of
 from mems_impact.analysis.special_points import (
     BifurcationPoint,
     CodimensionTwo,
+    EquilibriumPoint,
     SpecialPoint,
     check_kind,
 )
@@ -42,6 +43,11 @@ from mems_impact.continuation.equilibrium_branch import (
     EQUILIBRIUM_LABELS,
     Equilibria,
     follow_equilibrium,
+)
+from mems_impact.continuation.equilibrium_curve import (
+    EquilibriumCurve,
+    EquilibriumCurveEvent,
+    follow_equilibrium_curve,
 )
 from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import homoclinic_value, leading
@@ -85,8 +91,11 @@ class ContinuationResult(Result):
     found: Any
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
-    of: ClassVar[str] = "orbits"
-    """Noun for its points, in the plural."""
+
+    @property
+    def of(self) -> str:
+        """Noun for its points, in the plural."""
+        return "orbits"
 
     def __len__(self) -> int:
         return len(self.found.points)
@@ -132,6 +141,8 @@ def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
 
     An orbit is integrated once for its tables, so the same orbit must not appear as two objects.
     """
+    if isinstance(result.found, EquilibriumCurve):
+        return ()
     special = {id(s.orbit.found): s.orbit for s in result.special_points}
     return tuple(
         special.get(id(point.orbit)) or orbit_of(result.system, point.orbit)
@@ -678,12 +689,48 @@ class Curve(ContinuationResult):
     parameters: tuple[str, str]
     special_points: tuple[CodimensionTwo, ...]
     ended: str
-    found: OrbitCurve = field(repr=False)
+    found: OrbitCurve | EquilibriumCurve = field(repr=False)
+
+    @property
+    def of(self) -> str:
+        """Noun for its points, in the plural."""
+        return "equilibria" if isinstance(self.found, EquilibriumCurve) else "orbits"
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in order along the branch."""
+        """All orbits, in order along the curve; empty for a curve of equilibria."""
         return _orbits_of(self)
+
+    @cached_property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """All equilibria, in order along the curve; empty for a curve of orbits."""
+        if not isinstance(self.found, EquilibriumCurve):
+            return ()
+        return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+
+    @cached_property
+    def points(self) -> tuple[EquilibriumPoint, ...]:
+        """The special points along a curve of equilibria, as those of a branch.
+
+        Their parameter is the first one; the second one has its value on the curve. `switch_branch`
+        takes those of a Hopf curve. Empty for a curve of orbits.
+        """
+        if not isinstance(self.found, EquilibriumCurve):
+            return ()
+        parameter, (low, high) = self.parameters[0], self.found.bounds
+        return tuple(
+            EquilibriumPoint(
+                kind=self.kind,
+                label=self.label,
+                guard=self.found.guard,
+                parameter=parameter,
+                value=each.system.value(parameter),
+                equilibrium=each,
+                bounds=(self.system.out(parameter, low), self.system.out(parameter, high)),
+                found=self.found.event(each.found),
+            )
+            for each in self.equilibria
+        )
 
     @property
     def _subject(self) -> str:
@@ -704,8 +751,22 @@ class Curve(ContinuationResult):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row per orbit: the second parameter, the first, and the columns of `Branch.table`."""
+        """One row per point: the second parameter, the first, and the columns of a branch's table.
+
+        They are those of `Branch.table`, or those of `EquilibriumBranch.table`.
+        """
         first, second = self.parameters
+        if isinstance(self.found, EquilibriumCurve):
+            rows = [
+                {
+                    "values": [
+                        self.system.out(name, state.family.values[name]) for name in (second, first)
+                    ],
+                    **_measures(self.system, state),
+                }
+                for state in self.found.points
+            ]
+            return _captioned(orbit_tables.curve([second, first], rows, self.system), self.system)
         rows = [
             {
                 "values": [
@@ -723,14 +784,22 @@ class Curve(ContinuationResult):
         """One row per point of codimension two."""
         first, second = self.parameters
         rows = [
-            {"kind": s.kind, "values": [s.values[second], s.values[first]], **orbit_row(s.orbit)}
+            {
+                "kind": s.kind,
+                "values": [s.values[second], s.values[first]],
+                **(
+                    orbit_row(s.solution)
+                    if isinstance(s.solution, Orbit)
+                    else _measures(self.system, s.solution.found)
+                ),
+            }
             for s in self.special_points
         ]
         return orbit_tables.codimension_two([second, first], rows, self.system)
 
 
 def continue_curve(
-    special: SpecialPoint | Orbit,
+    special: SpecialPoint | EquilibriumPoint | Orbit,
     parameter: str,
     stop: float,
     *,
@@ -743,15 +812,16 @@ def continue_curve(
     """Continue a special point of a branch in two parameters.
 
     Points of codimension two on the curve are located and listed. A curve of Neimark-Sacker points
-    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance. A branch point has a
+    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance, and a curve of Hopf
+    points where its pair of eigenvalues does, at a Bogdanov-Takens point. A branch point has a
     curve if a symmetry or an invariant subspace keeps it; otherwise it unfolds.
 
     Parameters
     ----------
-    special : SpecialPoint or Orbit
+    special : SpecialPoint, EquilibriumPoint or Orbit
         A grazing, fold, period doubling, Neimark-Sacker or branch point, an onset of complete
         chatter (to some 1e-7), a point at which another guard is touched, or an event of
-        `continue_orbit`.
+        `continue_orbit`. A fold, Hopf point or boundary equilibrium of a branch of equilibria.
         An orbit is continued with a quantity `fixed` at its value.
     parameter : str
         The second parameter; the first is that of the branch.
@@ -801,34 +871,58 @@ def continue_curve(
     >>> bool(abs(curve.table["impact speed"] - max(orbit.impact_speeds)).max() < 1e-9)
     True
     """
-    check_kind(special, "special", SpecialPoint | Orbit, "a special point of a branch, or an Orbit")
+    kinds = SpecialPoint | EquilibriumPoint | Orbit
+    check_kind(special, "special", kinds, "a special point of a branch, or an Orbit")
+    system, start = special.system, None
     if isinstance(special, Orbit):
-        system, first, start = special.system, *_at_level(special, fixed, free)
+        first, start = _at_level(special, fixed, free)
+        kind = start.kind
     else:
         if fixed is not None or free is not None:
             field, value = ("free", free) if fixed is None else ("fixed", fixed)
             raise InvalidParameter(field, value, "omitted, except for an Orbit")
-        system, first, start = special.system, special.parameter, special.without_impact
+        first, kind = special.parameter, special.kind
+        if isinstance(special, SpecialPoint):
+            start = special.without_impact
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
-    if start.kind == UNEXPLAINED:
-        raise InvalidParameter("special", start.kind, "a point of known kind")
+    if kind == UNEXPLAINED:
+        raise InvalidParameter("special", kind, "a point of known kind")
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
+    low, high = (system.into(parameter, bound) for bound in bounds)
+    noun = "equilibria" if isinstance(special, EquilibriumPoint) else "orbits"
     with parameter_progress(
-        progress, system.label(parameter), "orbits", partial(system.out, parameter)
+        progress, system.label(parameter), noun, partial(system.out, parameter)
     ) as report:
-        follow_special = follow_branch_points if start.kind == BRANCH_POINT else follow_curve
-        found = follow_special(
-            start,
-            first,
-            parameter,
-            low=system.into(parameter, bounds[0]),
-            high=system.into(parameter, bounds[1]),
-            direction=direction,
-            steps=steps,
-            progress=report,
-        )
+        if isinstance(special, EquilibriumPoint):
+            found: OrbitCurve | EquilibriumCurve = follow_equilibrium_curve(
+                special.equilibrium.found,
+                EquilibriumCurve(
+                    kind,
+                    special.guard,
+                    (first, parameter),
+                    (system.into(first, special.bounds[0]), system.into(first, special.bounds[1])),
+                ),
+                low=low,
+                high=high,
+                direction=direction,
+                steps=steps,
+                progress=report,
+            )
+        else:
+            assert start is not None
+            follow_special = follow_branch_points if kind == BRANCH_POINT else follow_curve
+            found = follow_special(
+                start,
+                first,
+                parameter,
+                low=low,
+                high=high,
+                direction=direction,
+                steps=steps,
+                progress=report,
+            )
     return curve_of(system, found)
 
 
@@ -855,7 +949,7 @@ def _at_level(
     return free, BranchEvent(test.kind, test.kind, value, orbit.found, still, test)
 
 
-def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
+def curve_of(system: HybridSystem, found: OrbitCurve | EquilibriumCurve) -> Curve:
     """Return a curve of `continuation` as a `Curve` in the system's units."""
     special = tuple(
         CodimensionTwo(
@@ -864,14 +958,17 @@ def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
                 name: system.out(name, value)
                 for name, value in zip(found.parameters, s.values, strict=True)
             },
-            orbit=orbit_of(system, s.orbit),
+            solution=equilibrium_of(system, s.equilibrium)
+            if isinstance(s, EquilibriumCurveEvent)
+            else orbit_of(system, s.orbit),
         )
         for s in found.special_points
     )
+    labels = EQUILIBRIUM_LABELS if isinstance(found, EquilibriumCurve) else ORBIT_LABELS
     return Curve(
         system=system,
         kind=found.kind,
-        label=ORBIT_LABELS.get(found.kind, found.kind),
+        label=labels.get(found.kind, found.kind),
         parameters=found.parameters,
         special_points=special,
         ended=found.ended,
@@ -924,7 +1021,10 @@ class EquilibriumBranch(ContinuationResult):
     ended: str
     found: Equilibria = field(repr=False)
 
-    of: ClassVar[str] = "equilibria"
+    @property
+    def of(self) -> str:
+        """Noun for its points, in the plural."""
+        return "equilibria"
 
     @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
@@ -941,7 +1041,7 @@ class EquilibriumBranch(ContinuationResult):
             {"value": self._value(state), **_measures(self.system, state)}
             for state in self.found.points
         ]
-        return self._captioned(orbit_tables.branch(self.parameter, rows, self.system))
+        return _captioned(orbit_tables.branch(self.parameter, rows, self.system), self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -957,18 +1057,11 @@ class EquilibriumBranch(ContinuationResult):
             }
             for s in self.special_points
         ]
-        return self._captioned(orbit_tables.special_points(self.parameter, rows, self.system))
+        table = orbit_tables.special_points(self.parameter, rows, self.system)
+        return _captioned(table, self.system)
 
     def _value(self, state: EquilibriumState) -> float:
         return self.system.out(self.parameter, state.family.values[self.parameter])
-
-    def _captioned(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Mark for figures that the states are those of equilibria, not of a section."""
-        system = self.system
-        cyclic = {system.states[i] for i in system.automaton.cyclic}
-        table.attrs["states"] = [name for name in system.states if name not in cyclic]
-        table.attrs["equilibria"] = True
-        return table
 
 
 def continue_equilibrium(
@@ -1097,3 +1190,11 @@ def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:
             if i not in cyclic
         },
     }
+
+
+def _captioned(table: pd.DataFrame, system: HybridSystem) -> pd.DataFrame:
+    """Mark for figures that the states are those of equilibria, not of a section."""
+    cyclic = {system.states[i] for i in system.automaton.cyclic}
+    table.attrs["states"] = [name for name in system.states if name not in cyclic]
+    table.attrs["equilibria"] = True
+    return table

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +11,6 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
-from mems_impact.analysis.special_points import BifurcationPoint
-from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
-from mems_impact.continuation.normal_forms import NormalForm, equilibrium_normal_form
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
@@ -23,7 +19,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 
-__all__ = ["Equilibrium", "EquilibriumPoint", "equilibrium_of", "find_equilibria"]
+__all__ = ["Equilibrium", "equilibrium_of", "find_equilibria"]
 
 SAME_STATE_RTOL = 1e-6  # relative difference below which two states are one equilibrium
 SEED = 1  # of the starting points of Newton's method between bounds
@@ -124,82 +120,6 @@ class Equilibrium(Result):
 def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
     """Return an equilibrium of `orbits` as an `Equilibrium` at its own parameters."""
     return Equilibrium(system=system.at(found.family.values), found=found)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumPoint(BifurcationPoint):
-    """A special point of a branch of equilibria.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number of
-        unstable eigenvalues changes without one of these.
-    label : str
-        LP, H, BP, BE or ?.
-    guard : str
-        The guard of a boundary equilibrium; empty for other kinds.
-    parameter : str
-    value : float
-        Value of the parameter.
-    equilibrium : Equilibrium
-        The equilibrium at that value.
-    bounds : tuple of float
-        Bounds of the branch.
-
-    See Also
-    --------
-    EquilibriumBranch, continue_curve, switch_branch
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def duffing(mode, t, y, p):
-    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
-    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
-    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
-    >>> point = branch.special_points[0]
-    >>> point.kind, point.parameter
-    ('branch point', 'a')
-    """
-
-    kind: str
-    label: str
-    guard: str
-    parameter: str
-    value: float
-    equilibrium: Equilibrium
-    bounds: tuple[float, float] = field(repr=False)
-    found: EquilibriumEvent = field(repr=False)
-
-    def __repr__(self) -> str:
-        where = f"{self.label} at {self.parameter}={self.value:.9g}"
-        return f"EquilibriumPoint({where}, {self.equilibrium})"
-
-    @property
-    def system(self) -> HybridSystem:
-        """The equilibrium's."""
-        return self.equilibrium.system
-
-    @cached_property
-    def normal_form(self) -> NormalForm | None:
-        """The normal form of a fold, Hopf or branch point; None for other kinds.
-
-        Raises
-        ------
-        OrbitError
-            If the flow near the equilibrium cannot be differentiated.
-        """
-        return equilibrium_normal_form(self.kind, self.equilibrium.found)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the kind, the value of the parameter and the equilibrium."""
-        return {
-            "kind": self.kind,
-            self.system.label(self.parameter): self.value,
-            **self.equilibrium.summary(),
-        }
 
 
 @takes_system(start="guess")

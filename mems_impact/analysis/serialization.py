@@ -21,6 +21,7 @@ from mems_impact.analysis import branch as equilibria
 from mems_impact.analysis.event_functions import EquilibriumFunction, OrbitFunction
 from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
+from mems_impact.continuation.equilibrium_curve import EquilibriumCurve, EquilibriumCurveEvent
 from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
@@ -125,8 +126,9 @@ KINDS: tuple[type, ...] = (
     BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,
     TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
-    EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
-    equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
+    EquilibriumState, Equilibria, EquilibriumEvent, EquilibriumCurve, EquilibriumCurveEvent,
+    equilibrium.Equilibrium,
+    special_points.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
 )  # fmt: skip
 for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)

@@ -13,9 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.continuation import grazing
-from mems_impact.continuation.normal_forms import NormalForm, orbit_normal_form
+from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
+from mems_impact.continuation.normal_forms import (
+    NormalForm,
+    equilibrium_normal_form,
+    orbit_normal_form,
+)
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
@@ -31,6 +37,7 @@ from mems_impact.systems.result import Result
 __all__ = [
     "BifurcationPoint",
     "CodimensionTwo",
+    "EquilibriumPoint",
     "GrazingType",
     "SpecialPoint",
     "check_kind",
@@ -198,6 +205,82 @@ class SpecialPoint(BifurcationPoint):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class EquilibriumPoint(BifurcationPoint):
+    """A special point of a branch of equilibria.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number of
+        unstable eigenvalues changes without one of these.
+    label : str
+        LP, H, BP, BE or ?.
+    guard : str
+        The guard of a boundary equilibrium; empty for other kinds.
+    parameter : str
+    value : float
+        Value of the parameter.
+    equilibrium : Equilibrium
+        The equilibrium at that value.
+    bounds : tuple of float
+        Bounds of the branch.
+
+    See Also
+    --------
+    EquilibriumBranch, continue_curve, switch_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
+    >>> point = branch.special_points[0]
+    >>> point.kind, point.parameter
+    ('branch point', 'a')
+    """
+
+    kind: str
+    label: str
+    guard: str
+    parameter: str
+    value: float
+    equilibrium: Equilibrium
+    bounds: tuple[float, float] = field(repr=False)
+    found: EquilibriumEvent = field(repr=False)
+
+    def __repr__(self) -> str:
+        where = f"{self.label} at {self.parameter}={self.value:.9g}"
+        return f"EquilibriumPoint({where}, {self.equilibrium})"
+
+    @property
+    def system(self) -> HybridSystem:
+        """The equilibrium's."""
+        return self.equilibrium.system
+
+    @cached_property
+    def normal_form(self) -> NormalForm | None:
+        """The normal form of a fold, Hopf or branch point; None for other kinds.
+
+        Raises
+        ------
+        OrbitError
+            If the flow near the equilibrium cannot be differentiated.
+        """
+        return equilibrium_normal_form(self.kind, self.equilibrium.found)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the kind, the value of the parameter and the equilibrium."""
+        return {
+            "kind": self.kind,
+            self.system.label(self.parameter): self.value,
+            **self.equilibrium.summary(),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CodimensionTwo(Result):
     """A point of codimension two on a curve.
 
@@ -210,27 +293,44 @@ class CodimensionTwo(Result):
         "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
         "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
         stopper nor towards it), "double grazing"; for another guard its name replaces "grazing".
+        Of equilibria: "cusp", "Bogdanov-Takens" (a double eigenvalue zero), "zero-Hopf",
+        "Hopf-Hopf", "Bautin" (a Hopf point changes its criticality), "boundary-fold",
+        "boundary-Hopf", "double boundary".
     values : dict of str to float
         Values of the two parameters.
-    orbit : Orbit
+    solution : Orbit or Equilibrium
     """
 
     kind: str
     values: dict[str, float]
-    orbit: Orbit
+    solution: Orbit | Equilibrium
 
     def __repr__(self) -> str:
         where = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
         return f"CodimensionTwo({self.kind} at {where})"
 
     @property
+    def orbit(self) -> Orbit:
+        """The orbit; AttributeError on a curve of equilibria."""
+        if not isinstance(self.solution, Orbit):
+            raise AttributeError(f"{self!r} is a point of an equilibrium: use its equilibrium")
+        return self.solution
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """The equilibrium; AttributeError on a curve of orbits."""
+        if isinstance(self.solution, Orbit):
+            raise AttributeError(f"{self!r} is a point of an orbit: use its orbit")
+        return self.solution
+
+    @property
     def system(self) -> HybridSystem:
-        """The orbit's."""
-        return self.orbit.system
+        """The solution's."""
+        return self.solution.system
 
     def summary(self) -> dict[str, Any]:
-        """Return the kind, the values of the parameters and the orbit."""
-        return {"kind": self.kind, **self.values, **self.orbit.summary()}
+        """Return the kind, the values of the parameters and the solution."""
+        return {"kind": self.kind, **self.values, **self.solution.summary()}
 
 
 def grazing_type(special: SpecialPoint) -> GrazingType:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -44,15 +45,16 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
-from mems_impact.orbits.newton import Solution, newton
+from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import ShootingEvaluation
 
 __all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
 
 MAX_CURVE_ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses count as one
 Tests = dict[TestFunction, float]
+P_contra = TypeVar("P_contra", contravariant=True)
 MARGIN_TESTS = (ClosestApproachTest, ContactSpeedTest)
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 
@@ -154,7 +156,7 @@ def follow_curve(
         values = np.array([orbit.family.values[name] for name in curve.parameters])
         near = shooting.evaluate(orbit.point.unknowns, values)
         gradient = condition.gradient(near)
-        along = _null_vector(near, gradient)
+        along = null_vector(near, gradient)
         along = along if along[-1] * direction >= 0.0 else -along
         start = np.concatenate([near.unknowns, values])
         point = correct_condition(shooting, condition, gradient, start, along, start).point
@@ -213,12 +215,12 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         condition = monitor.equation(shooting)
         near = shooting.evaluate(unknowns, point.values)
         gradient, start = condition.gradient(near), np.concatenate([unknowns, point.values])
-        across = _null_vector(near, gradient)
+        across = null_vector(near, gradient)
         there = correct_condition(shooting, condition, gradient, start, across, start).point
         self._linear = there, condition.gradient(there)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
         self.zero = {other.rebased(count, first) for other in self.zero}
-        return there, oriented(_null_vector(*self._linear), along, 2)
+        return there, oriented(null_vector(*self._linear), along, 2)
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
         """Append an orbit to the curve."""
@@ -236,7 +238,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
     def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
         """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = _null_vector(point, self._gradient(point))
+        direction = null_vector(point, self._gradient(point))
         return direction if direction @ along >= 0.0 else -direction
 
     def _gradient(self, point: ShootingEvaluation) -> Floats:
@@ -387,29 +389,43 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return position, CurveEvent(kind, values, orbit)
 
 
-def _null_vector(point: ShootingEvaluation, gradient: Floats) -> Floats:
+def null_vector(point: Linearised, gradient: Floats) -> Floats:
     """Return a unit tangent of the curve at a point, of arbitrary sign."""
     rows = np.hstack([point.jacobian, point.by_parameter]), gradient
     return np.asarray(np.linalg.svd(np.vstack(rows))[2][-1])
 
 
+class Condition(Protocol[P_contra]):
+    """An additional equation: `DefiningSystem`, `EquilibriumCondition`."""
+
+    @property
+    def derived(self) -> bool:
+        """Whether the gradient is evaluated at every iteration."""
+
+    def value(self, point: P_contra) -> float:
+        """Return the value."""
+
+    def gradient(self, point: P_contra) -> Floats:
+        """Return the derivatives by unknowns and parameters."""
+
+
 def correct_condition(
-    shooting: Shooting,
-    condition: DefiningSystem,
+    equations: Solvable[P],
+    condition: Condition[P],
     gradient: Floats,
     plane: Floats,
     along: Floats,
     guess: Floats,
-) -> Solution[ShootingEvaluation]:
+) -> Solution[P]:
     """Correct `guess` to a zero of a condition, in the plane through `plane` normal to `along`.
 
     `gradient` is that of the condition at a nearby point.
     """
     last: tuple[Floats, float] | None = None
 
-    def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
+    def extended(u: Floats) -> tuple[P, Floats, Floats]:
         nonlocal gradient, last
-        point = shooting.evaluate(u[:-2], u[-2:])
+        point = equations.evaluate(u[:-2], u[-2:])
         here = condition.value(point)
         if condition.derived:
             gradient = condition.gradient(point)
@@ -423,7 +439,7 @@ def correct_condition(
         return point, residual, matrix
 
     return newton(
-        equations,
+        extended,
         guess,
         reason="the correction of a step did not converge",
         remedy=SHORTER_STEP_REMEDY,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import structural_rank
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.family import Family
@@ -65,14 +66,19 @@ class EquilibriumEquations:
     mode: int
     active: tuple[str, ...] = ()
 
-    @property
+    @cached_property
+    def automaton(self) -> Automaton:
+        """The automaton of the family."""
+        return self.family.automaton
+
+    @cached_property
     def free(self) -> tuple[int, ...]:
         """The components of the state that are not cyclic."""
-        return tuple(free_components(self.family.automaton))
+        return tuple(free_components(self.automaton))
 
     def state(self, unknowns: Floats) -> Floats:
         """Return the whole state, shape (n,); cyclic components are zero."""
-        y = np.zeros(len(self.family.automaton.states))
+        y = np.zeros(len(self.automaton.states))
         y[list(self.free)] = unknowns
         return y
 
@@ -88,14 +94,16 @@ class EquilibriumEquations:
         def by_state(u: Floats) -> Floats:
             return self._rates(u, parameters)
 
-        def by_value(p: Floats) -> Floats:
-            return self._rates(unknowns, self._parameters(p))
+        def by_change(steps: Floats) -> Floats:
+            return self._rates(unknowns, parameters + steps @ directions)
 
         try:
             parameters = self._parameters(values)
             residual = by_state(unknowns)
             jacobian = differentiate(by_state, unknowns)
-            by_parameter = differentiate(by_value, values)
+            sizes = np.maximum(1.0, np.abs(values))
+            directions = sizes[:, None] * self._parameter_rates(values, parameters.size)
+            by_parameter = differentiate(by_change, np.zeros(values.size)) / sizes
         except (ArithmeticError, ValueError) as error:
             names, amount = self.family.automaton.states, self.family.amount
             components = zip(self.free, unknowns.tolist(), strict=True)
@@ -105,11 +113,22 @@ class EquilibriumEquations:
             ) from error
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
+    def rates_beside(self, balance: EquilibriumEvaluation) -> Callable[[Floats], Floats]:
+        """Return the time derivatives of the unknowns as a function of a deviation."""
+        parameters = self._parameters(balance.values)
+        return lambda deviation: self._rates(balance.unknowns + deviation, parameters)
+
     def margins(self, balance: EquilibriumEvaluation) -> Floats:
         """Return the margins of all guards, shape (m,); positive where the mode is admissible."""
         y, p = self.state(balance.unknowns), self._parameters(balance.values)
-        margins, _ = self.family.automaton.margins_at(self.mode, 0.0, y, p, np.inf)
+        margins, _ = self.automaton.margins_at(self.mode, 0.0, y, p, np.inf)
         return margins
+
+    def _parameter_rates(self, values: Floats, count: int) -> Floats:
+        """Return the derivatives of the parameter array by the active parameters."""
+        there = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
+        rates = [there.derivative(name)[0] for name in self.active]
+        return np.array(rates).reshape(len(self.active), count)
 
     def _parameters(self, values: Floats) -> Floats:
         changes = dict(zip(self.active, values.tolist(), strict=True))
@@ -120,12 +139,12 @@ class EquilibriumEquations:
         return self._flow(held, parameters) + (held - unknowns)
 
     def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
-        slope = self.family.automaton.slope_at(self.mode, 0.0, self.state(unknowns), parameters)
+        slope = self.automaton.slope_at(self.mode, 0.0, self.state(unknowns), parameters)
         return slope[list(self.free)]
 
     def _held(self, unknowns: Floats, parameters: Floats) -> Floats:
         """Return the unknowns projected onto the constraint manifold of the mode."""
-        automaton = self.family.automaton
+        automaton = self.automaton
         if self.mode not in automaton.constrained:
             return unknowns
         y, code = self.state(unknowns), automaton.projection_code
@@ -145,7 +164,7 @@ class EquilibriumEquations:
         # Structural zeros determine the nullity, since at a fold an eigenvalue is small as well.
         matrix = balance.jacobian
         zero = matrix == 0.0
-        if self.mode in self.family.automaton.constrained:
+        if self.mode in self.automaton.constrained:
             parameters, u = self._parameters(balance.values), balance.unknowns
             vectors = self._tangent(u, parameters)
             # These components are coordinates of the manifold.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, Self
 
 import numpy as np
@@ -371,7 +371,7 @@ class System(HybridSystem):
         time = self.factor("time")
         period = _in_units(arguments.number("period", self._period, p), time)
         scale = _in_units(arguments.number("time_scale", self._time_scale, p), time)
-        tail = np.zeros(hidden_parameters(self.definition))
+        tail = np.zeros(_hidden_parameters(self.definition))
         unit = scale if scale is not None else period if period is not None else 1.0
         tail[0] = RATE_STEP * unit
         switches = arguments.times("switches", self._switches, p)
@@ -478,3 +478,7 @@ def _observable_value(observable: Observable, *arguments: Any) -> float:
     except Exception as error:
         function = UserFunction(f"observable {observable.name}", observable.function)
         raise function.explain_exception(error)[0] from error
+
+
+# Differences by parameters and corrections of equilibria need it thousands of times.
+_hidden_parameters = cache(hidden_parameters)

@@ -1,0 +1,732 @@
+"""Curves of special points of equilibria in two parameters.
+
+Each kind of point adds one equation to those of the equilibrium, whose size does not depend on the
+number of states: a fold the last unknown of the bordered Jacobian, a Hopf point the trace of the
+Jacobian on the invariant plane of its pair, a boundary equilibrium the margin of its guard.
+"""
+
+from __future__ import annotations
+
+import itertools
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from scipy.linalg import schur, solve_sylvester
+
+from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.continuation.arclength import (
+    CONTINUATION_ERRORS,
+    PREDICTOR_POINTS,
+    SHORTER_STEP_REMEDY,
+    Continuation,
+    ContinuationProblem,
+    Corrector,
+    LocatedEvents,
+    PredictorStep,
+    StepControl,
+    reason_of,
+    tangent,
+)
+from mems_impact.continuation.codim1_curve import correct_condition, null_vector
+from mems_impact.continuation.equilibrium_branch import (
+    BOUNDARY,
+    HOPF,
+    MIN_IMAGINARY_RATIO,
+    SAME_EQUILIBRIUM_DISTANCE,
+    EquilibriumEvent,
+)
+from mems_impact.continuation.multilinear_forms import MultilinearForms, lyapunov_coefficient
+from mems_impact.continuation.test_functions import FOLD, MULTIPLIER_TOLERANCE
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.differences import central_difference
+from mems_impact.orbits.equilibrium import (
+    EquilibriumEquations,
+    EquilibriumEvaluation,
+    EquilibriumState,
+    differentiate,
+    make_equilibrium,
+)
+
+__all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curve"]
+
+SECOND_DERIVATIVE_STEP = 1e-4  # difference step of second derivatives, relative to the state
+MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
+NEUTRAL_SADDLE = "the pair of eigenvalues is real, that of a neutral saddle"
+END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
+
+
+@dataclass(frozen=True)
+class EquilibriumCurveEvent:
+    """A codimension-two point of a curve of equilibria.
+
+    Attributes
+    ----------
+    kind : str
+    values : tuple of float
+        Of the two parameters.
+    equilibrium : EquilibriumState
+    """
+
+    kind: str
+    values: tuple[float, float]
+    equilibrium: EquilibriumState
+
+
+@dataclass
+class EquilibriumCurve:
+    """A curve of special points of equilibria in two parameters.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the special points.
+    guard : str
+        The guard of boundary equilibria, else empty.
+    parameters : tuple of str
+    bounds : tuple of float
+        Bounds of the branch, of the first parameter.
+    points : list of EquilibriumState
+    special_points : list of EquilibriumCurveEvent
+    ended : str
+        Reason for the end of the curve.
+    """
+
+    kind: str
+    guard: str
+    parameters: tuple[str, str]
+    bounds: tuple[float, float]
+    points: list[EquilibriumState] = field(default_factory=list)
+    special_points: list[EquilibriumCurveEvent] = field(default_factory=list)
+    ended: str = ""
+
+    def event(self, state: EquilibriumState) -> EquilibriumEvent:
+        """Return a point of the curve as a special point of the branch through it."""
+        first = self.parameters[0]
+        near = EquilibriumEquations(state.family, state.mode, (first,)).evaluate(
+            state.balance.unknowns, np.array([state.family.values[first]])
+        )
+        value = float(near.values[0])
+        return EquilibriumEvent(self.kind, self.guard, value, state, tangent(near))
+
+
+# --- Defining systems
+
+
+class EquilibriumCondition(ABC):
+    """The equation that a special point of equilibria adds, with its gradient.
+
+    Parameters
+    ----------
+    equations : EquilibriumEquations
+        With two active parameters.
+    """
+
+    kind: ClassVar[str]
+    derived = False
+
+    def __init__(self, equations: EquilibriumEquations) -> None:
+        self.equations = equations
+
+    @abstractmethod
+    def value(self, point: EquilibriumEvaluation) -> float:
+        """Return the value of the equation, zero on the curve."""
+
+    @abstractmethod
+    def gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return the derivatives by unknowns and parameters."""
+
+    @abstractmethod
+    def set_reference(self, point: EquilibriumEvaluation) -> None:
+        """Set the point near which the next points lie."""
+
+    def _along(self, point: EquilibriumEvaluation, v: Floats) -> Floats:
+        """Return the derivative of the Jacobian, by unknowns and parameters, along `v`."""
+        length = float(np.linalg.norm(v)) or 1.0
+        step = SECOND_DERIVATIVE_STEP * max(1.0, float(np.abs(point.unknowns).max(initial=0.0)))
+
+        def there(s: float) -> Floats:
+            near = self.equations.evaluate(point.unknowns + s / length * v, point.values)
+            return np.hstack([near.jacobian, near.by_parameter])
+
+        return central_difference(there, step) * length
+
+
+class FoldCondition(EquilibriumCondition):
+    """A singular Jacobian: the last unknown of the equations bordered by null vectors."""
+
+    kind = FOLD
+
+    def __init__(self, equations: EquilibriumEquations) -> None:
+        super().__init__(equations)
+        self._rows: Floats | None = None  # factors of the rows of the Jacobian
+        self._border = np.zeros(0), np.zeros(0)
+
+    def set_reference(self, point: EquilibriumEvaluation) -> None:
+        """Set rows and borders to those of a point."""
+        sizes = np.abs(point.jacobian).max(axis=1)
+        self._rows = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
+        vectors, _, rows = np.linalg.svd(self._rows[:, None] * point.jacobian)
+        left, right = vectors[:, -1], rows[-1]
+        if self._border[0].size:  # singular vectors have arbitrary signs
+            left = left if left @ self._border[0] >= 0.0 else -left
+            right = right if right @ self._border[1] >= 0.0 else -right
+        self._border = left, right
+
+    def value(self, point: EquilibriumEvaluation) -> float:
+        """Return the last unknown of the bordered equations."""
+        return self._vectors(point)[2]
+
+    def gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return the derivatives -w F_xx v and -w F_xp v, by differences along v."""
+        w, v, _ = self._vectors(point)
+        return np.asarray(-w @ self._along(point, v))
+
+    def curvature(self, point: EquilibriumEvaluation) -> float:
+        """Return w F_xx v v, zero at a cusp."""
+        w, v, _ = self._vectors(point)
+        return float(w @ self._along(point, v)[:, : v.size] @ v)
+
+    def _vectors(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats, float]:
+        """Return the left and right null vectors of the bordered equations, and the value."""
+        if self._rows is None:
+            self.set_reference(point)
+        assert self._rows is not None
+        size = point.unknowns.size
+        matrix = np.zeros((size + 1, size + 1))
+        matrix[:size, :size] = self._rows[:, None] * point.jacobian
+        matrix[:size, size], matrix[size, :size] = self._border
+        unit = np.eye(size + 1)[size]
+        right, left = np.linalg.solve(matrix, unit), np.linalg.solve(matrix.T, unit)
+        return left[:size] * self._rows, right[:size], float(right[size])
+
+
+class HopfCondition(EquilibriumCondition):
+    """A pair of eigenvalues with sum zero: the trace of the Jacobian on its invariant plane.
+
+    The pair is the one whose product is nearest to that at the last point. Trace and product are
+    smooth also where the pair becomes real.
+    """
+
+    kind = HOPF
+
+    def __init__(self, equations: EquilibriumEquations) -> None:
+        super().__init__(equations)
+        self._product, self._scale = 0.0, 0.0
+
+    def set_reference(self, point: EquilibriumEvaluation) -> None:
+        """Set the product of the pair to that of a point; of several pairs, the most neutral."""
+        pair = self.pair(point)
+        self._product = pair.product
+        self._scale = self._scale or np.sqrt(abs(pair.product))
+
+    def pair(self, point: EquilibriumEvaluation) -> EigenvaluePair:
+        """Return the critical pair."""
+        values = np.linalg.eigvals(point.jacobian).astype(complex)
+        pairs = eigenvalue_pairs(values)
+        if not pairs:
+            raise OrbitError("no pair of eigenvalues is on the imaginary axis", SHORTER_STEP_REMEDY)
+        if not self._scale:
+            rotating = [pair for pair in pairs if pair.rotates]
+            return min(rotating or pairs, key=lambda pair: pair.offset)
+        return min(pairs, key=lambda pair: abs(pair.product - self._product) + pair.total**2)
+
+    def value(self, point: EquilibriumEvaluation) -> float:
+        """Return the sum of the pair, relative to the frequency at the start of the curve."""
+        return self.pair(point).total / self._scale
+
+    def gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return the derivatives trace(W F_xx V) and trace(W F_xp V) on the invariant plane."""
+        right, left = self._plane(point)
+        by_all = [w @ self._along(point, v) for w, v in zip(left.T, right.T, strict=True)]
+        return np.asarray(sum(by_all)) / self._scale
+
+    def _plane(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats]:
+        """Return bases V and W of the right and left invariant planes, ``W^T V = 1``."""
+        matrix, pair = point.jacobian, self.pair(point)
+        own = np.linalg.eigvals(matrix)[[pair.first, pair.second]]
+
+        def selected(real: float, imaginary: float) -> bool:
+            return bool(np.abs(own - complex(real, imaginary)).min() < pair.tolerance)
+
+        form, basis, count = schur(matrix, sort=selected)
+        if count != 2:
+            raise OrbitError("the plane of the pair could not be separated", SHORTER_STEP_REMEDY)
+        right, left = basis[:, :2], basis[:, :2]
+        if len(matrix) > 2:
+            coupled = solve_sylvester(form[:2, :2], -form[2:, 2:], form[:2, 2:])
+            left = basis[:, :2] + basis[:, 2:] @ coupled.T
+        return right, left
+
+    def coefficient(self, point: EquilibriumEvaluation) -> float | None:
+        """Return the first Lyapunov coefficient; None if the pair is real."""
+        pair = self.pair(point)
+        if not pair.rotates:
+            return None
+        omega = float(np.sqrt(pair.product))
+        values, vectors = np.linalg.eig(point.jacobian)
+        i = int(np.argmin(np.abs(values - 1j * omega)))
+        right = vectors[:, i]
+        lefts, left_vectors = np.linalg.eig(point.jacobian.T)
+        left = np.conj(left_vectors[:, int(np.argmin(np.abs(lefts - 1j * omega)))])
+        left = left / np.conj(np.conj(left) @ right)
+        size = max(1.0, float(np.abs(point.unknowns).max()))
+        forms = MultilinearForms(self.equations.rates_beside(point), size)
+        return lyapunov_coefficient(forms, point.jacobian, right, left, omega)
+
+
+class BoundaryCondition(EquilibriumCondition):
+    """The margin of a guard."""
+
+    kind = BOUNDARY
+
+    def __init__(self, equations: EquilibriumEquations, guard: int) -> None:
+        super().__init__(equations)
+        self.guard = guard
+
+    def set_reference(self, point: EquilibriumEvaluation) -> None:
+        """Do nothing: the margin is defined everywhere."""
+
+    def value(self, point: EquilibriumEvaluation) -> float:
+        """Return the margin."""
+        return float(self.equations.margins(point)[self.guard])
+
+    def gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return its derivatives, by differences."""
+        size = point.unknowns.size
+
+        def margin(u: Floats) -> Floats:
+            there = replace(point, unknowns=u[:size], values=u[size:])
+            return np.array([self.value(there)])
+
+        return differentiate(margin, np.concatenate([point.unknowns, point.values]))[0]
+
+
+def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> EquilibriumCondition:
+    """Return the defining system of a kind of special points.
+
+    Raises
+    ------
+    InvalidParameter
+        If points of this kind have none.
+    """
+    if kind == FOLD:
+        return FoldCondition(equations)
+    if kind == HOPF:
+        return HopfCondition(equations)
+    if kind == BOUNDARY:
+        names = [each.name for each in equations.automaton.guards]
+        return BoundaryCondition(equations, names.index(guard))
+    allowed = "a fold, Hopf point or boundary equilibrium, which have curves in two parameters"
+    raise InvalidParameter("special", kind, allowed)
+
+
+# --- Pairs of eigenvalues
+
+
+class EigenvaluePair(NamedTuple):
+    """Two eigenvalues with a real sum and a real product.
+
+    Attributes
+    ----------
+    first, second : int
+        Their indices.
+    total, product : float
+    size : float
+        The largest eigenvalue of the matrix.
+    """
+
+    first: int
+    second: int
+    total: float
+    product: float
+    size: float
+
+    @property
+    def offset(self) -> float:
+        """Sum relative to the size of the pair, zero on the imaginary axis."""
+        return abs(self.total) / max(np.sqrt(abs(self.product)), 1e-300)
+
+    @property
+    def rotates(self) -> bool:
+        """Whether the pair is complex."""
+        return self.product - 0.25 * self.total**2 > (MIN_IMAGINARY_RATIO * self.total) ** 2
+
+    @property
+    def tolerance(self) -> float:
+        """Rounding error of an eigenvalue that two computations of a matrix have."""
+        return 1e-12 * max(self.size, 1e-300)
+
+
+def eigenvalue_pairs(values: Complexes) -> list[EigenvaluePair]:
+    """Return the pairs among eigenvalues that are conjugate, or both real."""
+    size, found = float(np.abs(values).max(initial=0.0)), []
+    for i, j in itertools.combinations(range(values.size), 2):
+        a, b = complex(values[i]), complex(values[j])
+        if a.imag == 0.0 == b.imag or a == b.conjugate():
+            found.append(EigenvaluePair(i, j, (a + b).real, (a * b).real, size))
+    return found
+
+
+# --- Test functions of points of codimension two
+
+
+@dataclass(frozen=True)
+class CodimensionTwoTest(ABC):
+    """A test function on a curve of equilibria.
+
+    Attributes
+    ----------
+    name : str
+        Name of a zero.
+    """
+
+    __test__ = False  # keeps pytest from collecting the class
+
+    name: str
+
+    @abstractmethod
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
+        """Return the value at a point of the curve; None where it is undefined."""
+
+    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
+        """Return whether a change of sign is a zero."""
+        return True
+
+
+@dataclass(frozen=True)
+class ZeroEigenvalueTest(CodimensionTwoTest):
+    """The product of the eigenvalues besides the critical ones of the curve."""
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+        """Return the product of the eigenvalues relative to their sizes."""
+        values = np.linalg.eigvals(point.jacobian).astype(complex)
+        if isinstance(condition, HopfCondition):
+            pair = condition.pair(point)
+            values = np.delete(values, [pair.first, pair.second])
+        # Of order one, and smooth at zero, as the matrix is not zero at a double zero.
+        factors = values / (np.abs(values) + np.linalg.norm(point.jacobian))
+        if isinstance(condition, FoldCondition):
+            # The product of the others, as a derivative of the characteristic polynomial at zero:
+            # smooth also at a double zero.
+            others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
+            return float(np.sum(others).real)
+        return float(np.prod(factors).real)
+
+    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
+        """Return whether another eigenvalue is zero."""
+        sizes = np.abs(np.linalg.eigvals(point.jacobian))
+        return bool(sizes.min() < MULTIPLIER_TOLERANCE * np.linalg.norm(point.jacobian))
+
+
+@dataclass(frozen=True)
+class ImaginaryPairTest(CodimensionTwoTest):
+    """The sums of pairs of eigenvalues besides the critical ones of the curve."""
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+        """Return the signed sum that is nearest to zero, relative to its size."""
+        values = self._others(condition, point)
+        sums = np.array([a + b for a, b in itertools.combinations(values.tolist(), 2)])
+        sizes = np.array([abs(a) + abs(b) for a, b in itertools.combinations(values.tolist(), 2)])
+        if not sums.size:
+            return 1.0
+        factors = sums / np.maximum(sizes, 1e-300)
+        signs = np.abs(factors)
+        if not signs.all():
+            return 0.0
+        return float(np.prod(factors / signs).real * signs.min())
+
+    def is_zero(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> bool:
+        """Return whether the pair is complex."""
+        values = self._others(condition, point)
+        pairs = [pair for pair in eigenvalue_pairs(values) if pair.rotates]
+        return any(pair.offset < MULTIPLIER_TOLERANCE for pair in pairs)
+
+    def _others(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> Complexes:
+        values = np.linalg.eigvals(point.jacobian).astype(complex)
+        if isinstance(condition, HopfCondition):
+            pair = condition.pair(point)
+            return np.delete(values, [pair.first, pair.second])
+        if isinstance(condition, FoldCondition):
+            return np.delete(values, np.argmin(np.abs(values)))
+        return values
+
+
+@dataclass(frozen=True)
+class RealPairTest(CodimensionTwoTest):
+    """The product of the pair of a Hopf curve, zero where the pair becomes real."""
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+        """Return the product, the square of the frequency."""
+        assert isinstance(condition, HopfCondition)
+        return condition.pair(point).product
+
+
+@dataclass(frozen=True)
+class LyapunovTest(CodimensionTwoTest):
+    """The first Lyapunov coefficient, zero at a Bautin point."""
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
+        """Return the coefficient."""
+        assert isinstance(condition, HopfCondition)
+        return condition.coefficient(point)
+
+
+@dataclass(frozen=True)
+class CurvatureTest(CodimensionTwoTest):
+    """The quadratic coefficient of a fold, zero at a cusp."""
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
+        """Return the coefficient."""
+        assert isinstance(condition, FoldCondition)
+        return condition.curvature(point)
+
+
+@dataclass(frozen=True)
+class MarginTest(CodimensionTwoTest):
+    """The margin of another guard."""
+
+    guard: int
+
+    def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float | None:
+        """Return the margin; None if the guard is not active."""
+        margin = float(condition.equations.margins(point)[self.guard])
+        return margin if np.isfinite(margin) else None
+
+
+CUSP, BOGDANOV_TAKENS, ZERO_HOPF, BAUTIN, HOPF_HOPF = (
+    "cusp",
+    "Bogdanov-Takens",
+    "zero-Hopf",
+    "Bautin",
+    "Hopf-Hopf",
+)
+BOUNDARY_NAMES = {FOLD: "boundary-fold", HOPF: "boundary-Hopf", BOUNDARY: "double boundary"}
+"""Names of points at which an equilibrium meets a guard, by the kind of the curve."""
+CODIMENSION_TWO_TESTS: dict[str, tuple[CodimensionTwoTest, ...]] = {
+    FOLD: (
+        CurvatureTest(CUSP),
+        ZeroEigenvalueTest(BOGDANOV_TAKENS),
+        ImaginaryPairTest(ZERO_HOPF),
+    ),
+    HOPF: (
+        RealPairTest(BOGDANOV_TAKENS),
+        ZeroEigenvalueTest(ZERO_HOPF),
+        ImaginaryPairTest(HOPF_HOPF),
+        LyapunovTest(BAUTIN),
+    ),
+    BOUNDARY: (
+        ZeroEigenvalueTest(BOUNDARY_NAMES[FOLD]),
+        ImaginaryPairTest(BOUNDARY_NAMES[HOPF]),
+    ),
+}
+"""Test functions by the kind of the curve."""
+
+
+# --- The curve
+
+
+def follow_equilibrium_curve(
+    equilibrium: EquilibriumState,
+    curve: EquilibriumCurve,
+    *,
+    low: float,
+    high: float,
+    direction: float,
+    steps: StepControl,
+    progress: Callable[[float], None] | None = None,
+) -> EquilibriumCurve:
+    """Continue a special point of equilibria in two parameters.
+
+    Parameters
+    ----------
+    equilibrium : EquilibriumState
+        At the special point.
+    curve : EquilibriumCurve
+        The curve without points.
+    low, high : float
+        Bounds of the second parameter.
+    direction : float
+        Sign of the first step in the second parameter.
+    steps : StepControl
+    progress : callable, optional
+        Called with every value of the second parameter.
+
+    Returns
+    -------
+    EquilibriumCurve
+        The same.
+
+    Raises
+    ------
+    InvalidParameter
+        If points of this kind have no curves.
+    """
+    family = equilibrium.family
+    equations = EquilibriumEquations(family, equilibrium.mode, curve.parameters)
+    condition = condition_of(curve.kind, equations, curve.guard)
+    values = np.array([family.value(name) for name in curve.parameters])
+    try:
+        near = equations.evaluate(equilibrium.balance.unknowns, values)
+        condition.set_reference(near)
+        gradient = condition.gradient(near)
+        along = null_vector(near, gradient)
+        along = along if along[-1] * direction >= 0.0 else -along
+        start = np.concatenate([near.unknowns, values])
+        point = correct_condition(equations, condition, gradient, start, along, start).point
+    except CONTINUATION_ERRORS as error:
+        curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
+        return curve
+    try:
+        problem = _EquilibriumCurveProblem(curve, condition, point, along, (low, high))
+        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
+            if progress is not None:
+                progress(found.family.value(curve.parameters[1]))
+    except CONTINUATION_ERRORS as error:
+        curve.ended = reason_of(error, family)
+    return curve
+
+
+class _EquilibriumCurveProblem(
+    ContinuationProblem[EquilibriumEvaluation, EquilibriumState, EquilibriumCurveEvent]
+):
+    """Equilibria at which one condition holds, in two parameters."""
+
+    noun = "curve"
+
+    def __init__(
+        self,
+        curve: EquilibriumCurve,
+        condition: EquilibriumCondition,
+        first: EquilibriumEvaluation,
+        along: Floats,
+        bounds: tuple[float, float],
+    ) -> None:
+        self.branch, self.condition, self.bounds = curve, condition, bounds
+        self.equations = condition.equations
+        self.family, self.parameters = self.equations.family, curve.parameters
+        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
+        self._linear: tuple[EquilibriumEvaluation, Floats] | None = None
+        own = condition.guard if isinstance(condition, BoundaryCondition) else -1
+        name = BOUNDARY_NAMES[condition.kind]
+        self._tests = [
+            *CODIMENSION_TWO_TESTS[condition.kind],
+            *(
+                MarginTest(name, j)
+                for j, guard in enumerate(self.equations.automaton.guards)
+                if j != own and not guard.records
+            ),
+        ]
+
+    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
+        """Return the corrector of a step."""
+        return partial(correct_condition, self.equations, self.condition, self._gradient(point))
+
+    def _gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return the gradient of the condition, whose reference becomes this point."""
+        if self._linear is None or self._linear[0] is not point:
+            self.condition.set_reference(point)
+            self._linear = point, self.condition.gradient(point)
+        return self._linear[1]
+
+    def solve(self, guess: Floats) -> EquilibriumEvaluation:
+        """Correct a guess at its value of the second parameter."""
+        point = self.equations.evaluate(guess[:-2], guess[-2:])
+        gradient, fixed = self._gradient(point), np.eye(guess.size)[-1]
+        return correct_condition(
+            self.equations, self.condition, gradient, guess, fixed, guess
+        ).point
+
+    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
+        """Return the unit tangent of the curve, in the direction of `along`."""
+        direction = null_vector(point, self._gradient(point))
+        return direction if direction @ along >= 0.0 else -direction
+
+    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+        """Append an equilibrium to the curve."""
+        self.branch.points.append(make_equilibrium(self.equations, point))
+
+    def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
+        """Return the position in a step of a return to the first point and tangent, or None."""
+        place = float((self.first - step.start) @ step.along)
+        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
+            return None
+        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
+        return place if near and step.along @ self.at_first > 0.5 else None
+
+    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[CodimensionTwoTest, float]:
+        """Return the test functions for points of codimension two."""
+        values = {test: test.value(self.condition, point) for test in self._tests}
+        return {test: value for test, value in values.items() if value is not None}
+
+    def locate(
+        self,
+        step: PredictorStep[EquilibriumEvaluation],
+        length: float,
+        before: Mapping[CodimensionTwoTest, float],
+        after: Mapping[CodimensionTwoTest, float],
+    ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumCurveEvent]:
+        """Locate points of codimension two in a step, up to one that ends the curve."""
+        loss: tuple[float, EquilibriumCurveEvent] | None = None
+        for test in before:
+            if isinstance(test, RealPairTest) and after[test] < 0.0:
+                loss = self._locate(test, step, length, (before[test], after[test]))
+                if loss is not None:
+                    length = END_RATIO * loss[0]
+                    after = self.tests(step.at(length).point, step.along)
+        found: list[tuple[float, EquilibriumCurveEvent]] = []
+        for test, value in before.items():
+            if test in after and value * after[test] < 0.0:
+                located = self._locate(test, step, length, (value, after[test]))
+                if located is not None:
+                    found.append(located)
+        found.sort(key=lambda item: item[0])
+        events = [event for _, event in found if self._inside(event.values[1])]
+        if loss is None or not self._inside(loss[1].values[1]):
+            return LocatedEvents(events)
+        reason = (
+            f"{loss[1].kind}: beyond it, the pair of eigenvalues is real, that of a neutral saddle"
+        )
+        return LocatedEvents([*events, loss[1]], loss[1], reason)
+
+    def pass_loss(
+        self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumCurveEvent], length: float
+    ) -> str:
+        """End the curve at a loss."""
+        assert located.loss is not None
+        self.branch.points.append(located.loss.equilibrium)
+        return located.reason
+
+    def _inside(self, value: float) -> bool:
+        return bool(self.bounds[0] <= value <= self.bounds[1])
+
+    def _locate(
+        self,
+        test: CodimensionTwoTest,
+        step: PredictorStep[EquilibriumEvaluation],
+        length: float,
+        ends: tuple[float, float],
+    ) -> tuple[float, EquilibriumCurveEvent] | None:
+        """Return the position in a step and the point of a zero of `test`, with values `ends`."""
+
+        def value(point: EquilibriumEvaluation) -> float:
+            found = test.value(self.condition, point)
+            if found is None:
+                raise ValueError(test)
+            return found
+
+        try:
+            position = step.zero(value, length)
+            point = step.at(position).point
+        except ValueError as error:
+            raise OrbitError(f"{test.name} could not be located", SHORTER_STEP_REMEDY) from error
+        if not test.is_zero(self.condition, point):
+            return None
+        if abs(value(point)) > MAX_ZERO_RATIO * min(map(abs, ends)):
+            return None  # a jump
+        equilibrium = make_equilibrium(self.equations, point)
+        values = float(point.values[0]), float(point.values[1])
+        return position, EquilibriumCurveEvent(test.name, values, equilibrium)
