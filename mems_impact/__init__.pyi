@@ -83,6 +83,8 @@ from .analysis.special_points import EquilibriumPoint as EquilibriumPoint
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.special_points import grazing_type as grazing_type
+from .analysis.symmetry import Symmetry as Symmetry
+from .analysis.symmetry import symmetries as symmetries
 from .analysis.verification import Verification as Verification
 from .continuation.arclength import StepControl as StepControl
 from .continuation.normal_forms import NormalForm as NormalForm

@@ -29,6 +29,7 @@ from mems_impact.analysis.special_points import (
     SpecialPoint,
     check_kind,
 )
+from mems_impact.analysis.symmetry import Symmetry, broken_symmetry, nearest_beside
 from mems_impact.continuation.arclength import CLOSED, StepControl
 from mems_impact.continuation.branch_point_curve import follow_branch_points
 from mems_impact.continuation.branch_switching import (
@@ -224,6 +225,21 @@ class Branch(ContinuationResult):
         """
         rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
         return orbit_tables.special_points(self.parameter, rows, self.system)
+
+    @cached_property
+    def symmetry(self) -> Symmetry | None:
+        """The symmetry that maps each half of the branch to the other; else None.
+
+        The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
+        """
+        for special in self.special_points:
+            if special.kind == BRANCH_POINT:
+                point = special.found.orbit.point
+                beside = nearest_beside(point, [each.found.point for each in self.orbits])
+                found = broken_symmetry(special.orbit, self.orbits[beside])
+                if found is not None:
+                    return found
+        return None
 
     @cached_property
     def homoclinic(self) -> HomoclinicEnd | None:
@@ -1030,6 +1046,21 @@ class EquilibriumBranch(ContinuationResult):
     def equilibria(self) -> tuple[Equilibrium, ...]:
         """All equilibria, in order along the branch."""
         return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+
+    @cached_property
+    def symmetry(self) -> Symmetry | None:
+        """The symmetry that maps each half of the branch to the other; else None.
+
+        The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
+        """
+        for special in self.special_points:
+            if special.kind == BRANCH_POINT:
+                point = special.found.equilibrium.balance
+                beside = nearest_beside(point, [each.found.balance for each in self.equilibria])
+                found = broken_symmetry(special.equilibrium, self.equilibria[beside])
+                if found is not None:
+                    return found
+        return None
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -269,41 +270,52 @@ class ClosureDetector:
     def _lies_on(self, shooting: Shooting, point: ShootingEvaluation) -> bool:
         if np.abs(point.values - self.values).max() > SAME_ORBIT_DISTANCE:
             return False
-        states, _ = shooting.unpack(point.unknowns)
-        for i, segment in enumerate(shooting.segments):
-            if segment.mode != self.mode:
-                continue
-            if shooting.phase is not None:
-                apart = self._nearest(shooting, point, i, states[i])
-            elif i == 0 or shooting.segments[i - 1].cycle != segment.cycle:
-                apart = self._apart(shooting, states[i])
-            else:
-                continue
-            if apart < SAME_ORBIT_DISTANCE:
-                return True
-        return False
+        return orbit_distance(shooting, point, self.mode, self.state) < SAME_ORBIT_DISTANCE
 
-    def _apart(self, shooting: Shooting, y: Floats) -> float:
-        return float(np.abs(y - self.state)[shooting.free].max(initial=0.0))
 
-    def _nearest(self, shooting: Shooting, point: ShootingEvaluation, i: int, y: Floats) -> float:
-        """Return the distance of the first state from a segment of a cycle."""
-        mode, free = shooting.segments[i].mode, shooting.free
-        variational = shooting.variational(point.setting)
-        times = np.linspace(point.starts[i], point.ends[i], SAMPLES_PER_SEGMENT + 1)
-        passed = [y]
-        for begin, end in pairwise(times.tolist()):
-            passed.append(variational.arc(mode, passed[-1], begin, end).end)
-        nearest = int(np.argmin([np.linalg.norm((each - self.state)[free]) for each in passed]))
-        time, here = float(times[nearest]), passed[nearest]
-        for _ in range(REFINEMENTS):
-            # The arc may extend slightly beyond its end.
-            slope = variational.arc(mode, here, time, time).slope_end[free]
-            ahead = float(slope @ (self.state - here)[free] / max(slope @ slope, 1e-300))
-            limit = times[1] - times[0]
-            later = time + float(np.clip(ahead, -limit, limit))
-            here, time = variational.arc(mode, here, time, later).end, later
-        return self._apart(shooting, here)
+def orbit_distance(
+    shooting: Shooting, point: ShootingEvaluation, mode: int, state: Floats
+) -> float:
+    """Return the distance of a state from an orbit, in the free components; infinite if none.
+
+    A driven orbit is compared at the starts of its forcing periods, a limit cycle at any phase.
+    """
+    states, _ = shooting.unpack(point.unknowns)
+    apart = [math.inf]
+    for i, segment in enumerate(shooting.segments):
+        if segment.mode != mode:
+            continue
+        if shooting.phase is not None:
+            apart.append(_nearest(shooting, point, i, states[i], state))
+        elif i == 0 or shooting.segments[i - 1].cycle != segment.cycle:
+            apart.append(_largest_difference(shooting, states[i], state))
+    return min(apart)
+
+
+def _largest_difference(shooting: Shooting, y: Floats, state: Floats) -> float:
+    return float(np.abs(y - state)[shooting.free].max(initial=0.0))
+
+
+def _nearest(
+    shooting: Shooting, point: ShootingEvaluation, i: int, y: Floats, state: Floats
+) -> float:
+    """Return the distance of a state from segment `i` of a cycle, which starts at `y`."""
+    mode, free = shooting.segments[i].mode, shooting.free
+    variational = shooting.variational(point.setting)
+    times = np.linspace(point.starts[i], point.ends[i], SAMPLES_PER_SEGMENT + 1)
+    passed = [y]
+    for begin, end in pairwise(times.tolist()):
+        passed.append(variational.arc(mode, passed[-1], begin, end).end)
+    nearest = int(np.argmin([np.linalg.norm((each - state)[free]) for each in passed]))
+    time, here = float(times[nearest]), passed[nearest]
+    for _ in range(REFINEMENTS):
+        # The arc may extend slightly beyond its end.
+        slope = variational.arc(mode, here, time, time).slope_end[free]
+        ahead = float(slope @ (state - here)[free]) / max(float(slope @ slope), 1e-300)
+        limit = times[1] - times[0]
+        later = time + float(np.clip(ahead, -limit, limit))
+        here, time = variational.arc(mode, here, time, later).end, later
+    return _largest_difference(shooting, here, state)
 
 
 # --- Reasons for the end of a branch or curve

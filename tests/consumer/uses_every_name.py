@@ -146,6 +146,8 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
     assert_type(special.normal_form, mi.NormalForm | None)
     assert_type(mi.switch_branch(special), mi.Branch)
     assert_type(branch.homoclinic, mi.HomoclinicEnd | None)
+    symmetry = assert_type(mi.symmetries(orbit)[0], mi.Symmetry)
+    assert_type(symmetry.image(orbit), mi.Orbit)
     curve = assert_type(mi.continue_curve(special, "omega", 1.0), mi.Curve)
     equilibrium = assert_type(mi.find_equilibria(system)[0], mi.Equilibrium)
     places = assert_type(mi.continue_equilibrium(equilibrium, "A", 1.0), mi.EquilibriumBranch)

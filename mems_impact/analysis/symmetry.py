@@ -1,0 +1,228 @@
+"""Symmetries of a system, and symmetric partners of orbits and equilibria."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import overload
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
+from mems_impact.analysis.orbit import Orbit, find_orbit
+from mems_impact.continuation.arclength import (
+    CONTINUATION_ERRORS,
+    SAME_ORBIT_DISTANCE,
+    orbit_distance,
+)
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.state import HybridState
+from mems_impact.orbits.equilibrium import find_equilibrium
+from mems_impact.orbits.newton import Linearised
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.orbits.symmetry import SignSymmetry, equilibrium_symmetries, orbit_symmetries
+from mems_impact.systems.base import HybridSystem
+
+__all__ = ["Symmetry", "symmetries"]
+
+MIN_DISTANCE = 3e-4  # of a solution from a branch point, for a significant asymmetry
+IMAGE_RTOL = 1e-6  # largest difference between a computed partner and the image of the start
+
+
+@dataclass(frozen=True, kw_only=True)
+class Symmetry:
+    """A symmetry of a system: a change of signs of states, with half a forcing period.
+
+    Attributes
+    ----------
+    signs : dict of str to int
+        1 or -1 by state.
+    half_period : bool
+        Whether it shifts time by half a forcing period.
+
+    See Also
+    --------
+    symmetries, switch_branch
+
+    Examples
+    --------
+    >>> import math
+    >>> import mems_impact as mi
+    >>> def well(mode, t, y, p):
+    ...     return y.v, y.x - y.x**3 - 0.3 * y.v + p.A * math.cos(t)
+    >>> system = mi.System(
+    ...     states=("x", "v"), flow=well, period=2.0 * math.pi, parameters={"A": 0.1}
+    ... )
+    >>> right = mi.find_orbit(system, guess={"x": 1.0}, transient=50)
+    >>> (symmetry,) = mi.symmetries(right)
+    >>> symmetry
+    Symmetry((x, v, t) -> (-x, -v, t + T/2))
+    >>> left = symmetry.image(right)
+    >>> bool(left.state.x < 0.0 < right.state.x), symmetry.keeps(right)
+    (True, False)
+    """
+
+    signs: dict[str, int]
+    half_period: bool
+    found: SignSymmetry = field(repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        names = [*self.signs, *(["t"] if self.half_period else [])]
+        images = [f"-{name}" if sign < 0 else name for name, sign in self.signs.items()]
+        images += ["t + T/2"] if self.half_period else []
+        return f"Symmetry(({', '.join(names)}) -> ({', '.join(images)}))"
+
+    @overload
+    def image(self, solution: Orbit) -> Orbit: ...
+
+    @overload
+    def image(self, solution: Equilibrium) -> Equilibrium: ...
+
+    def image(self, solution: Orbit | Equilibrium) -> Orbit | Equilibrium:
+        """Return the symmetric partner of an orbit or equilibrium; itself if it is symmetric.
+
+        Parameters
+        ----------
+        solution : Orbit or Equilibrium
+
+        Raises
+        ------
+        InvalidParameter
+            If the symmetry does not map it to a solution.
+        """
+        if self.keeps(solution):
+            return solution
+        found = self._image(solution)
+        if found is None:
+            raise InvalidParameter("solution", solution, f"one that {self} maps to a solution")
+        return found
+
+    def keeps(self, solution: Orbit | Equilibrium) -> bool:
+        """Return whether an orbit or equilibrium is symmetric: its own image."""
+        if isinstance(solution, Equilibrium):
+            y = solution.found.state
+            return _near(self.found.state(y), y, y)
+        found = solution.found
+        mode, y = self._start(found, after=True)
+        apart = orbit_distance(found.shooting, found.point, mode, y)
+        return apart < SAME_ORBIT_DISTANCE * _size(y)
+
+    def _start(self, found: PeriodicOrbit, *, after: bool) -> tuple[int, Floats]:
+        """Return the image of the orbit at the start of a forcing period: mode and state.
+
+        If the forcing switches there, the state is the one `after` the switch or before it.
+        """
+        if not self.half_period:
+            start = found.instant
+            mode, y = (found.segments[0].mode, found.state) if after else (start.mode, start.y)
+        else:
+            point, shooting, time = found.point, found.shooting, 0.5 * found.point.period
+            ends = point.ends.tolist()
+            i = next(i for i, end in enumerate(ends) if (end > time if after else end >= time))
+            mode, begin = found.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
+            variational = shooting.variational(point.setting)
+            y = variational.arc(mode, begin, float(point.starts[i]), time).end
+        return self.found.modes.get(mode, mode), self.found.state(y)
+
+    def _image(self, solution: Orbit | Equilibrium) -> Orbit | Equilibrium | None:
+        """Return the image of a solution that is not symmetric; None if there is none."""
+        if isinstance(solution, Equilibrium):
+            mode = self.found.modes.get(solution.found.mode, solution.found.mode)
+            there = self.found.state(solution.found.state)
+            state = find_equilibrium(solution.found.family, mode, there)
+            near = _near(state.state, there, there)
+            return equilibrium_of(solution.system, state) if near else None
+        system = solution.system
+        mode, y = self._start(solution.found, after=False)
+        guess = system.state_of(HybridState(0, 0.0, mode, system.snap_to_mode(mode, y)))
+        try:
+            if system.forced:
+                image = find_orbit(
+                    system, guess=guess, periods=solution.periods, options=solution.options
+                )
+            else:
+                image = find_orbit(
+                    system, guess=guess, period=solution.period, options=solution.options
+                )
+        except CONTINUATION_ERRORS:
+            return None
+        one, other = (np.sort(np.abs(each.multipliers)) for each in (solution, image))
+        same = one.size == other.size and _near(one, other, one)
+        begin = self._start(solution.found, after=True)
+        apart = orbit_distance(image.found.shooting, image.found.point, *begin)
+        return image if same and apart < SAME_ORBIT_DISTANCE * _size(y) else None
+
+
+def _near(one: Floats, other: Floats, size: Floats) -> bool:
+    return float(np.abs(one - other).max(initial=0.0)) < IMAGE_RTOL * _size(size)
+
+
+def _size(y: Floats) -> float:
+    return max(1.0, float(np.abs(y).max(initial=0.0)))
+
+
+def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
+    """Find the symmetries of a system that change signs of states.
+
+    Flow and margins are compared with their images at points near a solution. A symmetry maps each
+    orbit to an orbit with the same period and multipliers: to itself, or to a partner, such as the
+    other half of a pitchfork.
+
+    Parameters
+    ----------
+    solution : Orbit or Equilibrium
+
+    Returns
+    -------
+    tuple of Symmetry
+        That with the most signs changed first; empty for a system with more than 12 states.
+
+    See Also
+    --------
+    Symmetry, switch_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def lorenz(mode, t, y, p):
+    ...     return 10.0 * (y.y - y.x), y.x * (28.0 - y.z) - y.y, y.x * y.y - 8.0 / 3.0 * y.z
+    >>> system = mi.System(states=("x", "y", "z"), flow=lorenz)
+    >>> (steady,) = mi.find_equilibria(system, guess={"x": 8.0, "y": 8.0, "z": 27.0})
+    >>> mi.symmetries(steady)
+    (Symmetry((x, y, z) -> (-x, -y, z)),)
+    """
+    if isinstance(solution, Orbit):
+        found = orbit_symmetries(solution.found, solution.system.forced)
+    elif isinstance(solution, Equilibrium):
+        found = equilibrium_symmetries(solution.found)
+    else:
+        raise InvalidParameter("solution", solution, "an Orbit or an Equilibrium")
+    return tuple(symmetry_of(solution.system, each) for each in found)
+
+
+def symmetry_of(system: HybridSystem, found: SignSymmetry) -> Symmetry:
+    """Return a symmetry of `orbits` as a `Symmetry`."""
+    signs = dict(zip(system.states, found.signs, strict=True))
+    return Symmetry(signs=signs, half_period=found.half_period, found=found)
+
+
+def broken_symmetry(special: Orbit | Equilibrium, beside: Orbit | Equilibrium) -> Symmetry | None:
+    """Return a symmetry that keeps a branch point and not a solution beside it; else None."""
+    for each in symmetries(special):
+        if each.keeps(special) and not each.keeps(beside):
+            return each
+    return None
+
+
+def nearest_beside(point: Linearised, points: Sequence[Linearised]) -> int:
+    """Return the number of the point nearest to a branch point, but significantly beside it."""
+    apart = [
+        float(np.abs(each.unknowns - point.unknowns).max(initial=0.0))
+        if each.unknowns.size == point.unknowns.size
+        else math.inf
+        for each in points
+    ]
+    away = [each if each > MIN_DISTANCE else math.inf for each in apart]
+    return int(np.argmin(away))
