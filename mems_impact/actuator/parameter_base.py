@@ -25,14 +25,22 @@ from typing import (
 )
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact._util.formatting import html_table
+from mems_impact._util.quantities import QuantityError, has_unit, magnitude
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "quantity", "unknown"]
 
 _KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
 
@@ -114,6 +122,29 @@ class Checked(BaseModel, metaclass=_Kind):
             ]
         )
 
+    @classmethod
+    def unit_of(cls, name: str) -> str:
+        """Return the SI unit of a field, empty if it has none."""
+        units = getattr(cls, "units", {})
+        return str(units.get(name, "")) if isinstance(units, Mapping) else ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _convert_quantities(cls, values: Any) -> Any:
+        """Convert texts with units, such as "4 um", and quantities of pint to numbers in SI."""
+        if not isinstance(values, Mapping):
+            return values
+        found = dict(values)
+        for name, value in values.items():
+            if name in cls.model_fields and has_unit(value) and _is_numeric(cls.model_fields[name]):
+                cls._check_takes_units(name, value, values)
+                found[name] = quantity(name, value, cls.unit_of(name))
+        return found
+
+    @classmethod
+    def _check_takes_units(cls, name: str, value: object, values: Mapping[str, Any]) -> None:
+        """Raise InvalidParameter if a value with a unit is not allowed beside other values."""
+
     def __dir__(self) -> list[str]:
         return _own(super().__dir__())
 
@@ -153,6 +184,18 @@ def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, 
     call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
     example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
     return TypeError(f"{kind.__name__} takes its parameters by name: {example}")
+
+
+def quantity(name: str, value: Any, unit: str) -> float:
+    """Return the text with a unit that was given for `name` as a number in `unit`."""
+    try:
+        return magnitude(value, unit)
+    except QuantityError as error:
+        raise InvalidParameter(name, value, str(error)) from None
+
+
+def _is_numeric(field: FieldInfo) -> bool:
+    return float in (field.annotation, *map(_plain, get_args(field.annotation)))
 
 
 _PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("__"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
@@ -29,6 +29,7 @@ from mems_impact.actuator.units import (
 from mems_impact.errors import InvalidParameter, UnitsWarning
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.design.data_sheet import DataSheet
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.system import ActuatorSystem
 
@@ -123,6 +124,17 @@ class Actuator(Checked):
     g: NonNegative
     units: Literal["dimensionless", "SI"] = "dimensionless"
     terms: Annotated[tuple[Term, ...], Field(description=TERMS_ALLOWED)] = ()
+
+    @classmethod
+    def unit_of(cls, name: str) -> str:
+        """Return the SI unit of a parameter, empty if it has none."""
+        return PARAMETER_UNITS.get(name, "")
+
+    @classmethod
+    def _check_takes_units(cls, name: str, value: object, values: Mapping[str, Any]) -> None:
+        if values.get("units") != "SI" and cls.unit_of(name):
+            problem = 'has a unit, but the device is dimensionless; give a number, or units="SI"'
+            raise InvalidParameter(name, value, "", problem=problem)
 
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
@@ -268,6 +280,69 @@ class Actuator(Checked):
         check_plausible_drive(self, drive)
         return system
 
+    @classmethod
+    def from_design(cls, *, terms: Sequence[Term] = (), **quantities: Any) -> Actuator:
+        """Return the actuator of a data sheet, in SI.
+
+        Any consistent set of quantities that determines the device is accepted: two of
+        `stiffness`, `frequency` and `proof_mass`; `damping`, `quality` or `damping_ratio`;
+        `electrode_area`, `capacitance`, `pull_in` or `electrode_constant`, and so on.
+
+        Parameters
+        ----------
+        terms : sequence of Term, optional
+            Additional terms of the model.
+        **quantities : float or str
+            By name, in SI, or as texts with a unit such as ``"1.2 kHz"``: frame_mass, proof_mass,
+            total_mass, mass_ratio, stiffness, frequency [Hz] of the block in a held frame, damping,
+            quality, damping_ratio, gap, travel (distance to each stopper), spring_force (at the
+            stopper), restitution, electrode_area, capacitance, electrode_constant, pull_in and
+            release [V], static_friction and dynamic_friction (coefficients; ``friction`` sets both,
+            or is a pair), static_friction_force, dynamic_friction_force, gravity (9.80665 by
+            default). See `DataSheet`.
+
+        Returns
+        -------
+        Actuator
+
+        Raises
+        ------
+        InvalidParameter
+            If quantities contradict each other by more than 1e-6, or do not determine the device;
+            the message names both values, or what is missing.
+
+        See Also
+        --------
+        DataSheet, load_actuator
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> device = mi.Actuator.from_design(
+        ...     frequency="1.2 kHz", quality=30, proof_mass="0.2 mg", frame_mass="1 mg",
+        ...     gap="4 um", travel="2.5 um", pull_in="70 V", friction=(0.35, 0.28),
+        ...     restitution=0.65,
+        ... )
+        >>> round(device.k, 3), round(mi.pull_in_voltage(device), 9)
+        (11.37, 70.0)
+        """
+        from mems_impact.actuator.design.data_sheet import actuator_from_design
+
+        return actuator_from_design(quantities, terms)
+
+    @property
+    def datasheet(self) -> DataSheet:
+        """Parameters and derived quantities, such as quality factor and pull-in voltage.
+
+        Raises
+        ------
+        InvalidParameter
+            If the device is dimensionless.
+        """
+        from mems_impact.actuator.design.data_sheet import DataSheet
+
+        return DataSheet(self)
+
     def to_si(self, scales: Scales) -> Self:
         """Return the same device in SI.
 
@@ -312,7 +387,8 @@ class _DeviceFile(Checked):
     name: str = ""
     description: str = ""
     units: Literal["dimensionless", "SI"] = "dimensionless"
-    parameters: dict[str, Any]
+    parameters: dict[str, Any] | None = None
+    design: dict[str, Any] | None = None
     drive: dict[str, Any] | None = None  # for `mems_impact.actuator.drives.files.load_drive`
 
     @model_validator(mode="before")
@@ -322,6 +398,12 @@ class _DeviceFile(Checked):
             if name in content:
                 allowed = "in the table [parameters]"
                 raise InvalidParameter(name, content[name], allowed)
+        if ("parameters" in content) == ("design" in content):
+            both = "parameters" in content
+            problem = "both are given; omit one" if both else "missing; give one of them"
+            raise InvalidParameter("[parameters], [design]", None, "", problem=problem)
+        if "design" in content and content.setdefault("units", "SI") != "SI":
+            raise InvalidParameter("units", content["units"], '"SI" with a table [design]')
         known = (*cls.model_fields, *term_names())
         for name in content:
             if name not in known:
@@ -342,7 +424,8 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     ----------
     name_or_path : str or os.PathLike
         One of `preset_names`, or the path of a TOML file with a table ``[parameters]`` that holds
-        the eleven parameters of `Actuator` and, optionally, ``name``, ``description`` and ``units``
+        the eleven parameters of `Actuator`, or a table ``[design]`` with the quantities of
+        `Actuator.from_design`, and, optionally, ``name``, ``description`` and ``units``
         ("SI", or "dimensionless" by default) above it, and below it a table for each term
         (``[squeeze_film]``). A preset has priority over a file of the same name; write ``./name``
         for the file.
@@ -390,14 +473,18 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     tables = {name: content.pop(name) for name in list(content) if name in names}
     try:
         file = _DeviceFile(**content)
-        if "units" in file.parameters:
-            allowed = "above the table [parameters]"
-            raise InvalidParameter("units", file.parameters["units"], allowed)
         terms = tuple(term_of(name, table) for name, table in tables.items())
-        actuator = Actuator(**file.parameters, units=file.units, terms=terms)
+        if file.design is not None:
+            actuator = Actuator.from_design(**file.design, terms=terms)
+        else:
+            parameters = file.parameters or {}
+            if "units" in parameters:
+                allowed = "above the table [parameters]"
+                raise InvalidParameter("units", parameters["units"], allowed)
+            actuator = Actuator(**parameters, units=file.units, terms=terms)
     except InvalidParameter as error:
         raise error.located(source) from None
-    if "units" not in content and max(actuator.m1, actuator.m2) < _LIGHT:
+    if "units" not in content and file.design is None and max(actuator.m1, actuator.m2) < _LIGHT:
         message = (
             f"{source}: m1 = {actuator.m1:g} and m2 = {actuator.m2:g} look like kilograms, but "
             'without units they are dimensionless; write units = "SI" above [parameters], or '

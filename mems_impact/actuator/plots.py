@@ -73,6 +73,10 @@ class ChartData(Protocol):
     """Interface of `plot_chart` to an `OperatingChart`."""
 
     @property
+    def parameters(self) -> tuple[str, str]:
+        """Names of the parameters of the two axes."""
+
+    @property
     def table(self) -> pd.DataFrame:
         """One row per point of a boundary."""
 
@@ -121,7 +125,7 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     if ax is None:
         ax = new_figure(1.2).subplots()
     table = chart.table
-    omega, amplitude = "omega", "amplitude"
+    omega, amplitude = chart.parameters
     boundaries = {
         name: table[table["boundary"] == name].sort_values(omega) for name in ("on", "off")
     }
@@ -174,7 +178,7 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
 def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     """Draw the difference of the boundaries where they are visually indistinguishable."""
     on, off = (
-        rows.drop_duplicates("omega")[["omega", "amplitude"]].to_numpy(dtype=float)
+        rows.drop_duplicates(rows.columns[1])[list(rows.columns[1:3])].to_numpy(dtype=float)
         for rows in boundaries.values()
     )
     if min(len(on), len(off)) < 2:
@@ -756,16 +760,17 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
         ax = new_figure(1.6).subplots(2, sharex=True)
         letter_panels(ax)
     axes = given_axes(ax, 2, "one for the deflection, one for the speed")
+    parameter = "frequency" if "frequency" in table else "omega"
     looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
         for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
             panel.plot(
-                group["omega"], group[name], linewidth=thickness(0.6), fillstyle=FILLS[direction],
+                group[parameter], group[name], linewidth=thickness(0.6), fillstyle=FILLS[direction],
                 **looks[amplitude],
             )  # fmt: skip
     for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
         label_axis(panel.yaxis, label_of(table, name))
-    label_axis(axes[1].xaxis, parameter_label(table, "omega"))
+    label_axis(axes[1].xaxis, parameter_label(table, parameter))
     unit = label_of(table, "amplitude").unit
     sign = "" if unit else f"{symbol('amplitude', table.attrs.get('symbols', {}))} = "
     handles = [

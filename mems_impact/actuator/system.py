@@ -112,6 +112,11 @@ class ActuatorNumerics(HybridSystem):
         return values
 
     @property
+    def frequency_parameter(self) -> str:
+        """The parameter of the drive's frequency: "frequency" [Hz], or "omega" [rad/s]."""
+        return "frequency" if "frequency" in self._drive_names else "omega"
+
+    @property
     def is_scaled(self) -> bool:
         """Always."""
         return True

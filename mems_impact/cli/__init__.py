@@ -36,6 +36,7 @@ COMMAND_NAMES = (
     "chart",
     "completion",
     "continue",
+    "datasheet",
     "devices",
     "docs",
     "drive",

@@ -33,8 +33,8 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 @click.command(short_help="Chart the switching voltages over the frequency.")
 @device_options
 @range_options(
-    "Lowest omega [rad/s].",
-    "Highest omega [rad/s].",
+    "Lowest frequency [Hz]; omega of a dimensionless device.",
+    "Highest frequency.",
     defaults=("0.88 of the resonance", "1.02 of the resonance"),
 )
 @click.option(
@@ -79,13 +79,15 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
+    named = actuator.scales.named
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
     with output("chart") as files:
         try:
             chart = mi.operating_chart(
                 actuator,
                 drive,
-                omega=(start, stop),
+                omega=None if named else (start, stop),
+                frequency=(start, stop) if named else None,
                 crises=crises,
                 periods=periods,
                 options=options,
@@ -116,22 +118,20 @@ def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
     import pandas as pd
 
     system = chart.system
-    omega = np.linspace(*chart.omega, MAX_FREQUENCY_ROWS)
-    columns = {"omega": omega}
+    name = chart.parameters[0]
+    places = np.linspace(*chart.frequencies, MAX_FREQUENCY_ROWS)
+    columns = {name: places}
     sides = ("slip", "on", "off", "steady from", "steady to")
     shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
-    units = {"omega": "rad/s", **dict.fromkeys(shown, "V")} if system.scales.named else {}
-    if units:
-        columns["frequency"] = omega / (2.0 * math.pi)
-        units["frequency"] = "Hz"
+    units = {name: "Hz", **dict.fromkeys(shown, "V")} if system.scales.named else {}
     for boundary in shown:
         columns[boundary] = np.full(MAX_FREQUENCY_ROWS, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:
                 where, voltage = np.array(points).T
-                where, voltage = system.out("omega", where), system.out("amplitude", voltage)
-                here = (where.min() <= omega) & (omega <= where.max())
-                columns[boundary][here] = np.interp(omega[here], where, voltage)
+                where, voltage = system.out(name, where), system.out("amplitude", voltage)
+                here = (where.min() <= places) & (places <= where.max())
+                columns[boundary][here] = np.interp(places[here], where, voltage)
     table = pd.DataFrame(columns)
     table.attrs["units"] = units
     return table

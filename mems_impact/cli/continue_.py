@@ -9,6 +9,7 @@ import click
 
 from mems_impact.cli.options import (
     Initial,
+    QuantityType,
     actuator_from,
     device_options,
     drive_from,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--back",
-    type=float,
+    type=QuantityType(),
     show_default="that of --start",
     help="Opposite bound, used if the branch folds back, in the parameter's unit.",
 )

@@ -11,6 +11,7 @@ import click
 
 from mems_impact.cli.inputs import refuse_drive
 from mems_impact.cli.options import (
+    EQUIVALENT,
     KEY,
     actuator_from,
     changes_option,
@@ -110,7 +111,7 @@ def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
 
     if drive_choice() != "sine":
         return {}
-    named = {*given, *(["omega"] if "frequency" in given else [])}
-    missing = {"amplitude", "omega"} - named
-    usual = usual_sine(actuator) if missing else {}
-    return {name: value for name, value in usual.items() if name in missing}
+    named = {*given, *(EQUIVALENT[name] for name in EQUIVALENT if name in given)}
+    if named >= {"amplitude", "omega", "frequency"}:
+        return {}
+    return {name: value for name, value in usual_sine(actuator).items() if name not in named}

@@ -14,7 +14,6 @@ from mems_impact.cli.options import (
     directory_option,
     drive_from,
     drive_options,
-    in_fields,
     initial_option,
     integrator_options,
     periods_option,
@@ -137,9 +136,9 @@ def _target(text: str) -> mi.Target:
             raise click.UsageError(f"--target {text!r}: {quantity} needs no drive")
         return mi.Target(quantity=quantity, value=value, tolerance=tolerance)
     drive = drive_from()
-    changes = in_fields(dict(map(assignment, under.split(",")))) if under else {}
+    changes = dict(map(assignment, under.split(","))) if under else {}
     for name in changes:
-        if name not in drive.names:
+        if name not in (*drive.names, *type(drive).model_fields):
             known = ", ".join(drive.names)
             raise click.UsageError(f"--target {text!r}: {name} must be one of {known}")
     drive = drive.varied(changes)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 KIND = "map"
 SHOWN_FAILURES = 3
-CURVES = ("amplitude", "omega")
+CURVES = "amplitude", "omega or frequency"
 Axis = tuple[str, float, float, int]
 
 
@@ -54,7 +54,7 @@ Axis = tuple[str, float, float, int]
     "--curves",
     is_flag=True,
     help="Overlay the switching curves of DEVICE, found by continuation; for maps over amplitude "
-    "and omega.",
+    "and frequency.",
 )
 @click.option(
     "--energy", is_flag=True, help="Compute the work of the drive per period and per impact."
@@ -133,13 +133,16 @@ def _chart(system: mi.HybridSystem, given: dict[str, Any], progress: bool) -> mi
     from mems_impact.actuator.system import ActuatorSystem
 
     axes = dict([given["x"], given["y"]])
-    if set(axes) != set(CURVES) or not isinstance(system, ActuatorSystem):
+    name = next((name for name in ("frequency", "omega") if name in axes), "")
+    if set(axes) != {"amplitude", name} or not isinstance(system, ActuatorSystem):
         raise click.UsageError(f"--curves: for maps of a device over {' and '.join(CURVES)} only")
-    omega = axes[CURVES[1]]
+    values = axes[name]
+    ends = float(min(values)), float(max(values))
     chart = mi.operating_chart(
         system.actuator,
         system.drive,
-        omega=(float(min(omega)), float(max(omega))),
+        omega=ends if name == "omega" else None,
+        frequency=ends if name == "frequency" else None,
         crises=0,  # the map itself shows them
         progress=say if progress else False,
     )

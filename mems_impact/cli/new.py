@@ -1,12 +1,16 @@
-"""`mems-impact new`: a commented template of a device or a system."""
+"""`mems-impact new`: a device of a data sheet, or a commented template of a device or a system."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import click
 
+from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.cli.options import apply_decorators
 from mems_impact.cli.output import add_json_files, show
 from mems_impact.cli.runtime import PROGRAM
 
@@ -17,26 +21,48 @@ TEMPLATES = {
 """By kind: template, which is the default name of the file, and a first command for it."""
 
 
-@click.command(short_help="Write a template of a device or a system.")
+QUANTITY_OPTIONS = {name: f"--{name.replace('_', '-')}" for name in QUANTITIES}
+FRICTION = "coefficient of friction, static and dynamic"
+
+
+def _quantity_option(name: str) -> Callable[[Any], Any]:
+    unit, meaning, _ = QUANTITIES[name]
+    text = f"{meaning[0].upper()}{meaning[1:]}{f' [{unit}]' if unit else ''}."
+    return click.option(QUANTITY_OPTIONS[name], name, metavar="QUANTITY", help=text)
+
+
+@click.command(short_help="Write a file of a device or a system.")
 @click.argument("kind", type=click.Choice(list(TEMPLATES)))
 @click.argument("file", type=click.Path(), required=False)
-def command(*, kind: str, file: str | None) -> None:
-    """Write a commented template FILE: a device (TOML) or a system (Python).
+@apply_decorators(*map(_quantity_option, QUANTITIES))
+@click.option("--friction", metavar="QUANTITY", help=f"{FRICTION[0].upper()}{FRICTION[1:]}.")
+def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
+    """Write FILE: the device of a data sheet, or a commented template of a device or a system.
 
     \b
     Examples:
-      mems-impact new device mine.toml
+      mems-impact new device mine.toml --frequency 1.2kHz --quality 30 \\
+        --proof-mass 0.2mg --frame-mass 1mg --gap 4um --travel 2.5um \\
+        --pull-in 70V --static-friction 0.35 --dynamic-friction 0.28 \\
+        --restitution 0.65
       mems-impact simulate mine.toml
+      mems-impact new system oscillator.py
 
-    FILE is device.toml or system.py by default. An existing file is never overwritten. The template
-    runs as it stands.
+    Any consistent set of quantities that determines the device is accepted, as numbers in SI or
+    with units. Without quantities, the file is a template that runs as it stands. FILE is
+    device.toml or system.py by default. An existing file is never overwritten.
     """  # noqa: D301 - click looks for the backspace itself
+    given = {name: text for name, text in quantities.items() if text is not None}
+    if given and kind != "device":
+        raise click.UsageError(f"{QUANTITY_OPTIONS[next(iter(given))]}: of a device only")
     template, first = TEMPLATES[kind]
     path = Path(file or template)
     ending = Path(template).suffix
     if path.suffix != ending:
         raise click.UsageError(f"{path}: the name must end in {ending}")
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
+    if given:
+        text = _design(text, given)
     text = text.replace("FILE", str(path))
     try:
         with open(path, "x", encoding="utf-8") as new:
@@ -48,3 +74,31 @@ def command(*, kind: str, file: str | None) -> None:
         raise click.ClickException(f"{path}: cannot be written ({reason})") from None
     add_json_files([path])
     show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")
+
+
+def _design(template: str, given: dict[str, str]) -> str:
+    """Return the template of a device with the table [design] of a data sheet, checked."""
+    from mems_impact.actuator.parameters import Actuator
+
+    values: dict[str, Any] = {name: _value(text) for name, text in given.items()}
+    actuator = Actuator.from_design(**values)
+    lines = [f"{name} = {_toml(value)}" for name, value in values.items()]
+    above, _, rest = template.partition("[parameters]")
+    _, _, below = rest.partition("[drive]")
+    sheet = actuator.datasheet
+    below = below.replace("amplitude = 100.0", f"amplitude = {sheet['pull_in']:.4g}", 1)
+    below = below.replace("frequency = 50.0", f"frequency = {0.5 * sheet['frequency']:.4g}", 1)
+    return f"{above}[design]\n" + "\n".join(lines) + f"\n\n[drive]{below}"
+
+
+def _value(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _toml(value: float | str) -> str:
+    import json
+
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

@@ -5,7 +5,6 @@ They are collected in click's context, so that a command need not name each of t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.shell_completion import CompletionItem
 
+from mems_impact._util.quantities import QuantityError, has_unit, magnitude
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import Output
 from mems_impact.cli.runtime import quiet
@@ -49,12 +49,58 @@ def assignment(text: str) -> tuple[str, float]:
     """Return name and number of a text such as e=0.7."""
     name, _, number = (part.strip() for part in text.partition("="))
     try:
-        value = float(number)
+        value = number_of(number, parameter_unit(name))
     except ValueError:
         name = ""
     if not name:
-        raise click.BadParameter(f"{text!r} must be NAME=NUMBER, such as e=0.7")
+        example = "such as e=0.7 or k='11 N/m'"
+        raise click.BadParameter(f"{text!r} must be NAME=NUMBER, {example}")
     return name, value
+
+
+def number_of(text: str, unit: str) -> float:
+    """Return a text such as 70 or "70 V" as a number in `unit`; ValueError if it is none."""
+    return magnitude(text, unit) if has_unit(text) else float(text)
+
+
+def parameter_unit(name: str) -> str:
+    """Return the SI unit of a parameter of device, drive or term, or of a state of the device."""
+    from mems_impact.actuator.parameters import PARAMETER_UNITS
+    from mems_impact.actuator.terms.files import term_names, term_type
+
+    owner, dot, own = name.partition(".")
+    if dot and owner in term_names():
+        return term_type(owner).units.get(own, "")
+    states = {"x1": "m", "x2": "m", "v1": "m/s", "v2": "m/s", "time": "s"}
+    units = {**states, **PARAMETER_UNITS, **NUMBER_UNITS}
+    return units.get(own if dot else name, "")
+
+
+class QuantityType(click.ParamType):
+    """A number, or a text with a unit such as "0.6 kHz", of a parameter with this unit.
+
+    Without a unit, texts stay texts, for parameters known later.
+    """
+
+    name = "float"
+
+    def __init__(self, unit: str | None = None) -> None:
+        self.unit = unit
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | str:
+        """Return the number, or the text if the unit of the parameter is unknown."""
+        if not isinstance(value, str):
+            return float(value)
+        if self.unit is None and has_unit(value):
+            return value
+        try:
+            return number_of(value, self.unit or "")
+        except QuantityError as error:
+            self.fail(f"{value!r} must be {error}", param, ctx)
+        except ValueError:
+            self.fail(f"{value!r} is not a valid float.", param, ctx)
 
 
 def _assignments(
@@ -151,13 +197,32 @@ def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None
     return apply_decorators(
         *(
             click.option(
-                option, type=float, required=defaults is None, show_default=default, help=text
+                option,
+                type=QuantityType(),
+                required=defaults is None,
+                show_default=default,
+                help=text,
             )
             for option, text, default in zip(
                 ("--start", "--stop"), (start, stop), words, strict=True
             )
-        )
+        ),
+        _with_numbers,
     )
+
+
+def _with_numbers(command: Any) -> Any:
+    """Return a command that gets start and stop as numbers in the unit of its parameter."""
+
+    @wraps(command)
+    def converted(*given: Any, **named: Any) -> Any:
+        unit = parameter_unit(named.get("parameter", "frequency"))
+        for name in ("start", "stop", "back"):
+            if isinstance(named.get(name), str):
+                named[name] = QuantityType(unit).convert(named[name], None, None)
+        return command(*given, **named)
+
+    return converted
 
 
 def periods_option(text: str, default: float, kind: type = int) -> Decorator:
@@ -223,14 +288,32 @@ def _with_options(command: Any) -> Any:
     return gathered
 
 
-AXIS_TYPE = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
+AXIS_TYPE = click.Tuple([str, QuantityType(), QuantityType(), click.IntRange(1, 1_000_000)])
+
+
+def _axis(
+    ctx: click.Context, parameter: click.Parameter, axis: tuple[str, Any, Any, int] | None
+) -> tuple[str, float, float, int] | None:
+    """Return an axis with its ends as numbers in the unit of its parameter."""
+    if axis is None:
+        return None
+    name, start, stop, count = axis
+    unit = QuantityType(parameter_unit(name))
+    low, high = (float(unit.convert(end, parameter, ctx)) for end in (start, stop))
+    return name, low, high, count
 
 
 def axis_options(first: str, second: str) -> Decorator:
     """Return the options --x and --y of a study, with these help texts."""
     return apply_decorators(
         *(
-            click.option(option, type=AXIS_TYPE, metavar="NAME START STOP POINTS", help=text)
+            click.option(
+                option,
+                type=AXIS_TYPE,
+                callback=_axis,
+                metavar="NAME START STOP POINTS",
+                help=text,
+            )
             for option, text in (("--x", first), ("--y", second))
         )
     )
@@ -433,11 +516,18 @@ NUMBERS: dict[str, tuple[str, str | None]] = {
 }
 """Help text of each number, and its default in words."""
 
-FIELD_NAMES = {"frequency": "omega"}
-"""The field that a number sets, where their names differ."""
+EQUIVALENT = {"omega": "frequency", "frequency": "omega"}
+"""Numbers that exclude each other."""
 
 OPTION_NAMES = {"period": "--drive-period"}
 """The option of a number, where their names differ: --period would resemble --periods."""
+
+
+NUMBER_UNITS = {
+    "amplitude": "V", "omega": "rad/s", "frequency": "Hz", "bias": "V", "phase": "rad",
+    "rise": "s", "fall": "s", "low": "V", "width": "s", "period": "s",
+}  # fmt: skip
+"""SI units of these numbers."""
 
 
 def option_of(name: str) -> str:
@@ -456,7 +546,7 @@ def _number(name: str) -> Decorator:
     return click.option(
         option_of(name),
         f"{DRIVE_PREFIX}{name}",
-        type=float,
+        type=QuantityType(NUMBER_UNITS.get(name, "")),
         callback=_collect,
         expose_value=False,
         show_default=default,
@@ -501,14 +591,12 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     given.pop("choice", None)
     choice = drive_choice()
     allow_code = given.pop("allow_code", False)
-    for name, value in (varied or {}).items():
-        if name == "frequency":
-            problem = "vary omega [rad/s], 2 pi times the frequency, instead"
-            raise click.UsageError(f"{name}: {problem}: {2.0 * math.pi * value:.6g} for {value:g}")
+    for name in varied or {}:
         if name in given:
             raise click.UsageError(f"{option_of(name)} is the varied parameter; omit the option")
-        if name == "omega" and "frequency" in given:
-            raise click.UsageError("--frequency sets omega, which is varied; omit the option")
+        if EQUIVALENT.get(name) in given:
+            other = option_of(EQUIVALENT[name])
+            raise click.UsageError(f"{other} sets {name}, which is varied; omit the option")
     if described_by_options(choice):
         return _of_kind(choice, given, varied or {})
     return _of_file(choice, given, varied or {}, allow_code)
@@ -543,19 +631,9 @@ def code_is_allowed() -> bool:
     return bool(click.get_current_context().meta.get(KEY, {}).get("allow_code"))
 
 
-def in_fields(given: Mapping[str, float]) -> dict[str, float]:
-    """Return options as fields of a drive; a frequency becomes an angular frequency."""
-    from mems_impact.errors import InvalidParameter
-
-    values = {name: value for name, value in given.items() if name not in FIELD_NAMES}
-    if "frequency" in given:
-        if "omega" in given:
-            raise click.UsageError("--frequency and --omega exclude each other; leave one out")
-        frequency = given["frequency"]
-        if not (math.isfinite(frequency) and frequency > 0.0):
-            raise InvalidParameter("frequency", frequency, "a finite number > 0")
-        values["omega"] = 2.0 * math.pi * frequency
-    return values
+def _check_frequency(given: Mapping[str, float]) -> None:
+    if set(EQUIVALENT) <= set(given):
+        raise click.UsageError("--frequency and --omega exclude each other; leave one out")
 
 
 def described_by_options(kind: str) -> tuple[str, ...]:
@@ -572,17 +650,18 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
 
     known = described_by_options(kind)
     for name in given:
-        if FIELD_NAMES.get(name, name) not in known:
+        if name not in known:
             takes = ", ".join(map(option_of, known))
             raise click.UsageError(
                 f"{option_of(name)} is not an option of a {kind}, which takes {takes}"
             )
-    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in known}}
+    _check_frequency(given)
+    values = {**given, **{name: v for name, v in varied.items() if name in known}}
     try:
         return drive_of_kind(kind)(**values)
     except InvalidParameter as error:
         if error.field in known and error.field not in values:
-            either = " or '--frequency'" if error.field == "omega" else ""
+            either = " or '--frequency'" if error.field == "omega" and "frequency" in known else ""
             raise click.UsageError(f"missing option '{option_of(error.field)}'{either}") from None
         raise
 
@@ -605,12 +684,14 @@ def _of_file(
         drive: Drive = Sampled.from_csv(path, **measured)
     else:
         drive = load_drive(path, allow_code=allow_code)
+    fields = {*drive.names, *(EQUIVALENT.keys() & type(drive).model_fields.keys())}
     for name in given:
-        if FIELD_NAMES.get(name, name) not in drive.names:
+        if name not in fields:
             known = ", ".join(drive.names)
             problem = f"is not a parameter of the drive in {path}: {known}"
             raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND selects another one")
-    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
+    _check_frequency(given)
+    values = {**given, **{name: v for name, v in varied.items() if name in fields}}
     return drive.varied(values) if values else drive
 
 

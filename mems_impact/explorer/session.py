@@ -122,16 +122,21 @@ class Subject:
 
 
 def usual_sine(actuator: Actuator) -> dict[str, float]:
-    """Return amplitude and omega of a sine under which a device strikes, in its units.
+    """Return amplitude and omega, or frequency in SI, of a sine under which a device strikes.
 
     The paper's working point, f = 0.24 and omega = 0.5 for m2 = k = d = alpha = 1, to two digits;
     twice or four times the voltage if the device does not strike.
     """
     scales = actuator.scales
-    omega = float(f"{scales.out(0.5, 'rad/s'):.2g}")
+    omega = scales.out(0.5, "rad/s")
+    name, value = ("frequency", omega / TURN) if scales.named else ("omega", omega)
+    value = float(f"{value:.2g}")
     found = {}
     for amplitude in (0.24, 0.48, 0.96):
-        found = {"amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"), "omega": omega}
+        found = {
+            "amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"),
+            name: value,
+        }
         system = actuator.under(Sine(**found))
         try:
             run = simulate(system, TRIED, initial=kicked_state(actuator), options=EXPLORER_OPTIONS)

@@ -221,7 +221,7 @@ def test_a_square_wave_whose_force_changes_does_not_warn():
         (lambda: mi.Sine(65, 3770), r"Sine\(amplitude=65, omega=3770\)"),
         (lambda: mi.Sine(65, omega=3770), r"Sine\(amplitude=65, omega=3770\)"),
         (lambda: mi.Tilt(0.05), r"Tilt\(angle=0\.05\)"),
-        (lambda: mi.Sine(1, 2, 3, 4, 5), "they are amplitude, omega, bias, phase"),
+        (lambda: mi.Sine(1, 2, 3, 4, 5, 6), "they are amplitude, omega, bias, phase, frequency"),
         (lambda: mi.Actuator(1.0), r"Actuator\(m1=1\.0\)"),
     ],
 )

@@ -150,7 +150,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
 def frequency_response(
     actuator: Actuator,
     drive: Drive,
-    omegas: ArrayLike,
+    frequencies: ArrayLike,
     amplitudes: ArrayLike | None = None,
     *,
     direction: Literal["up", "down", "both"] = "both",
@@ -165,9 +165,9 @@ def frequency_response(
     ----------
     actuator : Actuator
     drive : Drive
-        A drive with an ``omega`` and an ``amplitude``.
-    omegas : array_like of float
-        Angular frequencies [rad/s].
+        A drive with an ``amplitude``, and an ``omega`` or a ``frequency``.
+    frequencies : array_like of float
+        Values of its omega [rad/s], or of its frequency [Hz] if it was given by that.
     amplitudes : array_like of float, optional
         Voltages [V]; that of the drive by default.
     direction, transient, periods, options, workers
@@ -176,8 +176,8 @@ def frequency_response(
     Returns
     -------
     DataFrame
-        One row per amplitude, direction and omega, in the order of computation: these three, the
-        largest deflection of the block (delta if it strikes; NaN if it does not turn back),
+        One row per amplitude, direction and frequency, in the order of computation: these three,
+        the largest deflection of the block (delta if it strikes; NaN if it does not turn back),
         impacting, impacts and blows per period, displacement per period, mean speed, and status.
 
     Raises
@@ -201,14 +201,15 @@ def frequency_response(
     import pandas as pd
 
     system = ActuatorSystem(actuator, drive)
-    for name in ("omega", "amplitude"):
+    parameter = system.frequency_parameter
+    for name in (parameter, "amplitude"):
         system.check_parameter(name)
     given = system.value("amplitude") if amplitudes is None else amplitudes
     values = np.atleast_1d(np.asarray(given, dtype=float))
     parts = []
     for amplitude in values.tolist():
         table = sweep(
-            system.changed(amplitude=amplitude), "omega", omegas, direction=direction,
+            system.changed(amplitude=amplitude), parameter, frequencies, direction=direction,
             transient=transient, periods=periods, options=options, workers=workers,
         )  # fmt: skip
         summary = sweep_summary(table)
@@ -219,7 +220,7 @@ def frequency_response(
     deflection = np.where(found["impacting"], actuator.delta, actuator.delta - gap)
     columns = ["impacting", "impacts per period", "blows per period", "displacement per period",
                "mean speed", "status"]  # fmt: skip
-    first = found[["amplitude", "direction", "omega"]].assign(deflection=deflection)
+    first = found[["amplitude", "direction", parameter]].assign(deflection=deflection)
     result = pd.concat([first, found[columns]], axis=1)
     units = {**table.attrs["units"]}
     if system.units:
@@ -240,8 +241,8 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per amplitude and direction: the lowest and the highest omega with impacts (NaN if
-        there are none), and the smallest and largest mean speed among them.
+        One row per amplitude and direction: the lowest and the highest frequency with impacts (NaN
+        if there are none), and the smallest and largest mean speed among them.
 
     Raises
     ------
@@ -263,25 +264,27 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     """
     import pandas as pd
 
-    if not {"omega", "direction", "deflection", "impacting"} <= set(table.columns):
+    parameter = next((name for name in ("frequency", "omega") if name in table), "omega")
+    if not {parameter, "direction", "deflection", "impacting"} <= set(table.columns):
         raise InvalidParameter("table", None, "", problem="not a table of frequency_response")
     rows = []
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
         on = group[group["impacting"]]
-        omega, speed = on["omega"], on["mean speed"]
+        where, speed = on[parameter], on["mean speed"]
         rows.append(
             {
                 "amplitude": amplitude,
                 "direction": direction,
-                "omega from": omega.min(),
-                "omega to": omega.max(),
+                f"{parameter} from": where.min(),
+                f"{parameter} to": where.max(),
                 "mean speed min": speed.min(),
                 "mean speed max": speed.max(),
             }
         )
     result = pd.DataFrame(rows)
     units = table.attrs.get("units", {})
-    names = {"omega from": "omega", "omega to": "omega", "amplitude": "amplitude",
+    names = {f"{parameter} {end}": parameter for end in ("from", "to")}
+    names |= {"amplitude": "amplitude",
              "mean speed min": "mean speed", "mean speed max": "mean speed"}  # fmt: skip
     result.attrs = {"units": {name: units[of] for name, of in names.items() if of in units}}
     return result

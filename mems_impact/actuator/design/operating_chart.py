@@ -53,7 +53,7 @@ __all__ = ["ChartBuilder", "OperatingChart", "locate_crisis", "operating_chart"]
 
 # --- Operating charts
 
-AMPLITUDE, OMEGA = "amplitude", "omega"
+AMPLITUDE = "amplitude"
 ON, OFF, SLIP = "on", "off", "slip"
 STEADY_FROM, STEADY_TO = "steady from", "steady to"
 
@@ -67,8 +67,8 @@ class OperatingChart(Result):
     Attributes
     ----------
     system : ActuatorSystem
-    omega : tuple of float
-        The range of the chart.
+    frequencies : tuple of float
+        The range of the chart, of omega or, if the drive has one, of its frequency [Hz].
     special_points : tuple of CodimensionTwo
         Points of codimension two of the grazing curve, which separate the types.
     notes : tuple of str
@@ -89,52 +89,61 @@ class OperatingChart(Result):
     """
 
     system: ActuatorSystem = field(repr=False)
-    omega: tuple[float, float]
+    frequencies: tuple[float, float]
     special_points: tuple[CodimensionTwo, ...]
     notes: tuple[str, ...]
     regions: tuple[tuple[GrazingType, float, float], ...]
     pieces: tuple[tuple[str, GrazingType | None, str, tuple[Point, ...]], ...] = field(repr=False)
 
     def __repr__(self) -> str:
-        low, high = self.omega
+        low, high = self.frequencies
         notes = f"; {len(self.notes)} notes" if self.notes else ""
-        return f"OperatingChart({OMEGA} {low:g} to {high:g}, types {self._types()}{notes})"
+        return f"OperatingChart({self._name} {low:g} to {high:g}, types {self._types()}{notes})"
 
     def summary(self) -> dict[str, Any]:
         """Return the range, the types and the points between them."""
-        low, high = self.omega
-        found = [f"{s.kind} at {s.values[OMEGA]:.6g}" for s in self.special_points]
+        low, high = self.frequencies
+        found = [f"{s.kind} at {s.values[self._name]:.6g}" for s in self.special_points]
         return {
             "system": repr(self.system),
-            self.system.label(OMEGA): f"{low:g} to {high:g}",
+            self.system.label(self._name): f"{low:g} to {high:g}",
             "types": self._types(),
             "special points": ", ".join(found) or "none",
             "notes": "; ".join(self.notes) or "none",
         }
+
+    @property
+    def parameters(self) -> tuple[str, str]:
+        """Names of the two parameters: "omega" or "frequency", and "amplitude"."""
+        return self.system.frequency_parameter, AMPLITUDE
+
+    @property
+    def _name(self) -> str:
+        return self.parameters[0]
 
     def _types(self) -> str:
         return ", ".join(region.paper for region, _, _ in self.regions) or "none"
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row per point of a boundary, each boundary in ascending omega.
+        """One row per point of a boundary, each boundary in ascending frequency.
 
         Columns: boundary ("on", "off"; if the frame slips before the block strikes also "slip", the
         onset of slip, and "steady from" and "steady to", the window of a period-1 orbit with
-        impacts), omega, amplitude, type of the paper (I, II, III; none if the frame slips first),
-        kind of bifurcation (grazing, fold, crisis, break-away, …).
+        impacts), omega or frequency, amplitude, type of the paper (I, II, III; none if the frame
+        slips first), kind of bifurcation (grazing, fold, crisis, break-away, …).
         """
         rows = [
             {
                 "boundary": boundary,
-                "values": (self.system.out(OMEGA, omega), self.system.out(AMPLITUDE, amplitude)),
+                "values": tuple(map(self.system.out, self.parameters, point)),
                 "type": region.paper if region is not None else "",
                 "kind": kind,
             }
             for boundary, region, kind, points in self.pieces
-            for omega, amplitude in points
+            for point in points
         ]
-        return results.chart((OMEGA, AMPLITUDE), rows, self.system)
+        return results.chart(self.parameters, rows, self.system)
 
     @cached_property
     def types(self) -> pd.DataFrame:
@@ -144,22 +153,22 @@ class OperatingChart(Result):
             {
                 "type": region.paper,
                 "grazing": str(region),
-                "values": (self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+                "values": (self.system.out(self._name, low), self.system.out(self._name, high)),
                 ON: kinds.get((ON, region), ""),
                 OFF: kinds.get((OFF, region), ""),
             }
             for region, low, high in self.regions
         ]
-        return results.chart_types(OMEGA, rows, self.system)
+        return results.chart_types(self._name, rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row per point of codimension two: kind, omega, amplitude."""
+        """One row per point of codimension two: kind, omega or frequency, amplitude."""
         rows = [
-            {"kind": s.kind, "values": (s.values[OMEGA], s.values[AMPLITUDE])}
+            {"kind": s.kind, "values": (s.values[self._name], s.values[AMPLITUDE])}
             for s in self.special_points
         ]
-        return results.chart_points((OMEGA, AMPLITUDE), rows, self.system)
+        return results.chart_points(self.parameters, rows, self.system)
 
 
 # --- Crises, by simulation
@@ -414,7 +423,7 @@ FREQUENCY_COLUMNS = 9  # default number of frequencies of thresholds
 START_AMPLITUDE_RATIO = 0.1  # amplitude of the first orbit without impacts, relative to pull-in
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 SAME_FREQUENCY_RTOL = 1e-9  # largest relative difference of equal frequencies
-SLIDES = "raise mu_s, soften k, or take another range of omega"
+SLIDES = "raise mu_s, soften k, or take another range of frequency"
 TOUCH = 1e-3  # largest relative difference of amplitudes at a common point of two curves
 
 
@@ -443,7 +452,7 @@ class ChartBuilder:
     report : callable
         Called with a line of text for every part.
     omega : tuple of float
-        The range of the chart.
+        The range of the chart, of omega or frequency, scaled.
     """
 
     def __init__(
@@ -455,6 +464,7 @@ class ChartBuilder:
         omega: tuple[float, float],
     ) -> None:
         self.system, self.steps, self.report, self.omega = system, steps, report, omega
+        self.name = system.frequency_parameter
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
@@ -479,7 +489,7 @@ class ChartBuilder:
         self.special_points = tuple(
             sorted(
                 (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
-                key=lambda s: s.values[OMEGA],
+                key=lambda s: s.values[self.name],
             )
         )
         self.marks = {s.values[1] for s in marks}
@@ -515,7 +525,7 @@ class ChartBuilder:
         low, high = self.omega
         return OperatingChart(
             system=self.system,
-            omega=(self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+            frequencies=(self.system.out(self.name, low), self.system.out(self.name, high)),
             special_points=self.special_points,
             notes=tuple(self.notes),
             regions=tuple(self.regions),
@@ -546,10 +556,8 @@ class ChartBuilder:
     def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
         """Return the branch at one frequency, empty, and its points."""
         amplitude = START_AMPLITUDE_RATIO * self.pull_in
-        family = self.family.at(amplitude=amplitude, omega=omega)
-        here = self.system.changed(
-            amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
-        )
+        family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
+        here = self._system_at(omega).changed(amplitude=self.system.out(AMPLITUDE, amplitude))
         rest = here.hybrid_state(State(), family.problem())
         try:
             orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
@@ -596,7 +604,7 @@ class ChartBuilder:
             first, kind = self._first(omega)
             if kind == SLIPS:
                 yield SLIP, _Place(omega, first, kind, self._slip(omega))
-            here = self.system.changed(omega=self.system.out(OMEGA, omega))
+            here = self._system_at(omega)
             begin = self.system.out(AMPLITUDE, first)
             try:
                 on, kind, special, state = onset(here, begin, most, watch)
@@ -679,14 +687,14 @@ class ChartBuilder:
 
     def _remedy(self, *omegas: float) -> str:
         """Return the remedy for an orbit without impacts that does not graze."""
-        return "lower the damping c, or take another range of omega"
+        return "lower the damping c, or take another range of frequency"
 
     def _grazing(self, omega: float) -> BranchEvent:
         """Return the grazing of the orbit without impacts; OrbitError if there is none."""
         for special in self._special(omega, _grazes):
             if _grazes(special):
                 return special
-        raise OrbitError(self._not_grazing(omega), "take another range of omega")
+        raise OrbitError(self._not_grazing(omega), "take another range of frequency")
 
     def _not_grazing(self, omega: float) -> str:
         """Return a description of the special points at a frequency without grazing."""
@@ -702,16 +710,19 @@ class ChartBuilder:
         value = self.system.out(AMPLITUDE, amplitude)
         return f"{self.system.label(AMPLITUDE)} = {value:.6g}"
 
+    def _system_at(self, omega: float) -> ActuatorSystem:
+        return self.system.changed(**{self.name: self.system.out(self.name, omega)})
+
     def _number(self, omega: float) -> str:
-        return f"{self.system.out(OMEGA, omega):.9g}"
+        return f"{self.system.out(self.name, omega):.9g}"
 
     def _at(self, omega: float) -> str:
         """Return a frequency as text, in the system's units."""
-        return f"{self.system.label(OMEGA)} = {self._number(omega)}"
+        return f"{self.system.label(self.name)} = {self._number(omega)}"
 
     def _curve(self, special: BranchEvent, low: float, high: float, direction: float) -> OrbitCurve:
         return follow_curve(
-            special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
+            special, AMPLITUDE, self.name, low=low, high=high, direction=direction, steps=self.steps
         )
 
     def _type(self, left: float, right: float) -> GrazingType:
@@ -805,9 +816,9 @@ class ChartBuilder:
                 specials = self._special(omega, lambda special: special.kind == "fold", watch)
                 met = [s.value for s in specials if s.kind == "fold"]
                 if not met:
-                    raise OrbitError("no fold to begin at", "take another range of omega")
+                    raise OrbitError("no fold to begin at", "take another range of frequency")
                 fold = met[0]
-                here = self.system.changed(omega=out(OMEGA, omega))
+                here = self._system_at(omega)
                 value = locate_crisis(
                     here.actuator,
                     here.drive,
@@ -868,7 +879,8 @@ def operating_chart(
     actuator: Actuator,
     drive: Drive | None = None,
     *,
-    omega: tuple[float | None, float | None] = (None, None),
+    omega: tuple[float | None, float | None] | None = None,
+    frequency: tuple[float | None, float | None] | None = None,
     crises: int = 7,
     periods: int = 2000,
     options: Options | None = None,
@@ -897,9 +909,12 @@ def operating_chart(
     drive : Drive, optional
         A waveform with ``amplitude`` and ``omega``, whose values are ignored; a sine by default.
     omega : tuple of float, optional
-        Range of the frequency [rad/s]. The default for either end is a band about the resonance of
-        the block, in which the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``; for the
-        device of the paper this is the range of Fig. 7, 0.44 to 0.51.
+        Range of the angular frequency [rad/s]. The default for either end is a band about the
+        resonance of the block, in which the force repeats 0.88 to 1.02 times in
+        ``2 pi sqrt(m2/k)``; for the device of the paper this is the range of Fig. 7, 0.44 to 0.51.
+    frequency : tuple of float, optional
+        Range of the frequency [Hz] in place of `omega`; tables and figures are then in hertz, as
+        they are if the drive was given by its frequency.
     crises : int, optional
         Number of frequencies of type III at which the crisis is simulated, >= 0.
     periods : int, optional
@@ -943,21 +958,27 @@ def operating_chart(
     ['III', 'II', 'I']
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
+    if frequency is not None:
+        if omega is not None:
+            raise InvalidParameter("frequency", frequency, "omitted if omega is given")
+        drive = drive.replace(frequency=1.0)
+    elif omega is not None:
+        drive = drive.replace(omega=1.0)
     system = ActuatorSystem(actuator, drive)
+    name = system.frequency_parameter
     for term in actuator.terms:
         if term.instead == "stopper":
             raise _uncharted(term, "without impacts there is no grazing of the paper's types")
         if term.signed:
             raise _uncharted(term, "every grazing occurs twice in a period of the voltage")
-    for name in (AMPLITUDE, OMEGA):
-        if name not in system.parameters:
-            raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
-    low, high = _range(omega, _band(system))
-    system.changed(omega=low)
+    if not {AMPLITUDE, name} <= set(system.parameters):
+        raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
+    low, high = _range(name, frequency or omega or (None, None), _band(system))
+    system.changed(**{name: low})
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     report = progress_line(progress)
-    ends = system.into(OMEGA, low), system.into(OMEGA, high)
+    ends = system.into(name, low), system.into(name, high)
     chosen = ORBIT_OPTIONS if options is None else options
     maker = ChartBuilder(system, chosen, steps, report, ends)
     try:
@@ -976,25 +997,26 @@ def _uncharted(term: Term, reason: str) -> InvalidParameter:
 
 
 def _band(system: ActuatorSystem) -> tuple[float, float]:
-    """Return the band of omega in which the force is near the resonance of the block."""
+    """Return the band of omega or frequency in which the force is near the block's resonance."""
     own = math.sqrt(system.actuator.k / system.actuator.m2)
     drive = system.changed(omega=own).drive
     repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega
-    return BAND[0] * own / repeats, BAND[1] * own / repeats
+    unit = 2.0 * math.pi if system.frequency_parameter == "frequency" else 1.0
+    return BAND[0] * own / repeats / unit, BAND[1] * own / repeats / unit
 
 
 def _range(
-    omega: tuple[float | None, float | None], band: tuple[float, float]
+    name: str, given: tuple[float | None, float | None], band: tuple[float, float]
 ) -> tuple[float, float]:
     allowed = "(lowest, highest) with 0 < lowest < highest"
     try:
-        given_low, given_high = omega
+        given_low, given_high = given
     except (TypeError, ValueError):
-        raise InvalidParameter("omega", omega, allowed) from None
+        raise InvalidParameter(name, given, allowed) from None
     low = band[0] if given_low is None else given_low
     high = band[1] if given_high is None else given_high
     if not (is_number(low) and is_number(high) and 0.0 < low < high):
-        raise InvalidParameter("omega", (low, high), allowed)
+        raise InvalidParameter(name, (low, high), allowed)
     return float(low), float(high)
 
 

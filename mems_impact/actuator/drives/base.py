@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -11,12 +12,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import model_validator
 
+from mems_impact._util.quantities import has_unit
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.actuator.parameter_base import Checked
+from mems_impact.actuator.parameter_base import Checked, quantity
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
+from mems_impact.systems.state import is_number
 
 __all__ = ["Drive", "Waveform"]
 
@@ -116,6 +120,64 @@ class Drive(Checked, ABC):
         left_voltage: ClassVar = None
         left_rate: ClassVar = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _convert_frequency(cls, values: Any) -> Any:
+        """Compute omega from a frequency."""
+        if "omega" not in cls.model_fields or not isinstance(values, Mapping):
+            return values
+        frequency = values.get("frequency")
+        if frequency is None:
+            return values
+        if has_unit(frequency):
+            frequency = quantity("frequency", frequency, "Hz")
+        if not is_number(frequency) or frequency <= 0.0:
+            raise InvalidParameter("frequency", frequency, "a finite number > 0")
+        omega = 2.0 * math.pi * frequency
+        if values.get("omega", omega) != omega:
+            raise InvalidParameter("frequency", frequency, "omitted if omega is given")
+        others = {name: value for name, value in values.items() if name != "frequency"}
+        own = {"frequency": frequency} if "frequency" in cls.model_fields else {}
+        return {**others, **own, "omega": omega}
+
+    def _replaced(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all fields after changes; of omega and frequency, the one that was changed."""
+        values = {**dict(self), **changes}
+        if changes.get("frequency", values.get("frequency")) is not None:
+            del values[
+                "frequency" if "omega" in changes and "frequency" not in changes else "omega"
+            ]
+        return values
+
+    def replace(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed, checked like a new one.
+
+        Parameters
+        ----------
+        **changes : object
+            New values, by parameter name. Of ``omega`` and ``frequency``, the one that is given
+            replaces both.
+
+        Raises
+        ------
+        InvalidParameter
+            If the changed set is not allowed, or a name is unknown.
+        """
+        return type(self)(**self._replaced(changes))
+
+    __replace__ = replace
+
+    def replace_unchecked(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed, without validation."""
+        values = self._replaced(changes)
+        if "omega" in dict(self) and "omega" not in values:
+            values["omega"] = 2.0 * math.pi * values["frequency"]
+        return type(self).model_construct(**values)
+
+    def __repr_args__(self) -> Any:
+        hidden = "omega" if getattr(self, "frequency", None) is not None else "frequency"
+        return [(name, value) for name, value in dict(self).items() if name != hidden]
+
     @property
     def time_scale(self) -> float:
         """Characteristic time of the voltage."""
@@ -173,10 +235,12 @@ class Drive(Checked, ABC):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the numbers that can be varied; those of a nested drive as ``wave.omega``."""
-        own = []
+        own: list[str] = []
         for name in type(self).model_fields:
             value = getattr(self, name)
-            if isinstance(value, float):
+            if name == "omega" and getattr(self, "frequency", None) is not None:
+                own.append("frequency")
+            elif isinstance(value, float) and name not in own:
                 own.append(name)
             elif isinstance(value, Drive):
                 own += [f"{name}.{inner}" for inner in value.names]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
@@ -23,7 +22,6 @@ from mems_impact.actuator.toml_files import (
     resolve_code_path,
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
-from mems_impact.systems.state import is_number
 
 __all__ = [
     "SAMPLE_SUFFIXES",
@@ -46,7 +44,7 @@ CODE = CodeRequest(
 DRIVE_FILE_REMEDY = (
     'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
 )
-_BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
+_BESIDE = ("name", "description", "units", "parameters", "design")  # what a device file holds
 MAX_DRIVE_FILE_BYTES = 10_000_000  # bytes
 
 
@@ -169,8 +167,6 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
         allowed = f"one of {', '.join(drive_kinds())}"
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
-    if "frequency" in values and "frequency" not in kind.model_fields:
-        values = _in_hertz(values, kind)
     if kind is Sampled and "file" in values:
         return _measured(values, file.parent)
     if kind is Custom:
@@ -186,20 +182,6 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
                     field_name, error.value, error.allowed, error.source, problem=error.problem
                 ) from None
     return kind(**values)
-
-
-def _in_hertz(values: dict[str, Any], kind: type[Drive]) -> dict[str, Any]:
-    """Return the parameters of a waveform with ``frequency`` converted to ``omega``."""
-    frequency = values["frequency"]
-    if "omega" not in kind.model_fields:
-        allowed = f"one of {', '.join(kind.model_fields)}"
-        raise InvalidParameter("frequency", frequency, allowed, problem=f"must be {allowed}")
-    if "omega" in values:
-        raise InvalidParameter("frequency", frequency, "omitted if omega is given")
-    if not is_number(frequency) or frequency <= 0.0:
-        raise InvalidParameter("frequency", frequency, "a finite number > 0")
-    others = {name: value for name, value in values.items() if name != "frequency"}
-    return {**others, "omega": 2.0 * math.pi * frequency}
 
 
 def _measured(values: dict[str, Any], folder: Path) -> Sampled:

@@ -45,6 +45,8 @@ class Sine(Drive):
         Constant part [V]; 0 in the paper.
     phase : float, optional
         Phase [rad].
+    frequency : float, optional
+        Frequency [Hz], > 0, in place of omega: parameter, tables and figures are then in hertz.
 
     Raises
     ------
@@ -70,8 +72,9 @@ class Sine(Drive):
     omega: Positive
     bias: Number = 0.0
     phase: Number = 0.0
+    frequency: Positive | None = None
 
-    units = {"amplitude": "V", "omega": "rad/s", "bias": "V"}  # noqa: RUF012 - ClassVar above
+    units = {"amplitude": "V", "omega": "rad/s", "bias": "V", "frequency": "Hz"}  # noqa: RUF012
 
     voltage = staticmethod(_sine_voltage)
     voltage_rate = staticmethod(_sine_voltage_rate)
@@ -106,6 +109,8 @@ class Sine(Drive):
         """Return q, period and time scale in `scales`, at other values; there are no switches."""
         amplitude = changes.get("amplitude", self.amplitude)
         omega = changes.get("omega", self.omega)
+        if "frequency" in changes:
+            omega = 2.0 * math.pi * changes["frequency"]
         bias = changes.get("bias", self.bias)
         phase = changes.get("phase", self.phase)
         if scales is not DIMENSIONLESS:

@@ -42,6 +42,8 @@ class Square(PiecewiseDrive):
         Lower voltage [V], 0 by default.
     phase : float, optional
         Phase [rad].
+    frequency : float, optional
+        Frequency [Hz], > 0, in place of omega: parameter, tables and figures are then in hertz.
 
     Raises
     ------
@@ -72,12 +74,14 @@ class Square(PiecewiseDrive):
     rise: NonNegative = 0.0
     low: Number = 0.0
     phase: Number = 0.0
+    frequency: Positive | None = None
 
     units = {  # noqa: RUF012 - ClassVar in Drive
         "amplitude": "V",
         "omega": "rad/s",
         "rise": "s",
         "low": "V",
+        "frequency": "Hz",
     }
 
     @model_validator(mode="after")

@@ -32,6 +32,8 @@ class Trapezoid(PiecewiseDrive):
         Constant part [V].
     phase : float, optional
         Phase [rad].
+    frequency : float, optional
+        Frequency [Hz], > 0, in place of omega: parameter, tables and figures are then in hertz.
 
     Raises
     ------
@@ -55,8 +57,9 @@ class Trapezoid(PiecewiseDrive):
     flat: Annotated[Number, Ge(0), Lt(1)] = 0.5
     bias: Number = 0.0
     phase: Number = 0.0
+    frequency: Positive | None = None
 
-    units = {"amplitude": "V", "omega": "rad/s", "bias": "V"}  # noqa: RUF012 - ClassVar in Drive
+    units = {"amplitude": "V", "omega": "rad/s", "bias": "V", "frequency": "Hz"}  # noqa: RUF012
 
     @model_validator(mode="after")
     def _check_period(self) -> Self:

@@ -1,0 +1,167 @@
+"""Quantities with units, as people write them: "600 Hz", "4 um", "5 %".
+
+A small table serves better than a units library here: libraries treat 1 Hz as 1 rad/s, while here
+a frequency of 600 Hz given for an angular frequency is 3770 rad/s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from typing import Any, NamedTuple
+
+from mems_impact._util.units import PREFIXED, SI_PREFIXES
+
+__all__ = ["QuantityError", "has_unit", "magnitude"]
+
+
+class QuantityError(ValueError):
+    """A text that is not a quantity of the expected kind."""
+
+
+class Unit(NamedTuple):
+    """A unit: its factor to base units, and the powers of kg, m, s, A and rad."""
+
+    factor: float
+    powers: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+FACTOR = re.compile(r"([^\d\s*/^.-]+)(?:\^|\*\*)?([-+]?\d+(?:\.\d+)?)?")
+PREFIX_FACTORS = {letter: 10.0**power for power, letter in SI_PREFIXES.items() if letter}
+PREFIX_FACTORS |= {"u": 1e-6, "\N{GREEK SMALL LETTER MU}": 1e-6}
+
+BASE = {
+    "kg": Unit(1.0, (1, 0, 0, 0, 0)),
+    "g": Unit(1e-3, (1, 0, 0, 0, 0)),
+    "m": Unit(1.0, (0, 1, 0, 0, 0)),
+    "s": Unit(1.0, (0, 0, 1, 0, 0)),
+    "A": Unit(1.0, (0, 0, 0, 1, 0)),
+    "rad": Unit(1.0, (0, 0, 0, 0, 1)),
+    "Hz": Unit(2.0 * math.pi, (0, 0, -1, 0, 1)),
+    "V": Unit(1.0, (1, 2, -3, -1, 0)),
+    "N": Unit(1.0, (1, 1, -2, 0, 0)),
+    "J": Unit(1.0, (1, 2, -2, 0, 0)),
+    "W": Unit(1.0, (1, 2, -3, 0, 0)),
+    "Pa": Unit(1.0, (1, -1, -2, 0, 0)),
+    "F": Unit(1.0, (-1, -2, 4, 2, 0)),
+    "C": Unit(1.0, (0, 0, 1, 1, 0)),
+    "ohm": Unit(1.0, (1, 2, -3, -2, 0)),
+}
+OTHERS = {
+    "%": Unit(1e-2),
+    "deg": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
+    "°": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
+    "rpm": Unit(2.0 * math.pi / 60.0, (0, 0, -1, 0, 1)),
+    "min": Unit(60.0, (0, 0, 1, 0, 0)),
+    "h": Unit(3600.0, (0, 0, 1, 0, 0)),
+    "bar": Unit(1e5, (1, -1, -2, 0, 0)),
+    "mbar": Unit(1e2, (1, -1, -2, 0, 0)),
+    "atm": Unit(101325.0, (1, -1, -2, 0, 0)),
+    "Torr": Unit(101325.0 / 760.0, (1, -1, -2, 0, 0)),
+    "\N{OHM SIGN}": BASE["ohm"],
+    "\N{GREEK CAPITAL LETTER OMEGA}": BASE["ohm"],
+}
+"""Units without prefixes, or with other ones."""
+
+OHMS = ("\N{OHM SIGN}", "\N{GREEK CAPITAL LETTER OMEGA}")
+ALLOWED_PREFIXES = (*PREFIXED, "g", *OHMS)
+
+
+def has_unit(value: Any) -> bool:
+    """Return whether `value` is a text of a number and a unit, or a quantity of pint."""
+    if isinstance(value, str):
+        found = NUMBER.fullmatch(value)
+        return found is not None and found[2] != ""
+    return _is_pint(value)
+
+
+def magnitude(value: Any, unit: str) -> float:
+    """Return a quantity as a number in `unit`.
+
+    Parameters
+    ----------
+    value : str or pint.Quantity
+        A number with a unit, such as "4 um".
+    unit : str
+        An SI unit, such as "N/m"; empty for a pure number.
+
+    Raises
+    ------
+    QuantityError
+        If it is no number with a unit, or the unit measures something else.
+
+    Examples
+    --------
+    >>> magnitude("4 um", "m"), magnitude("0.5 kHz", "Hz"), magnitude("5 %", "")
+    (4e-06, 500.0, 0.05)
+    """
+    if _is_pint(value):
+        number, own = Decimal(repr(float(value.magnitude))), f"{value.units:~C}"
+    else:
+        found = NUMBER.fullmatch(value)
+        if found is None:
+            raise QuantityError(_expected(unit))
+        number, own = Decimal(found[1]), found[2]
+    try:
+        given = _product(own)
+    except KeyError:
+        raise QuantityError(_expected(unit)) from None
+    wanted = _product(unit)
+    # An angle is a pure number where no angle is expected.
+    if given.powers != wanted.powers and (unit or given.powers[:-1] != wanted.powers[:-1]):
+        raise QuantityError(_expected(unit))
+    ratio = given.factor / wanted.factor
+    power = round(math.log10(ratio))
+    if math.isclose(ratio, 10.0**power, rel_tol=1e-12):
+        return float(number.scaleb(power))  # rounded once: 0.2 mg are 2e-7 kg to the last digit
+    return float(number) * ratio
+
+
+def _expected(unit: str) -> str:
+    """Return what is expected, worded to follow "must be"."""
+    if not unit:
+        return 'a number, or a percentage such as "5 %"'
+    return f"a number [{unit}], or a text with a unit of that kind, such as {_example(unit)}"
+
+
+def _example(unit: str) -> str:
+    prefixed = {"m": "4 um", "s": "2 ms", "V": "70 V", "Hz": "1.2 kHz", "rad/s": "1.2 kHz"}
+    prefixed |= {"kg": "0.2 mg", "N": "3 uN", "F": "1 pF", "ohm": "1 kohm", "m^2": "0.1 mm^2"}
+    return f'"{prefixed.get(unit, f"1 {unit}")}"'
+
+
+def _product(text: str) -> Unit:
+    """Return a product of units, such as "N s/m^2"; KeyError if it is none."""
+    factor, powers = 1.0, [0.0] * 5
+    for i, group in enumerate(text.replace("·", " ").replace("**", "^").split("/")):
+        sign = 1.0 if i == 0 else -1.0
+        for token in re.split(r"[\s*]+", group.strip()):
+            if token in ("", "1"):
+                continue
+            found = FACTOR.fullmatch(token.replace("²", "^2").replace("³", "^3"))
+            if found is None:
+                raise KeyError(token)
+            power = sign * float(found[2] or 1.0)
+            own = _unit(found[1])
+            factor *= own.factor**power
+            powers = [a + power * b for a, b in zip(powers, own.powers, strict=True)]
+    return Unit(factor, tuple(powers))
+
+
+def _unit(name: str) -> Unit:
+    """Return a unit, with or without a prefix."""
+    if name in BASE:
+        return BASE[name]
+    if name in OTHERS:
+        return OTHERS[name]
+    prefix, base = name[:1], name[1:]
+    own = OTHERS[base] if base in OHMS else BASE[base]
+    if prefix not in PREFIX_FACTORS or base not in ALLOWED_PREFIXES:
+        raise KeyError(name)
+    return Unit(own.factor * PREFIX_FACTORS[prefix], own.powers)
+
+
+def _is_pint(value: Any) -> bool:
+    return hasattr(value, "magnitude") and hasattr(value, "units")

@@ -1,0 +1,446 @@
+"""Data sheets: a device by the quantities that designers know.
+
+Quantities are related by equations (`RELATIONS`). Those given are propagated through these until
+they determine the eleven parameters; an equation whose quantities are all known is a check.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from scipy.optimize import brentq
+
+from mems_impact._util.formatting import html_table
+from mems_impact._util.quantities import has_unit
+from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
+from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.parameter_base import quantity, unknown
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.terms.base import Term
+from mems_impact.errors import InvalidParameter
+from mems_impact.systems.state import is_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["DataSheet", "actuator_from_design"]
+
+PERMITTIVITY = 8.8541878188e-12  # of vacuum [F/m], CODATA 2022
+STANDARD_GRAVITY = 9.80665  # m/s^2
+CONSISTENT_RTOL = 1e-6  # relative difference of two values of a quantity that agree
+PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pull-in voltage
+PULL_IN_ITERATIONS = 50
+SNAP = 1.0 / 3.0  # of the gap, where a slowly rising voltage makes the block snap
+STICKS, SLIPS = "sticks until the blow", "slips before the blow"
+
+
+OF_PARAMETER = {entry.parameter: name for name, entry in QUANTITIES.items() if entry.parameter}
+
+# --- Relations
+
+
+class Relation(ABC):
+    """An equation between quantities."""
+
+    names: tuple[str, ...]
+
+    @abstractmethod
+    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+        """Return the quantity `name` from all others; None if they do not determine it."""
+
+
+class PowerLaw(Relation):
+    """A product of powers that is constant.
+
+    Parameters
+    ----------
+    constant : float
+    **powers : float
+        Exponents by quantity.
+    """
+
+    def __init__(self, constant: float, **powers: float) -> None:
+        self.constant, self.powers, self.names = constant, powers, tuple(powers)
+
+    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+        """Return the quantity `name` from all others; None if they do not determine it."""
+        factors = (known[other] ** -power for other, power in self.powers.items() if other != name)
+        try:
+            return float((self.constant * math.prod(factors)) ** (1.0 / self.powers[name]))
+        except ArithmeticError:
+            return None
+
+
+class TotalMass(Relation):
+    """The sum of the two masses."""
+
+    names = ("total_mass", "frame_mass", "proof_mass")
+
+    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+        """Return one of the masses."""
+        if name == "total_mass":
+            return known["frame_mass"] + known["proof_mass"]
+        other = "proof_mass" if name == "frame_mass" else "frame_mass"
+        return known["total_mass"] - known[other]
+
+
+class MassShare(Relation):
+    """The sum of the two masses, by their ratio."""
+
+    names = ("total_mass", "proof_mass", "mass_ratio")
+
+    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+        """Return one of the masses, or the ratio."""
+        if name == "mass_ratio":
+            return known["total_mass"] / known["proof_mass"] - 1.0
+        share = 1.0 + known["mass_ratio"]
+        if name == "total_mass":
+            return share * known["proof_mass"]
+        return known["total_mass"] / share
+
+
+class HoldingVoltage(Relation):
+    """The voltage that balances the spring at the stopper, or at a part of the gap before it.
+
+    v^2 = k x (d - x)^2 / alpha, without terms.
+
+    Parameters
+    ----------
+    voltage : str
+        Name of the voltage.
+    limit : float
+        Largest x, relative to the gap.
+    """
+
+    def __init__(self, voltage: str, limit: float) -> None:
+        self.voltage, self.limit = voltage, limit
+        self.names = (voltage, "stiffness", "gap", "travel", "electrode_constant")
+
+    def squared(self, known: Mapping[str, float]) -> float:
+        """Return the squared voltage times the electrode constant over the stiffness."""
+        place = min(known["travel"], self.limit * known["gap"])
+        return place * (known["gap"] - place) ** 2
+
+    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+        """Return the quantity `name` from all others; None if they do not determine it."""
+        try:
+            if name == self.voltage:
+                over = known["stiffness"] / known["electrode_constant"]
+                return math.sqrt(self.squared(known) * over)
+            if name == "stiffness":
+                over = known[self.voltage] ** 2 / self.squared(known)
+                return over * known["electrode_constant"]
+            if name == "electrode_constant":
+                return known["stiffness"] * self.squared(known) / known[self.voltage] ** 2
+            if name == "gap":
+                return self._gap(known)
+        except (ArithmeticError, ValueError):
+            return None
+        return None  # the travel: two solutions, or any
+
+    def _gap(self, known: Mapping[str, float]) -> float:
+        wanted = known[self.voltage] ** 2 * known["electrode_constant"] / known["stiffness"]
+        travel = known["travel"]
+
+        def difference(gap: float) -> float:
+            return self.squared({"gap": gap, "travel": travel}) / wanted - 1.0
+
+        high = travel + math.sqrt(wanted / travel) + (wanted / (SNAP * (1.0 - SNAP) ** 2)) ** SNAP
+        return float(brentq(difference, travel, 2.0 * high, xtol=1e-30, rtol=1e-15))
+
+
+RELATIONS: tuple[Relation, ...] = (
+    TotalMass(),
+    MassShare(),
+    PowerLaw(1.0, mass_ratio=1, proof_mass=1, frame_mass=-1),
+    PowerLaw((2.0 * math.pi) ** -2, frequency=2, proof_mass=1, stiffness=-1),
+    PowerLaw(1.0, quality=1, damping=1, stiffness=-0.5, proof_mass=-0.5),
+    PowerLaw(0.5, quality=1, damping_ratio=1),
+    PowerLaw(0.5, damping_ratio=1, damping=-1, stiffness=0.5, proof_mass=0.5),
+    PowerLaw(1.0, stiffness=1, travel=1, spring_force=-1),
+    PowerLaw(2.0 / PERMITTIVITY, electrode_area=1, electrode_constant=-1),
+    PowerLaw(2.0, capacitance=1, gap=1, electrode_constant=-1),
+    PowerLaw(1.0, static_friction=1, total_mass=1, gravity=1, static_friction_force=-1),
+    PowerLaw(1.0, dynamic_friction=1, total_mass=1, gravity=1, dynamic_friction_force=-1),
+)
+VOLTAGES: tuple[Relation, ...] = (HoldingVoltage("pull_in", SNAP), HoldingVoltage("release", 1.0))
+"""Relations of devices without terms; terms change them."""
+
+
+# --- From a data sheet to an actuator
+
+
+def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -> Actuator:
+    """Return the actuator of a data sheet; see `Actuator.from_design`."""
+    known = _numbers(given)
+    relations = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
+    known.setdefault("gravity", STANDARD_GRAVITY)
+    known = _propagated(known, relations)
+    voltage = "pull_in" if "pull_in" in known else "release"
+    by_voltage = bool(terms) and "electrode_constant" not in known and voltage in known
+    if by_voltage:
+        known["electrode_constant"] = 1e-20  # corrected below
+    for parameter, name in OF_PARAMETER.items():
+        if name not in known:
+            raise _missing(name, parameter, known, relations)
+    values = {parameter: known[name] for parameter, name in OF_PARAMETER.items()}
+    actuator = Actuator(**values, units="SI", terms=tuple(terms))
+    if by_voltage:
+        actuator = _with_voltage(actuator, voltage, known[voltage])
+    sheet = DataSheet(actuator)
+    for name, value in known.items():
+        if name in ("pull_in", "release") and name in sheet and not _agree(sheet[name], value):
+            raise _contradiction(name, value, sheet[name], "the other quantities and the terms")
+    return actuator
+
+
+def _numbers(given: Mapping[str, Any]) -> dict[str, float]:
+    """Return the given quantities as numbers in SI."""
+    found: dict[str, float] = {}
+    for name, value in given.items():
+        if name == "friction":
+            both = value if isinstance(value, tuple | list) else (value, value)
+            if len(both) != 2:
+                allowed = "one coefficient, or a pair (static, dynamic)"
+                raise InvalidParameter("friction", value, allowed)
+            for own, each in zip(("static_friction", "dynamic_friction"), both, strict=True):
+                if own in given:
+                    raise InvalidParameter("friction", value, f"omitted if {own} is given")
+                found[own] = _number("friction", each, "")
+            continue
+        if name not in QUANTITIES:
+            raise unknown(name, value, [*QUANTITIES, "friction", "terms"])
+        found[name] = _number(name, value, QUANTITIES[name].unit)
+    return found
+
+
+def _number(name: str, value: Any, unit: str) -> float:
+    number = quantity(name, value, unit) if has_unit(value) else value
+    if not is_number(number) or number < 0.0:
+        raise InvalidParameter(name, value, f"a finite number >= 0 [{unit}]".replace(" []", ""))
+    return float(number)
+
+
+def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> dict[str, float]:
+    """Return all quantities that those given determine.
+
+    Raises
+    ------
+    InvalidParameter
+        If two of them contradict each other.
+    """
+    known = dict(given)
+    sources: dict[str, tuple[str, ...]] = {name: (name,) for name in given}
+    waiting = list(relations)
+    while waiting:
+        ready = [each for each in waiting if sum(name not in known for name in each.names) <= 1]
+        if not ready:
+            break
+        # Checks come first, so that a contradiction is reported between quantities that were given.
+        relation = min(ready, key=lambda each: sum(name not in known for name in each.names))
+        waiting.remove(relation)
+        missing = [name for name in relation.names if name not in known]
+        target = missing[0] if missing else _latest(relation.names, given)
+        value = relation.solve(target, known)
+        if value is None:
+            continue
+        others = [name for name in relation.names if name != target]
+        if not missing:
+            if not _agree(known[target], value):
+                raise _contradiction(target, known[target], value, _origin(others, sources, known))
+            continue
+        if not (math.isfinite(value) and value > 0.0):
+            if value == 0.0:
+                known[target], sources[target] = 0.0, tuple(others)
+                continue
+            amounts = _origin(others, sources, known)
+            problem = f"{amounts} give {target} = {value:.6g}, which must be > 0"
+            raise InvalidParameter(others[0], known[others[0]], "", problem=problem)
+        known[target] = value
+        sources[target] = tuple(
+            dict.fromkeys(source for name in others for source in sources[name] if source in given)
+        )
+    return known
+
+
+def _latest(names: Sequence[str], given: Mapping[str, float]) -> str:
+    """Return the quantity that a check computes: one that was given, as far as possible."""
+    return next((name for name in names if name in given), names[0])
+
+
+def _agree(first: float, second: float) -> bool:
+    return math.isclose(first, second, rel_tol=CONSISTENT_RTOL, abs_tol=0.0)
+
+
+def _amount(name: str, value: float) -> str:
+    return f"{name} = {value:.6g} {QUANTITIES[name].unit}".rstrip()
+
+
+def _origin(
+    names: Sequence[str], sources: Mapping[str, Sequence[str]], known: Mapping[str, float]
+) -> str:
+    """Return the given quantities behind some quantities, as text."""
+    given = dict.fromkeys(source for name in names for source in sources[name])
+    return ", ".join(_amount(name, known[name]) for name in given)
+
+
+def _contradiction(name: str, value: float, other: float, source: str) -> InvalidParameter:
+    unit = QUANTITIES[name].unit
+    problem = f"contradicts {source}, which give {f'{other:.6g} {unit}'.rstrip()}; omit one of them"
+    return InvalidParameter(name, value, "", problem=problem)
+
+
+def _missing(
+    name: str, parameter: str, known: Mapping[str, float], relations: Sequence[Relation]
+) -> InvalidParameter:
+    """Return the error about a quantity that is not determined, with what would determine it."""
+    near = [each for each in relations if name in each.names]
+    near.sort(key=lambda each: sum(other not in known for other in each.names))
+    others = [o for each in near for o in each.names if o not in known and o != name]
+    choices = ", ".join(dict.fromkeys([name, *others]))
+    problem = f"not determined; give one more of {choices}"
+    return InvalidParameter(name, None, "", problem=problem)
+
+
+def _with_voltage(actuator: Actuator, name: str, wanted: float) -> Actuator:
+    """Return the device with the electrode constant at which it has a pull-in or release voltage.
+
+    The squared voltage is nearly inverse to the constant, so that the iteration converges.
+    """
+    compute = pull_in_voltage if name == "pull_in" else resting_voltage
+    for _ in range(PULL_IN_ITERATIONS):
+        ratio = (compute(actuator) / wanted) ** 2
+        if ratio == 0.0:
+            break
+        actuator = actuator.replace(alpha=actuator.alpha * ratio)
+        if abs(ratio - 1.0) < PULL_IN_RTOL:
+            return actuator
+    problem = "no electrode gives it with these terms; give electrode_area"
+    raise InvalidParameter(name, wanted, "", problem=problem)
+
+
+# --- From an actuator to a data sheet
+
+
+@dataclass(frozen=True)
+class DataSheet(Mapping[str, Any]):
+    """The data sheet of an actuator in SI: parameters and derived quantities, by name.
+
+    A mapping that `Actuator.from_design` takes: ``Actuator.from_design(**sheet)`` is the actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+
+    See Also
+    --------
+    Actuator, pull_in_voltage
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> sheet = mi.load_actuator("mita2003").datasheet
+    >>> f"{sheet['frequency']:.1f} Hz, Q {sheet['quality']:.1f}, {sheet['pull_in']:.2f} V"
+    '239.9 Hz, Q 5.0, 31.57 V'
+    >>> sheet.regime
+    'sticks until the blow'
+    >>> mi.Actuator.from_design(**sheet) == mi.load_actuator("mita2003")
+    True
+    """
+
+    actuator: Actuator
+
+    def __post_init__(self) -> None:
+        if self.actuator.units != "SI":
+            problem = "a data sheet is in SI; use to_si of a dimensionless device first"
+            raise InvalidParameter("units", self.actuator.units, "", problem=problem)
+
+    @cached_property
+    def _values(self) -> dict[str, Any]:
+        given = {name: getattr(self.actuator, own) for own, name in OF_PARAMETER.items()}
+        known = _propagated(given, RELATIONS)
+        for name, compute in (("pull_in", pull_in_voltage), ("release", resting_voltage)):
+            voltage = self._voltage(compute)
+            if voltage is not None:
+                known[name] = voltage
+        found: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
+        return found | ({"terms": self.actuator.terms} if self.actuator.terms else {})
+
+    def _voltage(self, compute: Callable[[Actuator], float]) -> float | None:
+        try:
+            return compute(self.actuator) or None
+        except InvalidParameter:  # of terms whose equilibrium is unknown
+            return None
+
+    def __getitem__(self, name: str) -> Any:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    @property
+    def pull_in_force(self) -> float | None:
+        """Largest force of spring and electrodes on the frame during a slow pull-in [N].
+
+        It is attained just before the blow, at the pull-in voltage with the block at the stopper;
+        terms other than electrodes are neglected.
+        """
+        if "pull_in" not in self._values:
+            return None
+        device = self.actuator
+        pull = device.alpha * self["pull_in"] ** 2 / (device.d - device.delta) ** 2
+        return max(pull - device.k * device.delta, 0.0)
+
+    @property
+    def regime(self) -> str:
+        """Whether static friction holds the frame until the blow of a slow pull-in.
+
+        Empty if the pull-in voltage is unknown.
+        """
+        force = self.pull_in_force
+        if force is None:
+            return ""
+        return STICKS if force <= self._values.get("static_friction_force", 0.0) else SLIPS
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per quantity, indexed by its name: value, unit, parameter and meaning."""
+        import pandas as pd
+
+        rows = [
+            {
+                "quantity": name,
+                "value": self[name],
+                "unit": QUANTITIES[name].unit,
+                "parameter": QUANTITIES[name].parameter,
+                "meaning": QUANTITIES[name].meaning,
+            }
+            for name in self
+            if name in QUANTITIES
+        ]
+        return pd.DataFrame(rows).set_index("quantity")
+
+    def _rows(self) -> dict[str, str]:
+        rows = {
+            f"{name} ({QUANTITIES[name].meaning})": f"{self[name]:.6g} {QUANTITIES[name].unit}"
+            for name in self
+            if name in QUANTITIES
+        }
+        rows |= {"terms": ", ".join(term.name() for term in self.actuator.terms)}
+        rows |= {"regime (the frame in a slow pull-in)": self.regime}
+        return {name: value for name, value in rows.items() if value}
+
+    def __repr__(self) -> str:
+        width = max(map(len, self._rows()))
+        return "\n".join(f"{name:<{width}}  {value}" for name, value in self._rows().items())
+
+    def _repr_html_(self) -> str:
+        return html_table("DataSheet", self._rows())
