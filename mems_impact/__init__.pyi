@@ -9,6 +9,7 @@ from .actuator.design.characteristics import impact_onset as impact_onset
 from .actuator.design.characteristics import period_one_window as period_one_window
 from .actuator.design.characteristics import resolution as resolution
 from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
+from .actuator.design.data_sheet import DataSheet as DataSheet
 from .actuator.design.energy import Energy as Energy
 from .actuator.design.energy import energy as energy
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage

@@ -195,7 +195,8 @@ def quantity(name: str, value: Any, unit: str) -> float:
 
 
 def _is_numeric(field: FieldInfo) -> bool:
-    return float in (field.annotation, *map(_plain, get_args(field.annotation)))
+    optional = get_args(field.annotation) if get_origin(field.annotation) is not tuple else ()
+    return float in (field.annotation, *map(_plain, optional))
 
 
 _PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("__"))

@@ -66,6 +66,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.load_drive("wave.toml"),
     ]
     assert_type(mi.pull_in_voltage(actuator), float)
+    assert_type(actuator.datasheet, mi.DataSheet)
     assert_type(mi.resting_voltage(actuator), float)
     mi.step_length(actuator, 0.1)
     return actuator, drives[0]

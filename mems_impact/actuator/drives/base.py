@@ -128,6 +128,11 @@ class Drive(Checked, ABC):
             return values
         frequency = values.get("frequency")
         if frequency is None:
+            if "omega" not in values:
+                allowed = "a finite number > 0"
+                raise InvalidParameter(
+                    "omega", None, allowed, problem=f"missing, must be {allowed}"
+                )
             return values
         if has_unit(frequency):
             frequency = quantity("frequency", frequency, "Hz")

@@ -69,7 +69,7 @@ class Sine(Drive):
     """
 
     amplitude: NonNegative
-    omega: Positive
+    omega: Positive = math.nan  # or a frequency
     bias: Number = 0.0
     phase: Number = 0.0
     frequency: Positive | None = None

@@ -69,7 +69,7 @@ class Square(PiecewiseDrive):
     """
 
     amplitude: NonNegative
-    omega: Positive
+    omega: Positive = math.nan  # or a frequency
     duty: Annotated[Number, Gt(0), Lt(1)] = 0.5
     rise: NonNegative = 0.0
     low: Number = 0.0

@@ -53,7 +53,7 @@ class Trapezoid(PiecewiseDrive):
     """
 
     amplitude: NonNegative
-    omega: Positive
+    omega: Positive = math.nan  # or a frequency
     flat: Annotated[Number, Ge(0), Lt(1)] = 0.5
     bias: Number = 0.0
     phase: Number = 0.0

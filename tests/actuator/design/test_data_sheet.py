@@ -107,7 +107,9 @@ def test_a_contradiction_anywhere_is_found():
         device, given = random_sheet(draw)
         sheet = device.datasheet
         name = draw.choice([name for name in sheet if name not in given and name != "gravity"])
-        with pytest.raises(mi.InvalidParameter, match=r"contradicts .*; omit one|which must be > 0"):
+        with pytest.raises(
+            mi.InvalidParameter, match=r"contradicts .*; omit one|which must be > 0"
+        ):
             mi.Actuator.from_design(**{**given, "gravity": 9.80665, name: 1.001 * sheet[name]})
 
 
