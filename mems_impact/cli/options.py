@@ -65,8 +65,8 @@ def number_of(text: str, unit: str) -> float:
 
 def parameter_unit(name: str) -> str:
     """Return the SI unit of a parameter of device, drive or term, or of a state of the device."""
-    from mems_impact.actuator.parameters import PARAMETER_UNITS
     from mems_impact.actuator.terms.files import term_names, term_type
+    from mems_impact.actuator.units import PARAMETER_UNITS
 
     owner, dot, own = name.partition(".")
     if dot and owner in term_names():

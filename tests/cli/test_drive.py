@@ -8,7 +8,7 @@ import mems_impact as mi
 from mems_impact.actuator import drives
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli import COMMAND_NAMES, main_group
-from mems_impact.cli.options import FIELD_NAMES, NUMBERS, described_by_options, drive_from
+from mems_impact.cli.options import NUMBERS, described_by_options, drive_from
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -18,9 +18,7 @@ BURST += "amplitude = 0.2\nomega = 1\n"
 def test_the_options_are_the_fields():
     described = {kind: described_by_options(kind) for kind in WAVEFORMS}
     assert [kind for kind in described if described[kind]] == list(WAVEFORMS)[:4]
-    assert set(NUMBERS) - set(FIELD_NAMES) == {
-        name for names in described.values() for name in names
-    }
+    assert set(NUMBERS) == {name for names in described.values() for name in names}
 
 
 RAMP = """
@@ -149,6 +147,8 @@ def test_si_without_units_is_one_line(cli, tmp_path):
 
 def test_every_command_with_a_drive_takes_a_frequency(cli):
     for command in COMMAND_NAMES:
+        if command == "new":  # whose frequency is the resonance
+            continue
         page = cli(command, "--help").out
         assert ("--omega" in page) == ("--frequency" in page), command
 

@@ -98,7 +98,7 @@ def test_bounds(cli):
             [*FIT, "--target", "pull-in voltage=30 at amplitude=1"],
             ["needs no drive"],
         ),
-        ([*FIT, "--target", f"{BLOW} at colour=1", *VOLTAGE], ["colour", "amplitude, omega"]),
+        ([*FIT, "--target", f"{BLOW} at colour=1", *VOLTAGE], ["colour", "amplitude, frequency"]),
         ([*FIT, "--target", f"{BLOW} at colour", *VOLTAGE], ["'colour'", "NAME=NUMBER"]),
         ([*FIT, "--target", "pull-in voltage=30", "--bounds", "k=1"], ["NAME=LOW:HIGH"]),
         ([*FIT, "--target", "pull-in voltage=30", "--bounds", "e=0.1:1"], ["bounds of e", "k"]),

@@ -77,7 +77,8 @@ def test_what_a_column_names():
     assert with_unit_column(table, "parameter", {}) is table
 
 
-def test_two_runs_beside_each_other(cli):
+def test_two_runs_beside_each_other(cli, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     out = cli(
         "simulate", "mita2003", "--amplitude", "20", *VOLTAGE, "--periods", "1", "--verify"
     ).out

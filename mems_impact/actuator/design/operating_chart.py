@@ -999,7 +999,7 @@ def _uncharted(term: Term, reason: str) -> InvalidParameter:
 def _band(system: ActuatorSystem) -> tuple[float, float]:
     """Return the band of omega or frequency in which the force is near the block's resonance."""
     own = math.sqrt(system.actuator.k / system.actuator.m2)
-    drive = system.changed(omega=own).drive
+    drive = system.drive.replace(omega=own)
     repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega
     unit = 2.0 * math.pi if system.frequency_parameter == "frequency" else 1.0
     return BAND[0] * own / repeats / unit, BAND[1] * own / repeats / unit

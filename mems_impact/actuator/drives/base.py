@@ -128,11 +128,6 @@ class Drive(Checked, ABC):
             return values
         frequency = values.get("frequency")
         if frequency is None:
-            if "omega" not in values:
-                allowed = "a finite number > 0"
-                raise InvalidParameter(
-                    "omega", None, allowed, problem=f"missing, must be {allowed}"
-                )
             return values
         if has_unit(frequency):
             frequency = quantity("frequency", frequency, "Hz")
@@ -144,6 +139,13 @@ class Drive(Checked, ABC):
         others = {name: value for name, value in values.items() if name != "frequency"}
         own = {"frequency": frequency} if "frequency" in cls.model_fields else {}
         return {**others, **own, "omega": omega}
+
+    @model_validator(mode="after")
+    def _check_omega(self) -> Self:
+        if math.isnan(getattr(self, "omega", 0.0)):
+            problem = "missing, must be a finite number > 0"
+            raise InvalidParameter("omega", None, "", problem=problem)
+        return self
 
     def _replaced(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return all fields after changes; of omega and frequency, the one that was changed."""

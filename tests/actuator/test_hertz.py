@@ -1,0 +1,98 @@
+"""Drives in hertz: parameters, tables and figures have the frequency in place of omega."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+MITA = mi.load_actuator("mita2003")
+DRIVES = [
+    mi.Sine(amplitude=40.0, frequency=110.0),
+    mi.Square(amplitude=40.0, frequency=110.0, duty=0.3),
+    mi.Trapezoid(amplitude=40.0, frequency=110.0, bias=5.0),
+]
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_frequency_is_a_parameter(drive):
+    assert drive.omega == 2.0 * math.pi * 110.0
+    assert "frequency" in drive.names
+    assert "omega" not in drive.names
+    other = type(drive)(**{**dict(drive), "frequency": None, "omega": drive.omega})
+    assert other.omega == drive.omega
+    assert other.period == drive.period
+    assert "frequency" not in other.names
+    assert MITA.under(drive).units["frequency"] == "Hz"
+    numbers, others = (MITA.under(each).numbers() for each in (drive, other))
+    assert numbers.period == pytest.approx(others.period, rel=1e-15)
+    assert numbers.parameters == pytest.approx(others.parameters, rel=1e-15)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_the_one_that_is_changed_replaces_both(drive):
+    assert drive.replace(frequency=220.0).omega == 2.0 * drive.omega
+    assert drive.replace(omega=5.0).names[1] == "omega"
+    assert drive.replace(omega=5.0).replace(frequency=1.0).omega == 2.0 * math.pi
+    assert drive.replace(amplitude=30.0).frequency == 110.0
+    assert drive.varied({"frequency": 55.0}, checked=False).omega == pytest.approx(
+        0.5 * drive.omega
+    )
+    assert drive.scaled(2.0, 1e-3).frequency == pytest.approx(0.11)
+    for copied in (pickle.loads(pickle.dumps(drive)), copy.deepcopy(drive)):
+        assert copied == drive
+
+
+def test_both_are_refused():
+    with pytest.raises(mi.InvalidParameter, match="omitted if omega is given"):
+        mi.Sine(amplitude=1.0, omega=1.0, frequency=1.0)
+    with pytest.raises(mi.InvalidParameter, match="frequency = 0: must be a finite number > 0"):
+        mi.Sine(amplitude=1.0, frequency=0)
+
+
+def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
+    drive, other = DRIVES[0], mi.Sine(amplitude=40.0, omega=DRIVES[0].omega)
+    runs = [mi.simulate(MITA, each, 20) for each in (drive, other)]
+    assert runs[0].final.as_dict() == pytest.approx(runs[1].final.as_dict(), rel=1e-9)
+    assert mi.load(runs[0].save(tmp_path / "run.zip") or tmp_path / "run.zip").drive == drive
+    table = mi.sweep(MITA, drive, "frequency", [100.0, 110.0], transient=2, periods=2)
+    assert table.columns[0] == "frequency"
+    assert table.attrs["units"]["frequency"] == "Hz"
+    quiet = drive.replace(amplitude=10.0)
+    orbit = mi.find_orbit(MITA, quiet)
+    branch = mi.continue_orbit(orbit, "frequency", stop=115.0)
+    same = mi.continue_orbit(
+        mi.find_orbit(MITA, quiet.replace(omega=quiet.omega)), "omega", stop=230.0 * math.pi
+    )
+    ends = [each.orbits[-1].state.as_dict() for each in (branch, same)]
+    assert branch.table["frequency"].iloc[-1] == pytest.approx(115.0)
+    assert ends[0] == pytest.approx(ends[1], rel=1e-8)
+
+
+def test_response_in_hertz():
+    drive = mi.Sine(amplitude=20.0, frequency=100.0)
+    table = mi.frequency_response(MITA, drive, np.array([110.0, 120.0]), transient=20, periods=5)
+    assert table.attrs["units"]["frequency"] == "Hz"
+    assert mi.impact_onset(table).columns.tolist()[2:4] == ["frequency from", "frequency to"]
+    axes = mi.plot_response(table)
+    assert "[Hz]" in axes[1].get_xlabel()
+
+
+@pytest.mark.slow
+def test_a_chart_in_hertz_is_that_in_radians():
+    unit = MITA.scales.unit("rad/s") / (2.0 * math.pi)
+    ends = 0.478 * unit, 0.495 * unit
+    zhao = mi.load_actuator("zhao2004")
+    device = zhao.to_si(MITA.scales)
+    chart = mi.operating_chart(device, frequency=ends, crises=0)
+    plain = mi.operating_chart(zhao, omega=(0.478, 0.495), crises=0)
+    assert chart.parameters == ("frequency", "amplitude")
+    assert chart.types["type"].tolist() == plain.types["type"].tolist()
+    places = chart.special_table["frequency"].to_numpy() / unit
+    assert places == pytest.approx(plain.special_table["omega"].to_numpy(), rel=1e-8)
+    assert "Hz" in mi.plot_chart(chart).get_xlabel()
