@@ -76,6 +76,8 @@ from .analysis.homoclinic import HomoclinicEnd as HomoclinicEnd
 from .analysis.lyapunov import LyapunovSpectrum as LyapunovSpectrum
 from .analysis.lyapunov import classify as classify
 from .analysis.lyapunov import lyapunov as lyapunov
+from .analysis.manifold import Manifold as Manifold
+from .analysis.manifold import manifold as manifold
 from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
 from .analysis.sliding_type import SlidingType as SlidingType
@@ -126,6 +128,8 @@ from .plotting.bifurcation import plot_curve as plot_curve
 from .plotting.bifurcation import plot_sweep as plot_sweep
 from .plotting.maps import plot_basins as plot_basins
 from .plotting.maps import plot_map as plot_map
+from .plotting.return_maps import plot_manifold as plot_manifold
+from .plotting.return_maps import plot_return_map as plot_return_map
 from .plotting.style import style as style
 from .plotting.trajectories import plot_orbit as plot_orbit
 from .plotting.trajectories import plot_run as plot_run

@@ -290,6 +290,18 @@ class Orbit(Result):
         return grid
 
     @property
+    def returns(self) -> tuple[HybridState, ...]:
+        """The states at its returns, in scaled units: starts of periods, or upward crossings."""
+        if self.system.forced:
+            grid = self._grid(1)
+            later = range(1, self.periods)
+            starts = [HybridState(0, 0.0, int(grid.mode[i]), grid.y[i]) for i in later]
+            return self._start, *starts
+        log = self._crossings.crossings(1)
+        rows = zip(log.mode_after.tolist(), log.after, strict=True)
+        return tuple(HybridState(0, 0.0, mode, y) for mode, y in rows)
+
+    @property
     def _start(self) -> HybridState:
         start = self.found.instant
         return replace(start, y=self.system.snap_to_mode(start.mode, start.y))

@@ -11,6 +11,7 @@ from mems_impact.analysis import (
     branch,
     equilibrium,
     lyapunov,
+    manifold,
     orbit,
     run,
     special_points,
@@ -129,6 +130,7 @@ KINDS: tuple[type, ...] = (
     EquilibriumState, Equilibria, EquilibriumEvent, EquilibriumCurve, EquilibriumCurveEvent,
     equilibrium.Equilibrium,
     special_points.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
+    manifold.Manifold,
 )  # fmt: skip
 for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)

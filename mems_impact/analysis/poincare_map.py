@@ -1,0 +1,287 @@
+"""Poincaré map of a system around a fixed point, by integration through all events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mems_impact._util.arrays import Complexes, Floats
+from mems_impact.analysis.equilibrium import Equilibrium
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.orbits.equilibrium import differentiate
+from mems_impact.orbits.periodic_orbit import reduced_components, reduced_monodromy
+from mems_impact.systems.base import HybridSystem
+
+__all__ = ["FixedPoint", "PoincareMap", "fixed_points"]
+
+UPWARDS = 1  # direction in which a motion crosses the section at its returns
+SEARCH_RATIO = 1.3  # length of a run in search of a return, relative to the time between returns
+MAX_SEARCHES = 40  # such runs, after which a motion counts as one that does not return
+START_RATIO = 1e-9  # time after which a crossing is not the start, relative to that time
+OUTSIDE_MARGIN = -1e-12  # margin of an impact below which a state is outside
+EQUILIBRIUM_GROWTH = 1.5  # logarithm of the growth over the time step of an equilibrium's map
+MULTIPLIER_RTOL = 1e-4  # difference of multipliers by which a map is not differentiable
+
+
+@dataclass(frozen=True)
+class PoincareMap:
+    """The map from one return of a motion to a later one.
+
+    Returns are the starts of forcing periods, upward crossings of the section, or the ends of
+    equal time steps.
+
+    Parameters
+    ----------
+    system : HybridSystem
+    problem : Problem
+    count : int
+        Number of returns that make one application of the map.
+    step : float
+        Time between returns, in periods of the problem; approximate on a section.
+    on_section : bool
+    """
+
+    system: HybridSystem
+    problem: Problem
+    count: int
+    step: float
+    on_section: bool
+
+    def times(self, count: int) -> PoincareMap:
+        """Return the map applied `count` times."""
+        return replace(self, count=count * self.count)
+
+    def image(self, start: HybridState) -> HybridState:
+        """Return the image of a state.
+
+        Raises
+        ------
+        RunError
+            If the run fails.
+        OrbitError
+            If the motion does not return to the section.
+        """
+        if not self.on_section:
+            final = run(self.problem, start, self.count * self.step).final
+            return replace(final, cycle=0, time=start.time, remembered=(), switched=False)
+        at, missing = start, self.count
+        for _ in range(MAX_SEARCHES):
+            done = run(self.problem, at, (missing + 0.5) * SEARCH_RATIO * self.step)
+            log = done.events.crossings(UPWARDS)
+            when = log.cycle + log.time / self.problem.period
+            since = when - (at.cycle + at.time / self.problem.period)
+            log = log[since > (START_RATIO * self.step if at is start else 0.0)]
+            if len(log) >= missing:
+                mode, y = int(log.mode_after[missing - 1]), log.after[missing - 1].copy()
+                return HybridState(0, 0.0, mode, y)
+            missing -= len(log)
+            at = done.final
+        raise OrbitError(
+            "the motion from a state near the manifold does not return to the section",
+            "take a section that motions cross again",
+        )
+
+
+class FixedPoint(NamedTuple):
+    """A fixed point of a Poincaré map, with the coordinates and the derivative of the map there.
+
+    Attributes
+    ----------
+    map : PoincareMap
+    instant : HybridState
+    components : tuple of int
+        Components of the state that vary on the section: the coordinates of the map.
+    embedding : float array, shape (n, k)
+        Derivatives of the state by the coordinates.
+    matrix : float array, shape (k, k)
+        Derivative of the map.
+    """
+
+    map: PoincareMap
+    instant: HybridState
+    components: tuple[int, ...]
+    embedding: Floats
+    matrix: Floats
+
+    @property
+    def multipliers(self) -> Complexes:
+        """Eigenvalues of the derivative, largest first."""
+        values = np.linalg.eigvals(self.matrix).astype(complex)
+        return np.asarray(values[np.argsort(-np.abs(values))])
+
+    @property
+    def place(self) -> Floats:
+        """The coordinates of the fixed point."""
+        return np.asarray(self.instant.y[list(self.components)])
+
+    def state(self, x: Floats) -> HybridState:
+        """Return the state with coordinates `x`, in the mode that it has."""
+        y = self.instant.y + self.embedding @ (x - self.place)
+        y[list(self.components)] = x
+        system, problem, mode = self.map.system, self.map.problem, self.instant.mode
+        if len(problem.automaton.modes) > 1 and not system.fits(mode, y, problem):
+            mode = system.mode_of(y, self.instant.time, problem, mode)
+        return replace(self.instant, mode=mode, y=y)
+
+    def outside(self, start: HybridState) -> int | None:
+        """Return the impact guard beyond which a state lies, or None."""
+        automaton, problem = self.map.problem.automaton, self.map.problem
+        p = np.asarray(problem.parameters, dtype=float)
+        margins, _ = automaton.margins_at(start.mode, start.time, start.y, p)
+        for i, guard in enumerate(automaton.guards):
+            if guard.impact and margins[i] < OUTSIDE_MARGIN:
+                return i
+        return None
+
+    def coordinates(self, at: HybridState) -> Floats:
+        """Return the coordinates of a state."""
+        return np.asarray(at.y[list(self.components)])
+
+
+def fixed_points(found: Orbit | Equilibrium) -> list[FixedPoint]:
+    """Return the points of an orbit, or an equilibrium, as fixed points of a Poincaré map.
+
+    An orbit of n periods has n points. Autonomous systems need a section.
+
+    Raises
+    ------
+    InvalidParameter
+        If an autonomous system has no section that the orbit crosses.
+    OrbitError
+        If the map is not differentiable at the orbit.
+    """
+    if isinstance(found, Equilibrium):
+        return [_of_equilibrium(found)]
+    if found.found.touches:
+        raise OrbitError(
+            "the orbit touches a guard at zero rate, where its Poincaré map has no derivative",
+            "take the orbit at another value of a parameter",
+        )
+    if not found.admissible:
+        raise OrbitError(
+            f"the orbit is inadmissible: {found.defects[0]}", "take an admissible orbit"
+        )
+    if found.system.forced:
+        return _of_forced_orbit(found)
+    return _of_cycle(found)
+
+
+def _of_equilibrium(found: Equilibrium) -> FixedPoint:
+    system = found.system
+    problem = system.problem(found.found.family.problem().options)
+    eigenvalues = found.found.eigenvalues
+    if found.neutral or not eigenvalues.size:
+        raise OrbitError(
+            "the equilibrium is one of a continuum, and no saddle", "take an isolated equilibrium"
+        )
+    step = EQUILIBRIUM_GROWTH / float(np.abs(eigenvalues.real).max() or 1.0) / problem.period
+    flow = PoincareMap(system, problem, 1, step, on_section=False)
+    start = HybridState(0, 0.0, found.found.mode, np.array(found.found.state))
+    keep = free_components(problem.automaton)
+    return _differentiated(flow, start, keep, np.exp(eigenvalues * step * problem.period))
+
+
+def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
+    system, found = orbit.system, orbit.found
+    problem = system.problem(found.problem.options)
+    keep = reduced_components(found.shooting, found.point)
+    if not keep:
+        raise OrbitError(
+            "no component of the state is free at the start of the orbit",
+            "shift the phase of the forcing",
+        )
+    free = found.shooting.free
+    components = tuple(free[c] for c in keep)
+    embedding = np.zeros((len(system.states), len(keep)))
+    embedding[list(components)] = np.eye(len(keep))
+    for c, factors in found.shooting.pinned.items():
+        embedding[free[c]] = -np.array(factors)[keep]
+    returns = PoincareMap(system, problem, orbit.periods, 1.0, on_section=False)
+    first = FixedPoint(
+        returns,
+        orbit.returns[0],
+        components,
+        embedding,
+        reduced_monodromy(found.shooting, found.point),
+    )
+    points = [first]
+    for at in orbit.returns[1:]:
+        points.append(_differentiated(returns, at, components, orbit.found.multipliers, embedding))
+    return points
+
+
+def _of_cycle(orbit: Orbit) -> list[FixedPoint]:
+    system = orbit.system
+    if system.section is None:
+        refusal = "the system has no Poincaré section: give section= of the System"
+        raise InvalidParameter("orbit", None, "", problem=refusal)
+    problem = system.problem(orbit.options)
+    starts = orbit.returns
+    if not starts:
+        name = system.states[system.section[0]]
+        refusal = f"it does not cross the section in {name}"
+        raise InvalidParameter("orbit", None, "", problem=refusal)
+    step = float(orbit.found.point.period) / problem.period / len(starts)
+    returns = PoincareMap(system, problem, len(starts), step, on_section=True)
+    free = free_components(problem.automaton)
+    keep = tuple(i for i in free if i != system.section[0])
+    for start in starts:
+        if start.mode in problem.automaton.constrained:
+            raise OrbitError(
+                f"the section lies in the mode {system.modes[start.mode]!r}, whose constraints "
+                "leave fewer components free",
+                "take a section in another mode",
+            )
+    return [_differentiated(returns, at, keep, orbit.found.multipliers) for at in starts]
+
+
+def _differentiated(
+    returns: PoincareMap,
+    at: HybridState,
+    components: tuple[int, ...],
+    multipliers: Complexes,
+    embedding: Floats | None = None,
+) -> FixedPoint:
+    """Return a fixed point with the derivative of its map by differences.
+
+    Raises
+    ------
+    OrbitError
+        If the derivative does not have the given eigenvalues.
+    """
+    k = len(components)
+    if embedding is None:
+        embedding = np.zeros((at.y.size, k))
+        embedding[list(components)] = np.eye(k)
+    point = FixedPoint(returns, at, components, embedding, np.eye(k))
+
+    def image(x: Floats) -> Floats:
+        return point.coordinates(returns.image(point.state(x)))
+
+    try:
+        matrix = differentiate(image, point.place)
+    except (RunError, OrbitError) as error:
+        raise _undifferentiable() from error
+    found = point._replace(matrix=matrix)
+    largest = abs(complex(multipliers[0]))
+    values = [
+        np.sort_complex(each[: min(k, multipliers.size)])
+        for each in (found.multipliers, multipliers)
+    ]
+    if np.abs(values[0] - values[1]).max() > MULTIPLIER_RTOL * max(1.0, largest):
+        raise _undifferentiable()
+    return found
+
+
+def _undifferentiable() -> OrbitError:
+    return OrbitError(
+        "the Poincaré map could not be differentiated at the orbit",
+        "take a point farther from a grazing, or another section",
+    )

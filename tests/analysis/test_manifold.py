@@ -1,0 +1,185 @@
+"""Manifolds of saddles against closed forms and published numbers."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+from tests.analysis.systems import oscillator
+from tests.studies.one_impact import OneImpact
+
+
+def _still(mode, t, y, p):
+    return 0.0, 0.0
+
+
+def _maps(mode, t, y, p):
+    """Three maps of the plane: the parabola y = x^2 is invariant under two, Hénon's is the third.
+
+    Along the parabola x shrinks to -x / 2, or grows to -2 x; across it the factors are 3 and 0.3.
+    """
+    along = -0.5 * y.x if p.kind == 0.0 else -2.0 * y.x
+    across = (3.0 if p.kind == 0.0 else 0.3) * (y.y - y.x * y.x)
+    if p.kind < 2.0:
+        return mode, (along, along * along + across)
+    return mode, (1.0 - p.a * y.x * y.x + y.y, 0.3 * y.x)
+
+
+MAPS = mi.System(
+    states=("x", "y"), flow=_still, switch_transition=_maps, switches=(0.5,), period=1.0,
+    parameters={"kind": 0.0, "a": 1.4},
+)  # fmt: skip
+
+
+def saddle(kind, x=0.0, y=0.0, **values):
+    system = MAPS.changed(kind=kind, **values)
+    return mi.find_orbit(system, guess={"x": x, "y": y}, periods=1)
+
+
+@pytest.mark.parametrize(("case", "kind"), [(0.0, "stable"), (1.0, "unstable")])
+def test_an_invariant_parabola(case, kind):
+    """The multiplier along it is negative: each half maps to the other."""
+    found = mi.manifold(saddle(case), kind, length=2.0, distance=0.02)
+    table = found.table
+    assert found.ends == ("length", "length")
+    error = np.abs(table["y"] - table["x"] ** 2).max()
+    assert error < (2e-5 if kind == "stable" else 2e-8)
+    halves = table.groupby("half")["x"]
+    assert halves.max()[1] > 1.0
+    assert halves.min()[-1] < -1.0
+    x = table.loc[table["half"] == 1, "x"].iloc[-1]
+    arc = 0.5 * x * math.sqrt(1.0 + 4.0 * x * x) + 0.25 * math.asinh(2.0 * x)
+    assert table.loc[table["half"] == 1, "arclength"].iloc[-1] == pytest.approx(arc, rel=1e-4)
+    chords = table.groupby("half")["arclength"].diff()
+    assert chords.max() <= 0.02 * (1.0 + 1e-9)
+
+
+def test_the_fibre_across_the_parabola_is_a_line():
+    """Points with x = 0 map to x = 0, by exactly the factor 3."""
+    table = mi.manifold(saddle(0.0), "unstable", length=2.0).table
+    assert np.abs(table["x"]).max() < 1e-12
+    assert table["y"].max() > 1.9
+
+
+def crisis_gap(a):
+    """Return the distance from the stable manifold of the left saddle of Hénon's map.
+
+    It is that of the nearest point of the unstable manifold of the right saddle.
+    """
+    root = math.sqrt(0.49 + 4.0 * a)
+    right, left = ((-0.7 + sign * root) / (2.0 * a) for sign in (1.0, -1.0))
+    given = {"length": 8.0, "distance": 0.03}
+    out = mi.manifold(saddle(2.0, right, 0.3 * right, a=a), "unstable", **given).table
+    edge = mi.manifold(saddle(2.0, left, 0.3 * left, a=a), "stable", length=2.0, distance=0.03)
+    edge = edge.table[edge.table["y"].abs() < 1.0].sort_values("y")
+    return (out["x"] - np.interp(out["y"], edge["y"], edge["x"])).min()
+
+
+@pytest.mark.slow
+def test_the_crisis_of_the_henon_map_is_a_tangency():
+    """Boundary crisis at a = 1.42692 for b = 0.3; below it orbits stay, above it they escape."""
+    near, nearer = 1.4258, 1.4265
+    first, second = crisis_gap(near), crisis_gap(nearer)
+    assert first > second > 0.0
+    crisis = nearer + second * (nearer - near) / (first - second)
+    assert crisis == pytest.approx(1.42692, abs=1e-5)
+    for a, escapes in ((crisis - 5e-4, False), (crisis + 2e-3, True)):
+        x, y = np.linspace(-0.5, 0.5, 500), np.zeros(500)
+        for _ in range(20_000):
+            x, y = 1.0 - a * x * x + y, 0.3 * x
+            x = np.clip(x, -1e3, 1e3)
+        assert (np.abs(x) > 10.0).any() == escapes
+
+
+def test_refusals():
+    stable = mi.find_orbit(MAPS.changed(kind=2.0, a=0.2), guess={"x": 0.8, "y": 0.2}, periods=1)
+    with pytest.raises(mi.OrbitError, match=r"unstable manifold has dimension 0: .* of the 2"):
+        mi.manifold(stable, "unstable", length=1.0)
+    with pytest.raises(mi.InvalidParameter, match="one of unstable, stable"):
+        mi.manifold(stable, "centre", length=1.0)
+    with pytest.raises(mi.InvalidParameter, match="length = 0"):
+        mi.manifold(stable, length=0.0)
+    with pytest.raises(mi.InvalidParameter, match="an Orbit or an Equilibrium"):
+        mi.manifold(MAPS, length=1.0)
+
+
+def _well(mode, t, y, p):
+    return y.v, y.x - y.x**3 - p.d * y.v
+
+
+@pytest.mark.slow
+def test_an_equilibrium_without_damping_has_an_energy():
+    """Both manifolds of the saddle of the double well are the loop with zero energy."""
+    system = mi.System(states=("x", "v"), flow=_well, parameters={"d": 0.0})
+    (found,) = mi.find_equilibria(system, guess={"x": 0.01})
+    for kind in ("unstable", "stable"):
+        table = mi.manifold(found, kind, length=2.0).table
+        energy = table["v"] ** 2 - table["x"] ** 2 + 0.5 * table["x"] ** 4
+        assert np.abs(energy).max() < 3e-5
+        assert table["x"].max() > math.sqrt(2.0) - 0.1
+
+
+def _duffing(mode, t, y, p):
+    return y.v, y.x - y.x**3 - 0.4 * y.v + 0.1 * math.cos(t)
+
+
+@pytest.mark.slow
+def test_the_stable_manifold_of_a_forced_double_well_bounds_the_basins():
+    """SciPy integrates points beside it into different wells."""
+    system = mi.System(states=("x", "v"), flow=_duffing, period=2.0 * math.pi)
+    orbit = mi.find_orbit(system, guess={"x": -0.048, "v": 0.0096}, periods=1)
+    assert abs(orbit.multipliers[0]) > 1.0 > abs(orbit.multipliers[1])
+    table = mi.manifold(orbit, "stable", length=3.0, distance=0.03).table
+    for _, half in table.groupby("half"):
+        states = half[["x", "v"]].to_numpy()[10::12]
+        along = half[["x", "v"]].to_numpy()[11::12][: len(states)] - states[: len(half[11::12])]
+        states = states[: len(along)]
+        across = 1e-4 * np.stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)
+        starts = np.hstack([states.T + across, states.T - across])
+        count = starts.shape[1]
+
+        def flow(t, y, count=count):
+            x, v = y[:count], y[count:]
+            return np.concatenate([v, x - x**3 - 0.4 * v + 0.1 * math.cos(t)])
+
+        done = solve_ivp(flow, (0.0, 60.0), starts.ravel(), "DOP853", rtol=1e-9, atol=1e-9)
+        wells = (done.y[:count, -1] > 0.0).reshape(2, -1)
+        assert len(states) > 5
+        assert (wells[0] != wells[1]).all()
+
+
+@pytest.mark.slow
+def test_an_impact_oscillator_through_impacts_at_the_section():
+    """The manifold passes the wall in two pieces, and separates rest of impacts from period 3."""
+    parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}
+    system = oscillator(**parameters)
+    one = max(OneImpact(**parameters).orbits(3), key=lambda each: each.multiplier)
+    start = mi.State(x=0.1, v=-0.8 * one.speed, time=one.phase)
+    orbit = mi.find_orbit(system, guess=start, periods=3)
+    assert abs(orbit.multipliers[0]) == pytest.approx(one.multiplier, rel=1e-6)
+    found = mi.manifold(orbit, "stable", length=0.8, distance=0.08)
+    table = found.table
+    assert set(found.ends) == {"length"}
+    assert set(table["point"]) == {0, 1, 2}
+    ends = [part for _, part in table.groupby(["point", "half"]) if part["piece"].max() > 0]
+    assert ends
+    for part in ends:
+        cut = int(np.flatnonzero(np.diff(part["piece"]))[0])
+        before, after = part.iloc[cut], part.iloc[cut + 1]
+        assert before["x"] == pytest.approx(0.1, abs=0.05)
+        assert after["x"] == pytest.approx(0.1, abs=1e-6)
+        assert before["v"] * after["v"] < 0.0
+    # Points on either side of each piece reach different attractors.
+    for _, part in table[table["point"] == 2].groupby(["half", "piece"]):
+        places = part[["x", "v"]].to_numpy()
+        middle = len(places) // 2
+        along = places[middle + 1] - places[middle]
+        across = 2e-3 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
+        hits = []
+        for side in (1.0, -1.0):
+            x, v = places[middle] + side * across
+            run = mi.simulate(system, 300, initial=mi.State(x=x, v=v), window=(280, 300))
+            hits.append(run.statistics["impacts per period"] > 0.1)
+        assert hits[0] != hits[1]
