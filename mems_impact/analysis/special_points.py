@@ -53,7 +53,7 @@ class GrazingType(StrEnum):
     """Type of a grazing bifurcation: the attractor beyond it.
 
     CONTINUOUS: a small attractor with impacts bifurcates from the grazing orbit, the paper's type
-    II. JUMP: the next attractor is far away, with hysteresis, type I. DIED_EARLIER: the orbit is
+    II. JUMP: the next attractor is far away, with hysteresis, type I. AFTER_FOLD: the orbit is
     already unstable when it grazes, since the stable orbit vanished in a fold, type III.
 
     See Also
@@ -71,7 +71,7 @@ class GrazingType(StrEnum):
 
     CONTINUOUS = grazing.CONTINUOUS
     JUMP = grazing.JUMP
-    DIED_EARLIER = grazing.DEAD
+    AFTER_FOLD = grazing.AFTER_FOLD
 
     @property
     def paper(self) -> str:
@@ -344,7 +344,7 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     Returns
     -------
     GrazingType
-        "continuous" (type II of the paper), "jump" (type I) or "died earlier" (type III); its
+        "continuous" (type II of the paper), "jump" (type I) or "after a fold" (type III); its
         ``paper`` is the number.
 
     Raises

@@ -43,7 +43,7 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, reduced_co
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_signature
 
-__all__ = ["CONTINUOUS", "DEAD", "JUMP", "contact_coefficients", "grazing_type"]
+__all__ = ["AFTER_FOLD", "CONTINUOUS", "JUMP", "contact_coefficients", "grazing_type"]
 
 # --- Normal form of the first impact
 
@@ -51,7 +51,7 @@ TRIAL_SPEED = 1e-3  # of the trial impacts that determine the kick
 NULL_KICK_RATIO = 1e-6  # relative size below which a kick has no component transverse to the flow
 SIGN_PERIODS = 200  # number of coefficients xi_k whose signs are evaluated
 
-CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
+CONTINUOUS, JUMP, AFTER_FOLD = "continuous", "jump", "after a fold"
 
 
 @dataclass(frozen=True)
@@ -195,14 +195,14 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
     -------
     str
         "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump" (some
-        xi_k negative: type I), "died earlier" (a multiplier beyond +1: type III).
+        xi_k negative: type I), "after a fold" (a multiplier beyond +1: type III).
     """
     if not isinstance(monitor, ClosestApproachTest):
         raise InvalidParameter(
             field="monitor", value=monitor, allowed="the closest approach of a free orbit"
         )
     if not orbit.stable:
-        return DEAD
+        return AFTER_FOLD
     sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
     if sequence is None:
         problem = "has no type: it has events, or is a limit cycle in a plane"

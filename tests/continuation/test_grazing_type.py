@@ -21,7 +21,7 @@ def grazing(omega, **changes):
 
 # Types I, II, III of the paper.
 @pytest.mark.parametrize(
-    ("omega", "expected"), [(0.5, "jump"), (0.485, "continuous"), (0.45, "died earlier")]
+    ("omega", "expected"), [(0.5, "jump"), (0.485, "continuous"), (0.45, "after a fold")]
 )
 def test_types_of_the_paper(omega, expected):
     found = grazing(omega)
