@@ -181,7 +181,7 @@ def test_both_sides_of_a_grazing_give_its_type(branch, doubling):
     )
     fold, grazing = off.special_points[:2]
     assert fold.value == pytest.approx(0.235565433578, abs=1e-10)
-    assert mi.grazing_type(grazing) == mi.GrazingType.DIED_EARLIER
+    assert mi.grazing_type(grazing) == mi.GrazingType.AFTER_FOLD
     with pytest.raises(mi.InvalidParameter, match="a grazing"):
         mi.grazing_type(fold)
 
