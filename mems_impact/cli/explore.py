@@ -62,7 +62,8 @@ def command(
     \b
     Examples:
       mems-impact explore zhao2004
-      mems-impact explore oscillator.py:system --set A=0.5
+      mems-impact new system
+      mems-impact explore system.py:oscillator --set A=0.5
 
     The page has a slider and a number field for every parameter, and shows motion, phase portrait,
     bifurcation diagram, steps and multipliers. A click on the diagram sets its parameter. The

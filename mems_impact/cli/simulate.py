@@ -90,7 +90,8 @@ def command(
     \b
     Examples:
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
-      mems-impact simulate oscillator.py:oscillator --set A=0.7 --periods 300
+      mems-impact new system
+      mems-impact simulate system.py:oscillator --set A=0.7 --periods 300
 
     Without --drive the voltage is bias + amplitude cos(omega t). The command shows the statistics,
     the first impacts and the first blows (a sequence of impacts that ends in sticking contact is
