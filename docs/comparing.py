@@ -30,7 +30,7 @@ MOST = 0.15  # of the range from black to white
 BY_ROUNDING = {
     "bouncing_ball_branch", "buck_converter_branch", "impact_oscillator_branch", "lorenz_branch",
     "lorenz_run", "methods_and_accuracy", "operating_map_motions", "operating_map_speed",
-    "studies", "two_stop_rattler_branch",
+    "studies", "symmetry_breaking_branch", "two_stop_rattler_branch",
 }  # fmt: skip
 
 
