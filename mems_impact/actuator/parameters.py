@@ -387,8 +387,8 @@ class _DeviceFile(Checked):
     name: str = ""
     description: str = ""
     units: Literal["dimensionless", "SI"] = "dimensionless"
-    parameters: dict[str, Any] | None = None
-    design: dict[str, Any] | None = None
+    parameters: dict[str, Any] = {}
+    design: dict[str, Any] = {}
     drive: dict[str, Any] | None = None  # for `mems_impact.actuator.drives.files.load_drive`
 
     @model_validator(mode="before")
@@ -398,16 +398,17 @@ class _DeviceFile(Checked):
             if name in content:
                 allowed = "in the table [parameters]"
                 raise InvalidParameter(name, content[name], allowed)
-        if ("parameters" in content) == ("design" in content):
-            both = "parameters" in content
-            problem = "both are given; omit one" if both else "missing; give one of them"
-            raise InvalidParameter("[parameters], [design]", None, "", problem=problem)
-        if "design" in content and content.setdefault("units", "SI") != "SI":
-            raise InvalidParameter("units", content["units"], '"SI" with a table [design]')
         known = (*cls.model_fields, *term_names())
         for name in content:
             if name not in known:
                 raise unknown(name, content[name], known)
+        if ("parameters" in content) == ("design" in content):
+            problem = "missing, must be a table; or give a table [design]"
+            if "design" in content:
+                problem = "omit it, or the table [design]"
+            raise InvalidParameter("parameters", None, "", problem=problem)
+        if "design" in content and content.setdefault("units", "SI") != "SI":
+            raise InvalidParameter("units", content["units"], '"SI" with a table [design]')
         return content
 
 
@@ -474,17 +475,20 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     try:
         file = _DeviceFile(**content)
         terms = tuple(term_of(name, table) for name, table in tables.items())
-        if file.design is not None:
+        if "design" in content:
             actuator = Actuator.from_design(**file.design, terms=terms)
         else:
-            parameters = file.parameters or {}
-            if "units" in parameters:
+            if "units" in file.parameters:
                 allowed = "above the table [parameters]"
-                raise InvalidParameter("units", parameters["units"], allowed)
-            actuator = Actuator(**parameters, units=file.units, terms=terms)
+                raise InvalidParameter("units", file.parameters["units"], allowed)
+            actuator = Actuator(**file.parameters, units=file.units, terms=terms)
     except InvalidParameter as error:
         raise error.located(source) from None
-    if "units" not in content and file.design is None and max(actuator.m1, actuator.m2) < _LIGHT:
+    if (
+        "units" not in content
+        and "design" not in content
+        and max(actuator.m1, actuator.m2) < _LIGHT
+    ):
         message = (
             f"{source}: m1 = {actuator.m1:g} and m2 = {actuator.m2:g} look like kilograms, but "
             'without units they are dimensionless; write units = "SI" above [parameters], or '

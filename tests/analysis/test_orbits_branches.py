@@ -281,10 +281,12 @@ def test_a_chart_in_si_finds_its_band_and_speaks_its_units():
     chart = mi.operating_chart(
         device, omega=(None, 0.46 / SCALES.time), crises=0, progress=heard.append
     )
-    assert chart.omega == pytest.approx((0.44 / SCALES.time, 0.46 / SCALES.time))
+    assert chart.frequencies == pytest.approx((0.44 / SCALES.time, 0.46 / SCALES.time))
     assert list(chart.types["type"]) == ["III"]
     said = [line for line in heard if "type III" in line]
-    assert said == [f"omega [rad/s] = {chart.omega[0]:.9g} to {chart.omega[1]:.9g}: type III"]
+    assert said == [
+        f"omega [rad/s] = {chart.frequencies[0]:.9g} to {chart.frequencies[1]:.9g}: type III"
+    ]
 
 
 def test_the_band_of_a_chart_is_about_the_resonance():

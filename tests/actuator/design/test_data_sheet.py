@@ -184,5 +184,5 @@ def test_a_file_with_a_table_design(tmp_path):
     file.write_text("\n".join(["[design]", *lines]))
     assert mi.load_actuator(file) == mi.Actuator.from_design(**GIVEN)
     file.write_text("[design]\n[parameters]\n")
-    with pytest.raises(mi.InvalidParameter, match="both are given; omit one"):
+    with pytest.raises(mi.InvalidParameter, match="omit it, or the table"):
         mi.load_actuator(file)

@@ -23,7 +23,8 @@ def chart():
          "omega to": [0.2, 0.3], "on": ["", ""], "off": ["", ""]}
     )  # fmt: skip
     special = pd.DataFrame({"kind": ["grazing-fold"], "omega": [0.2], "amplitude": [1.2]})
-    return SimpleNamespace(table=table, types=types, special_table=special)
+    names = ("omega", "amplitude")
+    return SimpleNamespace(parameters=names, table=table, types=types, special_table=special)
 
 
 def test_chart(tmp_path):
