@@ -387,8 +387,8 @@ class _DeviceFile(Checked):
     name: str = ""
     description: str = ""
     units: Literal["dimensionless", "SI"] = "dimensionless"
-    parameters: dict[str, Any] = {}
-    design: dict[str, Any] = {}
+    parameters: dict[str, Any] = Field(default={})
+    design: dict[str, Any] = Field(default={})
     drive: dict[str, Any] | None = None  # for `mems_impact.actuator.drives.files.load_drive`
 
     @model_validator(mode="before")
