@@ -70,6 +70,8 @@ from .analysis.branch import continue_curve as continue_curve
 from .analysis.branch import continue_equilibrium as continue_equilibrium
 from .analysis.branch import continue_orbit as continue_orbit
 from .analysis.branch import switch_branch as switch_branch
+from .analysis.edge_state import EdgeState as EdgeState
+from .analysis.edge_state import edge_state as edge_state
 from .analysis.equilibrium import Equilibrium as Equilibrium
 from .analysis.equilibrium import find_equilibria as find_equilibria
 from .analysis.homoclinic import HomoclinicEnd as HomoclinicEnd

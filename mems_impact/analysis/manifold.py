@@ -566,7 +566,7 @@ def manifold(
 
     See Also
     --------
-    Manifold, plot_manifold, find_orbit, basins
+    Manifold, plot_manifold, find_orbit, edge_state, basins
 
     Notes
     -----

@@ -9,6 +9,7 @@ from typing import Any
 from mems_impact._util.units import Scales
 from mems_impact.analysis import (
     branch,
+    edge_state,
     equilibrium,
     lyapunov,
     manifold,
@@ -130,7 +131,7 @@ KINDS: tuple[type, ...] = (
     EquilibriumState, Equilibria, EquilibriumEvent, EquilibriumCurve, EquilibriumCurveEvent,
     equilibrium.Equilibrium,
     special_points.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
-    manifold.Manifold,
+    manifold.Manifold, edge_state.EdgeState,
 )  # fmt: skip
 for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)

@@ -156,6 +156,7 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
     assert_type(places.special_points[0], mi.EquilibriumPoint)
     saddle = assert_type(mi.manifold(orbit, "stable", length=1.0), mi.Manifold)
     mi.plot_manifold([saddle])
+    assert_type(mi.edge_state(system, {"x": 0.0}, {"x": 1.0}), mi.EdgeState)
     mi.plot_orbit(orbit)
     mi.plot_branch(branch)
     mi.plot_curve(curve)

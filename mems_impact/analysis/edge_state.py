@@ -1,0 +1,379 @@
+"""Edge states: saddles on the boundary between two basins of attraction, by edge tracking.
+
+Bisection between two initial states finds two states on either side of the boundary. Both follow
+the boundary until they have separated; bisection between them then brings them together again.
+Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    InitialCondition,
+    RecurrenceOptions,
+    map_attractors,
+)
+from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.statistics import FAILED
+from mems_impact.tables import captions
+from mems_impact.tables import table as labelled
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["EdgeState", "edge_state"]
+
+MATCH_RTOL = 1e-3  # distance of equal attractors, relative to the size of the larger
+MAX_BISECTIONS = 80
+ORBIT_RTOL = 1e-2  # distance from the last state at which an orbit is the edge state
+MAX_PERIOD = 16  # returns over which an edge state may be periodic
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EdgeState(Result):
+    """The edge state between two attractors.
+
+    Attributes
+    ----------
+    system : System
+    state : State
+        The last state on the boundary.
+    settled : bool
+        Whether the motion along the boundary has become periodic or is at rest.
+    orbit : Orbit or Equilibrium or None
+        The saddle, found from the last state by Newton's method; None if there is none nearby, as
+        on a chaotic edge state.
+    attractors : tuple of State
+        A state of either attractor.
+    table : DataFrame
+        One row per return: ``return``, the states on the boundary, and ``distance`` of the two
+        states that enclose it.
+
+    See Also
+    --------
+    edge_state, manifold, basins
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def well(mode, t, y, p):
+    ...     return y.v, y.x - y.x**3 - 0.5 * y.v
+    >>> system = mi.System(states=("x", "v"), flow=well)
+    >>> found = mi.edge_state(system, {"x": 1.0, "v": 0.3}, {"x": -1.0})
+    >>> found.settled, [f"{abs(value):.6f}" for value in found.orbit.state.as_dict().values()]
+    (True, ['0.000000', '0.000000'])
+    """
+
+    system: HybridSystem = field(repr=False)
+    state: State
+    settled: bool
+    orbit: Orbit | Equilibrium | None = field(repr=False)
+    attractors: tuple[State, State] = field(repr=False)
+    table: pd.DataFrame = field(repr=False)
+
+    def __repr__(self) -> str:
+        kind = "settled" if self.settled else "not settled"
+        return f"EdgeState({self.state}, {kind} after {len(self.table)} returns)"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the state, and the saddle."""
+        return {
+            "system": repr(self.system),
+            "state": repr(self.state),
+            "settled": self.settled,
+            "returns": len(self.table),
+            "saddle": repr(self.orbit),
+        }
+
+
+class _Tracking:
+    """Edge tracking: two states that enclose the boundary, in the units of the numerics."""
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        recurrence: RecurrenceOptions,
+        options: Options,
+        problem: Problem,
+        step: float,
+    ) -> None:
+        self.system, self.problem, self.step = system, problem, step
+        self.recurrence, self.options = recurrence, options
+        automaton = problem.automaton
+        self.free = [i for i in range(len(automaton.states)) if i not in automaton.cyclic]
+        self.known: list[Attractor] = []
+
+    def attractor(self, start: HybridState) -> Attractor:
+        """Return the attractor that a state reaches.
+
+        Raises
+        ------
+        OrbitError
+            If its run fails.
+        """
+        case = InitialCondition(self.system, self.system.state_of(start))
+        (found,) = map_attractors([case], self.recurrence, self.options)
+        if found.motion == FAILED:
+            raise OrbitError(
+                f"the run from a state between the two fails: {found.status}",
+                "take initial states closer to the boundary",
+            )
+        return found
+
+    def side(self, start: HybridState) -> int:
+        """Return 0 if a state reaches the first attractor, 1 for the second, 2 for another."""
+        found = self.attractor(start)
+        for number, each in enumerate(self.known):
+            if self.is_same(found, each):
+                return number
+        return 2
+
+    def is_same(self, one: Attractor, other: Attractor) -> bool:
+        """Return whether two motions have the same attractor, by their returns."""
+        if (one.motion, one.period) != (other.motion, other.period):
+            return False
+        boxes = [self._box(each) for each in (one, other)]
+        size = MATCH_RTOL * np.maximum(np.abs(boxes).max(axis=(0, 1)), self._smallest())
+        if one.period or one.motion == "resting":
+            return bool((np.abs(boxes[0] - boxes[1]) <= size).all())
+        (low, high), (other_low, other_high) = boxes
+        return bool(((low <= other_high) & (other_low <= high)).all())
+
+    def _box(self, found: Attractor) -> Floats:
+        """Return smallest and largest values of the components at the returns."""
+        seen = found.states
+        if seen is None or not len(seen):
+            names = self.system.states
+            seen = np.array([[found.final[name] for name in names]])  # type: ignore[index]
+        return np.array([seen.min(axis=0), seen.max(axis=0)])[:, self.free]
+
+    def _smallest(self) -> Floats:
+        least = self.options.atol / self.options.rtol
+        names = [self.system.states[i] for i in self.free]
+        return np.array([1e3 * float(self.system.out(name, least)) for name in names])
+
+    def distance(self, one: HybridState, other: HybridState) -> float:
+        """Return the distance of two states."""
+        return float(np.linalg.norm((one.y - other.y)[self.free]))
+
+    def between(self, one: HybridState, other: HybridState) -> HybridState:
+        """Return the state half way, in a mode that it has."""
+        y, mode = 0.5 * (one.y + other.y), one.mode
+        if len(self.problem.automaton.modes) > 1 and not (
+            one.mode == other.mode and self.system.fits(mode, y, self.problem)
+        ):
+            mode = self.system.mode_of(y, one.time, self.problem, mode)
+        return replace(one, mode=mode, y=y)
+
+    def bisect(
+        self, one: HybridState, other: HybridState, closest: float
+    ) -> tuple[HybridState, HybridState]:
+        """Return two states within a distance of each other that reach different attractors."""
+        for _ in range(MAX_BISECTIONS):
+            if self.distance(one, other) <= closest:
+                break
+            middle = self.between(one, other)
+            side = self.side(middle)
+            if side == 0:
+                one = middle
+            else:
+                other = middle
+                if side == 2:
+                    self.known[1] = self.attractor(middle)
+        return one, other
+
+    def advance(self, at: HybridState) -> HybridState:
+        """Return a state one return, or one time step, later."""
+        final = run(self.problem, at, self.step).final
+        return replace(final, cycle=0, time=at.time, remembered=(), switched=False)
+
+
+@takes_system(start="first")
+def edge_state(
+    system: HybridSystem,
+    first: State | Mapping[str, float],
+    second: State | Mapping[str, float],
+    *,
+    returns: int = 200,
+    closest: float = 1e-8,
+    widest: float = 1e-5,
+    tolerance: float = 1e-6,
+    step: float | None = None,
+    recurrence: RecurrenceOptions = RecurrenceOptions(exponents="none"),  # noqa: B008 - immutable
+    options: Options = STUDY_OPTIONS,
+) -> EdgeState:
+    """Find the edge state between the attractors of two states, by edge tracking.
+
+    The edge state attracts the motions on the boundary between the basins: usually a saddle orbit
+    or a saddle equilibrium. If a state between the two reaches a third attractor, its boundary with
+    that of `first` is tracked.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    first, second : State or mapping of str to float
+        Initial states that reach different attractors.
+    returns : int, optional
+        Largest number of returns, which are forcing periods or, for an autonomous system, time
+        steps.
+    closest, widest : float, optional
+        Distances of the two enclosing states after a bisection, and at which the next one begins;
+        in the units of the integration.
+    tolerance : float, optional
+        Change of the state per period of the edge state at which it has settled, relative to its
+        size.
+    step : float, optional
+        Time step for an autonomous system; 1 by default.
+    recurrence : RecurrenceOptions, optional
+        Recognition of the attractor of a state.
+    options : Options, optional
+        Options of the integration to attractors; along the boundary they are those of orbits.
+
+    Returns
+    -------
+    EdgeState
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or both states reach the same attractor.
+    OrbitError
+        If a run fails.
+
+    See Also
+    --------
+    EdgeState, manifold, basins, find_orbit
+
+    Notes
+    -----
+    Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006).
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def well(mode, t, y, p):
+    ...     return y.v, y.x - y.x**3 - 0.5 * y.v
+    >>> system = mi.System(states=("x", "v"), flow=well)
+    >>> mi.edge_state(system, {"x": 1.0, "v": 0.3}, {"x": -1.0}).orbit.stable
+    False
+    """
+    returns = whole("returns", returns, 1)
+    for name, value in (("closest", closest), ("widest", widest), ("tolerance", tolerance)):
+        if not (is_number(value) and value > 0.0):
+            raise InvalidParameter(name, value, "a finite number > 0")
+    if widest <= closest:
+        raise InvalidParameter("widest", widest, f"above closest = {closest:g}")
+    if step is not None and (system.forced or not (is_number(step) and step > 0.0)):
+        allowed = "None: the system has a forcing period" if system.forced else "a number > 0"
+        raise InvalidParameter("step", step, allowed)
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
+    problem = system.problem(ORBIT_OPTIONS)
+    length = 1.0
+    if not system.forced:
+        length = float(system.into("time", 1.0 if step is None else step)) / problem.period
+    tracking = _Tracking(system, recurrence, options, problem, length)
+    one, other = (
+        system.hybrid_state(each, problem, field=name)
+        for name, each in (("first", first), ("second", second))
+    )
+    tracking.known = [tracking.attractor(each) for each in (one, other)]
+    if tracking.is_same(*tracking.known):
+        raise InvalidParameter(
+            "second", second, "", problem="it reaches the same attractor as first"
+        )
+    rows, distances, settled = _track(tracking, one, other, returns, closest, widest, tolerance)
+    last = rows[-1]
+    columns = dict(zip(system.states, np.array([each.y for each in rows]).T, strict=True))
+    counts = {"return": np.arange(len(rows)), "distance": np.array(distances)}
+    return EdgeState(
+        system=system,
+        state=system.state_of(last),
+        settled=settled > 0,
+        orbit=_saddle(system, problem, last, settled),
+        attractors=tuple(each.final for each in tracking.known),  # type: ignore[arg-type]
+        table=labelled(columns, system, user_columns=counts, **captions(system)),
+    )
+
+
+def _track(
+    tracking: _Tracking,
+    one: HybridState,
+    other: HybridState,
+    returns: int,
+    closest: float,
+    widest: float,
+    tolerance: float,
+) -> tuple[list[HybridState], list[float], int]:
+    """Return states on the boundary, their distances, and the returns of its period, 0 without."""
+    one, other = tracking.bisect(one, other, closest)
+    rows, distances = [tracking.between(one, other)], [tracking.distance(one, other)]
+    for _ in range(returns):
+        try:
+            one, other = tracking.advance(one), tracking.advance(other)
+        except RunError as error:
+            raise OrbitError(
+                f"a run along the boundary fails: {error}", "take other initial states"
+            ) from error
+        if tracking.distance(one, other) > widest:
+            one, other = tracking.bisect(one, other, closest)
+        rows.append(tracking.between(one, other))
+        distances.append(tracking.distance(one, other))
+        period = _period(tracking, rows, tolerance, distances[-1])
+        if period:
+            return rows, distances, period
+    return rows, distances, 0
+
+
+def _period(tracking: _Tracking, rows: list[HybridState], tolerance: float, distance: float) -> int:
+    """Return after how many returns the last state has come back, twice; 0 if it has not."""
+    size = max(1e-3, max(float(np.abs(each.y[tracking.free]).max()) for each in rows[-MAX_PERIOD:]))
+    limit = max(tolerance * size, 4.0 * distance)
+    for period in range(1, min(MAX_PERIOD, (len(rows) - 1) // 2) + 1):
+        apart = (tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1))
+        if max(apart) <= limit:
+            return period
+    return 0
+
+
+def _saddle(
+    system: HybridSystem, problem: Problem, last: HybridState, period: int
+) -> Orbit | Equilibrium | None:
+    """Return the unstable orbit or equilibrium at a state, None if there is none."""
+    guess = system.state_of(last)
+    found: Orbit | Equilibrium | None = None
+    try:
+        if system.forced:
+            found = find_orbit(system, guess=guess, periods=max(1, period))
+        elif period == 1:
+            found = next(iter(find_equilibria(system, guess=guess)), None)
+        else:
+            found = find_orbit(system, guess=guess)
+    except (OrbitError, RunError, InvalidParameter, ValueError):
+        return None
+    if found is None or found.stable:
+        return None
+    if not system.forced and isinstance(found, Orbit):
+        return found  # it starts elsewhere on the cycle
+    at = system.hybrid_state(found.state, problem)
+    kept = [i for i in range(at.y.size) if i not in problem.automaton.cyclic]
+    away = float(np.abs(at.y - last.y)[kept].max())
+    return found if away <= ORBIT_RTOL * max(1e-3, float(np.abs(last.y[kept]).max())) else None

@@ -1,0 +1,71 @@
+"""Edge states against closed forms, another package's test, and orbits of Newton's method."""
+
+import math
+
+import pytest
+
+import mems_impact as mi
+from tests.analysis.systems import oscillator
+from tests.studies.one_impact import OneImpact
+
+
+def _still(mode, t, y, p):
+    return (0.0,)
+
+
+def _cubic(mode, t, y, p):
+    return mode, (1.8 * y.x - y.x**3,)
+
+
+CUBIC = mi.System(states=("x",), flow=_still, switch_transition=_cubic, switches=(0.5,), period=1.0)
+
+
+def test_the_saddle_of_a_cubic_map():
+    """Attractors of x -> 1.8 x - x^3 at -sqrt(0.8) and sqrt(0.8), edge state at 0."""
+    found = mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
+    assert found.settled
+    assert abs(found.state.x) < 1e-5
+    assert found.orbit.multipliers[0].real == pytest.approx(1.8, rel=1e-9)
+    rest = math.sqrt(0.8)
+    assert [each.x for each in found.attractors] == pytest.approx([rest, -rest], abs=1e-6)
+    assert (found.table["distance"] <= 2e-5).all()
+
+
+def test_arguments_of_the_edge_state():
+    with pytest.raises(mi.InvalidParameter, match="the same attractor as first"):
+        mi.edge_state(CUBIC, {"x": 0.7}, {"x": 0.8})
+    with pytest.raises(mi.InvalidParameter, match="above closest"):
+        mi.edge_state(CUBIC, {"x": 0.7}, {"x": -0.8}, widest=1e-9)
+    with pytest.raises(mi.InvalidParameter, match="the system has a forcing period"):
+        mi.edge_state(CUBIC, {"x": 0.7}, {"x": -0.8}, step=0.1)
+
+
+def _fitzhugh(mode, t, y, p):
+    return 10.0 * (y.u - y.u**3 - y.w), -3.0 * y.w + y.u
+
+
+@pytest.mark.slow
+def test_the_edge_state_of_fitzhugh_and_nagumo():
+    """The second test of Attractors.jl: the saddle at the origin."""
+    system = mi.System(states=("u", "w"), flow=_fitzhugh)
+    found = mi.edge_state(system, {"u": -1.0, "w": 0.2}, {"u": 1.0, "w": 0.2})
+    assert found.settled
+    assert max(abs(found.state.u), abs(found.state.w)) < 1e-6
+    assert isinstance(found.orbit, mi.Equilibrium)
+    eigenvalue = 3.5 + math.sqrt(32.25)  # of the matrix (10, -10; 1, -3)
+    assert found.orbit.eigenvalues[0].real == pytest.approx(eigenvalue, rel=1e-9)
+    rest = math.sqrt(2.0 / 3.0)
+    assert [each.u for each in found.attractors] == pytest.approx([-rest, rest], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_saddle_between_rest_and_impacts():
+    """The saddle with one impact in three periods has a closed form."""
+    parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}
+    one = max(OneImpact(**parameters).orbits(3), key=lambda each: each.multiplier)
+    found = mi.edge_state(oscillator(**parameters), {"x": -0.2, "v": 0.9}, {"x": -0.2, "v": 0.1})
+    assert found.settled
+    assert found.orbit.periods == 3
+    assert abs(found.orbit.multipliers[0]) == pytest.approx(one.multiplier, rel=1e-6)
+    (speed,) = found.orbit.impacts["v before"]
+    assert speed == pytest.approx(one.speed, rel=1e-8)
