@@ -63,6 +63,8 @@ from .actuator.terms.stribeck_friction import StribeckFriction as StribeckFricti
 from .actuator.terms.tabulated_restitution import TabulatedRestitution as TabulatedRestitution
 from .actuator.terms.tilt import Tilt as Tilt
 from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
+from .analysis.boundary_type import BoundaryType as BoundaryType
+from .analysis.boundary_type import boundary_type as boundary_type
 from .analysis.branch import Branch as Branch
 from .analysis.branch import Curve as Curve
 from .analysis.branch import EquilibriumBranch as EquilibriumBranch

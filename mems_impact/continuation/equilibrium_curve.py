@@ -31,6 +31,12 @@ from mems_impact.continuation.arclength import (
     reason_of,
     tangent,
 )
+from mems_impact.continuation.branch_point_curve import (
+    UNFOLDS,
+    correct_branch_point,
+    curve_tangent,
+    unfolding,
+)
 from mems_impact.continuation.codim1_curve import correct_condition, null_vector
 from mems_impact.continuation.equilibrium_branch import (
     BOUNDARY,
@@ -40,7 +46,7 @@ from mems_impact.continuation.equilibrium_branch import (
     EquilibriumEvent,
 )
 from mems_impact.continuation.multilinear_forms import MultilinearForms, lyapunov_coefficient
-from mems_impact.continuation.test_functions import FOLD, MULTIPLIER_TOLERANCE
+from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, MULTIPLIER_TOLERANCE
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.equilibrium import (
@@ -50,6 +56,7 @@ from mems_impact.orbits.equilibrium import (
     differentiate,
     make_equilibrium,
 )
+from mems_impact.orbits.shooting import ACCEPTED
 
 __all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curve"]
 
@@ -305,6 +312,26 @@ class BoundaryCondition(EquilibriumCondition):
         return differentiate(margin, np.concatenate([point.unknowns, point.values]))[0]
 
 
+class BranchPointCondition(EquilibriumCondition):
+    """A rank-deficient Jacobian by unknowns and parameter.
+
+    It is the condition g = 0 of `branch_points`, which has two components.
+    """
+
+    kind = BRANCH_POINT
+
+    def value(self, point: EquilibriumEvaluation) -> float:
+        """Return by how much a solution fails to be a branch point."""
+        return unfolding(point)
+
+    def gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Raise: the derivatives are those of the extended equations."""
+        raise NotImplementedError
+
+    def set_reference(self, point: EquilibriumEvaluation) -> None:
+        """Do nothing: each correction has borders of its own."""
+
+
 def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> EquilibriumCondition:
     """Return the defining system of a kind of special points.
 
@@ -317,10 +344,12 @@ def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> Equi
         return FoldCondition(equations)
     if kind == HOPF:
         return HopfCondition(equations)
+    if kind == BRANCH_POINT:
+        return BranchPointCondition(equations)
     if kind == BOUNDARY:
         names = [each.name for each in equations.automaton.guards]
         return BoundaryCondition(equations, names.index(guard))
-    allowed = "a fold, Hopf point or boundary equilibrium, which have curves in two parameters"
+    allowed = "a fold, Hopf point, branch point or boundary equilibrium, which have curves"
     raise InvalidParameter("special", kind, allowed)
 
 
@@ -450,7 +479,7 @@ class ImaginaryPairTest(CodimensionTwoTest):
         if isinstance(condition, HopfCondition):
             pair = condition.pair(point)
             return np.delete(values, [pair.first, pair.second])
-        if isinstance(condition, FoldCondition):
+        if isinstance(condition, FoldCondition | BranchPointCondition):
             return np.delete(values, np.argmin(np.abs(values)))
         return values
 
@@ -504,7 +533,12 @@ CUSP, BOGDANOV_TAKENS, ZERO_HOPF, BAUTIN, HOPF_HOPF = (
     "Bautin",
     "Hopf-Hopf",
 )
-BOUNDARY_NAMES = {FOLD: "boundary-fold", HOPF: "boundary-Hopf", BOUNDARY: "double boundary"}
+BOUNDARY_NAMES = {
+    FOLD: "boundary-fold",
+    HOPF: "boundary-Hopf",
+    BRANCH_POINT: "boundary-branch point",
+    BOUNDARY: "double boundary",
+}
 """Names of points at which an equilibrium meets a guard, by the kind of the curve."""
 CODIMENSION_TWO_TESTS: dict[str, tuple[CodimensionTwoTest, ...]] = {
     FOLD: (
@@ -518,6 +552,7 @@ CODIMENSION_TWO_TESTS: dict[str, tuple[CodimensionTwoTest, ...]] = {
         ImaginaryPairTest(HOPF_HOPF),
         LyapunovTest(BAUTIN),
     ),
+    BRANCH_POINT: (ImaginaryPairTest("branch point-Hopf"),),
     BOUNDARY: (
         ZeroEigenvalueTest(BOUNDARY_NAMES[FOLD]),
         ImaginaryPairTest(BOUNDARY_NAMES[HOPF]),
@@ -571,17 +606,18 @@ def follow_equilibrium_curve(
     values = np.array([family.value(name) for name in curve.parameters])
     try:
         near = equations.evaluate(equilibrium.balance.unknowns, values)
-        condition.set_reference(near)
-        gradient = condition.gradient(near)
-        along = null_vector(near, gradient)
-        along = along if along[-1] * direction >= 0.0 else -along
+        crossing = isinstance(condition, BranchPointCondition)
+        problem = (_BranchPointCurve if crossing else _EquilibriumCurveProblem)(
+            curve, condition, (low, high)
+        )
+        along = problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
         start = np.concatenate([near.unknowns, values])
-        point = correct_condition(equations, condition, gradient, start, along, start).point
+        point = problem.corrector(near)(start, along, start).point
+        problem.begin(point, along)
     except CONTINUATION_ERRORS as error:
         curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
         return curve
     try:
-        problem = _EquilibriumCurveProblem(curve, condition, point, along, (low, high))
         for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
             if progress is not None:
                 progress(found.family.value(curve.parameters[1]))
@@ -601,14 +637,11 @@ class _EquilibriumCurveProblem(
         self,
         curve: EquilibriumCurve,
         condition: EquilibriumCondition,
-        first: EquilibriumEvaluation,
-        along: Floats,
         bounds: tuple[float, float],
     ) -> None:
         self.branch, self.condition, self.bounds = curve, condition, bounds
         self.equations = condition.equations
         self.family, self.parameters = self.equations.family, curve.parameters
-        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
         self._linear: tuple[EquilibriumEvaluation, Floats] | None = None
         own = condition.guard if isinstance(condition, BoundaryCondition) else -1
         name = BOUNDARY_NAMES[condition.kind]
@@ -620,6 +653,10 @@ class _EquilibriumCurveProblem(
                 if j != own and not guard.records
             ),
         ]
+
+    def begin(self, first: EquilibriumEvaluation, along: Floats) -> None:
+        """Set the first point and its tangent."""
+        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
 
     def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
         """Return the corrector of a step."""
@@ -730,3 +767,37 @@ class _EquilibriumCurveProblem(
         equilibrium = make_equilibrium(self.equations, point)
         values = float(point.values[0]), float(point.values[1])
         return position, EquilibriumCurveEvent(test.name, values, equilibrium)
+
+
+class _BranchPointCurve(_EquilibriumCurveProblem):
+    """Equilibria at which another branch crosses, in two parameters."""
+
+    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
+        """Return the corrector of a step."""
+        self._near = point
+        return partial(correct_branch_point, self.equations, point)
+
+    def solve(self, guess: Floats) -> EquilibriumEvaluation:
+        """Correct a guess at its value of the second parameter."""
+        point = self.corrector(self._near)(guess, np.eye(guess.size)[-1], guess).point
+        if unfolding(point) > ACCEPTED:
+            raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
+        return point
+
+    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
+        """Return the unit tangent of the curve, in the direction of `along`."""
+        direction = curve_tangent(self.equations, point)
+        return direction if direction @ along >= 0.0 else -direction
+
+    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+        """Append an equilibrium to the curve, unless it is no branch point."""
+        if unfolding(point) <= ACCEPTED:
+            super().record(point, along)
+
+    def end_at(self, point: EquilibriumEvaluation) -> str:
+        """Return the reason for an end where the branch point unfolds."""
+        if unfolding(point) <= ACCEPTED:
+            return ""
+        name = self.parameters[1]
+        where = self.family.amount(name, self.branch.points[-1].family.values[name])
+        return f"{UNFOLDS}: at another value of {name} than {where}, no branch crosses"

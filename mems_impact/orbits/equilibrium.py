@@ -124,6 +124,11 @@ class EquilibriumEquations:
         margins, _ = self.automaton.margins_at(self.mode, 0.0, y, p, np.inf)
         return margins
 
+    def mode_after(self, balance: EquilibriumEvaluation, guard: int) -> int:
+        """Return the mode to which the transition of a guard leads."""
+        y, p = self.state(balance.unknowns), self._parameters(balance.values)
+        return self.automaton.state_after(self.mode, guard, 0.0, y, p)[0]
+
     def _parameter_rates(self, values: Floats, count: int) -> Floats:
         """Return the derivatives of the parameter array by the active parameters."""
         there = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))

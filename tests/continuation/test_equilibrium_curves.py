@@ -248,18 +248,40 @@ def test_hopf_points_of_pseudo_equilibria():
 # --- Results
 
 
+def pitchfork(mode, t, y, p):
+    return p.a * y.x - p.b * y.x + y.y**2 * y.x - y.x**3 + p.d, p.a + p.b**2 - y.y
+
+
+PITCHFORK = mi.System(
+    states=("x", "y"), flow=pitchfork, parameters={"a": -1.0, "b": 0.5, "d": 0.0}
+)  # fmt: skip
+
+
+def test_branch_points_that_a_symmetry_keeps():
+    """Symmetric in x; a pitchfork where a - b + (a + b^2)^2 = 0, an imperfection is d."""
+    crossing = special_point(PITCHFORK, {"x": 0.0, "y": -0.75}, "a", 0.5, "BP")
+    curve = mi.continue_curve(crossing, "b", 1.0, steps=STEPS)
+    a, b = curve.table["a"], curve.table["b"]
+    assert abs(a - b + (a + b * b) ** 2).max() < 1e-9
+    assert curve.ended == "b reached its bound"
+    unfolded = mi.continue_curve(crossing, "d", 0.3, steps=STEPS)
+    assert unfolded.ended.startswith("the branch point unfolds: at another value of d than 0,")
+
+
 def test_what_is_refused():
-    system = mi.System(
-        states=("x",),
-        flow=lambda mode, t, y, p: (p.a * y.x - p.b * y.x**3,),
-        parameters={"a": -1.0, "b": 1.0},
-    )
-    crossing = special_point(system, {"x": 0.0}, "a", 1.0, "BP")
-    with pytest.raises(mi.InvalidParameter, match="branch point"):
-        mi.continue_curve(crossing, "b", 2.0)
     fold = special_point(TAKENS, {"x": -0.6}, "a", 1.0, "LP", back=-1.0)
     with pytest.raises(mi.InvalidParameter, match="another one"):
         mi.continue_curve(fold, "a", 2.0)
+    events = {"high": ("y", 0.0)}
+    first = mi.find_equilibria(LIFTED)[0]
+    special = mi.continue_equilibrium(first, "a", 1.0, events=events).special_points[0]
+    with pytest.raises(mi.InvalidParameter, match="which have curves"):
+        mi.continue_curve(special, "b", 1.0)
+
+
+LIFTED = mi.System(
+    states=("y",), flow=lambda mode, t, y, p: (p.a - y.y,), parameters={"a": -1.0, "b": 0.0}
+)  # fmt: skip
 
 
 def test_curves_are_values(tmp_path):
