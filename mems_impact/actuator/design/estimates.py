@@ -198,11 +198,15 @@ def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     return float(y[V1] ** 2 / (2.0 * slowing)) if slowing > 0.0 else math.inf
 
 
+HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
+DYNAMIC_PERIODS = 30  # periods of the resonance in which the block strikes, or never does
+DYNAMIC_RTOL = 1e-9  # relative accuracy of a dynamic pull-in voltage found by simulation
+
 # --- Estimates of pull-in voltage, resting voltage and step length
 
 
-def pull_in_voltage(actuator: Actuator) -> float:
-    """Compute the static pull-in voltage, at which the block reaches the right stopper.
+def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
+    """Compute the pull-in voltage, at which the block reaches the right stopper.
 
     In equilibrium k x2 = alpha v^2 / (d - x2)^2, that is v^2 = k x2 (d - x2)^2 / alpha, which has
     its maximum at x2 = d/3: above ``sqrt(4 k d^3 / (27 alpha))`` there is no equilibrium and the
@@ -213,9 +217,17 @@ def pull_in_voltage(actuator: Actuator) -> float:
     stopper is computed numerically. Terms in series with the electrode transmit a slow voltage, and
     its insulation is free of trapped charge.
 
+    The dynamic pull-in voltage is the least voltage that, switched on suddenly, brings the block
+    from rest to the stopper in a held frame. Without damping, the energy gives
+    v^2 = k d x2 (d - x2) / (2 alpha), with its maximum at x2 = d/2: ``sqrt(k d^3 / (8 alpha))``,
+    0.9186 of the static voltage, for a stopper beyond d/2. With damping or terms it is found by
+    simulation.
+
     Parameters
     ----------
     actuator : Actuator
+    dynamic : bool, optional
+        Compute the dynamic instead of the static voltage.
 
     Returns
     -------
@@ -237,11 +249,43 @@ def pull_in_voltage(actuator: Actuator) -> float:
     >>> f"{mi.pull_in_voltage(mi.load_actuator('mita2003')):.2f} V"
     '31.57 V'
     """
+    if dynamic:
+        return _dynamic_pull_in(actuator)
     if actuator.terms:
         return float(actuator.scales.out(StaticForces(actuator).pull_in(), "V"))
     if actuator.delta <= actuator.d / 3.0:
         return resting_voltage(actuator)
     return math.sqrt(4.0 * actuator.k * actuator.d / (27.0 * actuator.alpha)) * actuator.d
+
+
+def _dynamic_pull_in(actuator: Actuator) -> float:
+    """Return the dynamic pull-in voltage."""
+    if actuator.c == 0.0 and not actuator.terms:
+        place = min(actuator.delta, 0.5 * actuator.d)
+        energy = actuator.k * actuator.d * place * (actuator.d - place) / 2.0
+        return math.sqrt(energy / actuator.alpha)
+    from mems_impact.actuator.drives.sine import Sine
+    from mems_impact.actuator.system import ActuatorSystem
+    from mems_impact.analysis.simulate import simulate
+
+    # The frame is held by friction that no force overcomes.
+    gravity = actuator.g or actuator.scales.out(1.0, "m/s^2")
+    held = actuator.replace_unchecked(mu_s=HOLDING_FRICTION, mu_d=HOLDING_FRICTION, g=gravity)
+    omega = math.sqrt(actuator.k / actuator.m2)
+
+    def strikes(voltage: float) -> bool:
+        drive = Sine(amplitude=0.0, omega=omega, bias=voltage)
+        system = ActuatorSystem(held, drive)
+        run = simulate(system, DYNAMIC_PERIODS, keep="statistics", window=(0, DYNAMIC_PERIODS))
+        return bool(run.statistics["impacts"] > 0)
+
+    low, high = 0.0, pull_in_voltage(actuator)
+    if high == 0.0:
+        return 0.0
+    while high - low > DYNAMIC_RTOL * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if strikes(middle) else (middle, high)
+    return high
 
 
 def resting_voltage(actuator: Actuator) -> float:
