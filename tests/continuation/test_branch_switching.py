@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -193,3 +194,46 @@ def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     settled = mi.find_orbit(run)
     found = np.sort(np.abs(settled.impacts["v before"]))
     assert found == pytest.approx(np.sort(np.abs(speeds[0])), abs=1e-8)
+
+
+def ueda(mode, t, y, p):
+    return y.v, p.A * math.cos(t) - 0.2 * y.v - y.x**3
+
+
+def asymmetry(A):
+    """Return the square of x(t) + x(t + T/2) after a long run by another integrator."""
+
+    def flow(t, y):
+        return [y[1], A * math.cos(t) - 0.2 * y[1] - y[0] ** 3]
+
+    end = 2.0 * math.pi * 150.0
+    run = solve_ivp(
+        flow, (0.0, end + math.pi), [1.5, 1.0], method="DOP853", rtol=1e-9, atol=1e-11,
+        t_eval=[end, end + math.pi],
+    )  # fmt: skip
+    return float(run.y[0].sum() ** 2)
+
+
+@pytest.mark.slow
+def test_symmetry_breaking_of_a_driven_duffing_oscillator():
+    """Beyond the branch point the square of the asymmetry grows from zero."""
+    system = mi.System(states=("x", "v"), flow=ueda, period=2.0 * math.pi, parameters={"A": 1.5})
+    orbit = mi.find_orbit(system, transient=200)
+    steps = mi.StepControl(largest=0.1)
+    branch = mi.continue_orbit(orbit, "A", 2.6, steps=steps)
+    (fork,) = branch.special_points
+    assert fork.criticality == "supercritical"
+    amplitudes = np.array([2.42, 2.44, 2.46, 2.48])
+    squares = np.array([asymmetry(A) for A in amplitudes])
+    assert np.all(np.diff(squares) > 0.0)
+    extrapolated = np.polynomial.polynomial.polyfit(squares, amplitudes, 3)[0]
+    assert fork.value == pytest.approx(extrapolated, abs=1e-5)
+    halves = mi.switch_branch(fork, bounds=(1.5, 2.5), steps=steps)
+    assert halves.symmetry.signs == {"x": -1, "v": -1}
+    assert halves.symmetry.half_period
+    assert [special.label for special in halves.special_points] == ["BP"]
+    at = mi.find_orbit(system.changed(A=2.48), guess={"x": 1.5, "v": 1.0}, transient=150)
+    found = at.samples(2)["x"].iloc[:2].sum() ** 2
+    assert found == pytest.approx(squares[-1], rel=1e-6)
+    x = halves.table[np.isclose(halves.table["A"], 2.5)]["x"]
+    assert len(x) == 2
