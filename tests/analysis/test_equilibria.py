@@ -77,7 +77,9 @@ def test_a_guess_leads_to_the_nearest():
     assert abs(found.state.angle - math.pi) < 1e-12
 
 
-@pytest.mark.parametrize(("s", "b"), [(10.0, 8.0 / 3.0), (16.0, 4.0)])
+@pytest.mark.parametrize(
+    ("s", "b"), [(10.0, 8.0 / 3.0), pytest.param(16.0, 4.0, marks=pytest.mark.slow)]
+)
 def test_hopf_point_of_lorenz(s, b):
     (first,) = mi.find_equilibria(LORENZ.changed(s=s, b=b))
     branch = mi.continue_equilibrium(first, "r", 50.0)

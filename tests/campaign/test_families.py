@@ -254,7 +254,7 @@ def test_frictions_side_by_side_break_away_together():
     assert contacts.check(1, 2657).story == ""
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     """The same, the body in two halves that are stuck together, each on the ground by one."""
     whole = contacts.Drawn(1, 2657)
@@ -292,7 +292,7 @@ def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     assert final == pytest.approx(judge.at([contacts.END])[0], abs=1e-8)
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     """The ground holds two bodies with all it can; one slides, and the other is relieved by it."""
     rubs = (
@@ -319,7 +319,7 @@ def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
     """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.
 

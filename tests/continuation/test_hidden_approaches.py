@@ -43,7 +43,11 @@ def _strike(mode, t, y, p):
 
 @pytest.mark.parametrize(
     ("method", "unit", "rate"),
-    [("adams", 1.0, 1.0), ("dop853", 1.0, 1.0), ("dop853", 1e-6, 1e3)],
+    [
+        ("adams", 1.0, 1.0),
+        pytest.param("dop853", 1.0, 1.0, marks=pytest.mark.slow),
+        ("dop853", 1e-6, 1e3),
+    ],
     ids=str,
 )
 def test_grazing_of_a_wall_that_moves_faster_than_the_steps(method, unit, rate):

@@ -58,7 +58,7 @@ def first_strike(p, start):
     return min(found)
 
 
-@pytest.mark.parametrize("period", [0.1, 1.0, 100.0])
+@pytest.mark.parametrize("period", [0.1, pytest.param(1.0, marks=pytest.mark.slow), 100.0])
 @pytest.mark.parametrize(("k", "amplitude"), [(20.0, 0.05), (60.0, 0.02)])
 def test_the_first_of_two_floors_is_struck(k, amplitude, period):
     rng = np.random.default_rng(7)

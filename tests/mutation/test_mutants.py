@@ -106,6 +106,7 @@ def test_a_change_elsewhere_draws_no_other_mutants(tmp_path):
     assert after[:10] == before
 
 
+@pytest.mark.slow
 def test_what_is_said_to_be_equivalent_still_stands_in_the_sources():
     every = set()
     for path in {path for path, _, _ in EQUIVALENT}:

@@ -156,8 +156,8 @@ def test_a_jump_is_told_in_the_units_of_the_system():
 
 def test_orbits_and_exponents_tell_of_a_jump_that_their_runs_meet():
     system = quiet(rubbing).changed(mu=0.2)
-    assert len(caught_by(lambda: mi.find_orbit(system, options=PLAIN))) == 1
-    few = {"transient": 10, "periods": 20}
+    assert len(caught_by(lambda: mi.find_orbit(system, transient=10, options=PLAIN))) == 1
+    few = {"transient": 2, "periods": 4}
     assert len(caught_by(lambda: mi.lyapunov(system, options=PLAIN, **few))) == 1
 
 
