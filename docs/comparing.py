@@ -28,6 +28,7 @@ MOST = 0.15  # of the range from black to white
 # Rounding decides where dots of chaos lie, and how large an error near rounding is: another
 # processor draws others.
 BY_ROUNDING = {
+    "bifurcation_diagram_branch",
     "bouncing_ball_branch", "buck_converter_branch", "impact_oscillator_branch", "lorenz_branch",
     "lorenz_run", "methods_and_accuracy", "operating_map_motions", "operating_map_speed",
     "studies", "symmetry_breaking_branch", "two_stop_rattler_branch",

@@ -96,6 +96,7 @@ from .analysis.verification import Verification as Verification
 from .continuation.arclength import StepControl as StepControl
 from .continuation.normal_forms import NormalForm as NormalForm
 from .errors import ChartInterrupted as ChartInterrupted
+from .errors import DiagramInterrupted as DiagramInterrupted
 from .errors import DiscontinuityWarning as DiscontinuityWarning
 from .errors import EngineFallbackWarning as EngineFallbackWarning
 from .errors import EngineUnavailable as EngineUnavailable
@@ -129,6 +130,7 @@ from .plotting.animation import Animation as Animation
 from .plotting.animation import animate as animate
 from .plotting.bifurcation import plot_branch as plot_branch
 from .plotting.bifurcation import plot_curve as plot_curve
+from .plotting.bifurcation import plot_diagram as plot_diagram
 from .plotting.bifurcation import plot_sweep as plot_sweep
 from .plotting.maps import plot_basins as plot_basins
 from .plotting.maps import plot_map as plot_map
@@ -145,6 +147,8 @@ from .studies.attractor_continuation import continue_attractors as continue_attr
 from .studies.attractor_study import map_summary as map_summary
 from .studies.basins import Basins as Basins
 from .studies.basins import basins as basins
+from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
+from .studies.bifurcation_diagram import bifurcation_diagram as bifurcation_diagram
 from .studies.engine.store import StoredStudy as StoredStudy
 from .studies.engine.store import read_study as read_study
 from .studies.operating_map import OperatingMap as OperatingMap

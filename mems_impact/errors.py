@@ -15,6 +15,7 @@ from mems_impact._util.formatting import label, shown
 
 __all__ = [
     "ChartInterrupted",
+    "DiagramInterrupted",
     "DiscontinuityWarning",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -695,6 +696,42 @@ class ChartInterrupted(Interrupted):
         super().__init__(
             f"{done} of {total or 'all'} boundaries", chart=chart, done=done, total=total
         )
+
+
+class DiagramInterrupted(Interrupted):
+    """Ctrl-C interrupted a bifurcation diagram; the exception holds the branches so far.
+
+    Parameters
+    ----------
+    diagram : object
+        The diagram with the finished branches; `bifurcation_diagram` completes it as ``resume``.
+    done : int
+        Number of finished branches.
+
+    See Also
+    --------
+    Interrupted, bifurcation_diagram, BifurcationDiagram
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.22, 0.24, values=3)
+    ... except mi.DiagramInterrupted as stopped:
+    ...     diagram = stopped.diagram
+    >>> len(diagram.branches) > 0
+    True
+    """
+
+    work = "bifurcation diagram"
+    kept = "diagram"
+    diagram: Any
+    done: int
+
+    def __init__(self, diagram: object, done: int) -> None:
+        super().__init__(f"{done} branches", diagram=diagram, done=done)
 
 
 class OptimizationInterrupted(Interrupted):

@@ -19,6 +19,7 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 GALLERY = sorted((DOCS / "examples").glob("*.py"))
 LESSONS = [*sorted((DOCS / "tutorials").glob("*.py")), *sorted((DOCS / "ideas").glob("*.py"))]
 PICTURES = {  # where they are not run, orbit, branch
+    "bifurcation_diagram": {"branch"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},

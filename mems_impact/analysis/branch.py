@@ -72,6 +72,7 @@ __all__ = [
     "continue_equilibrium",
     "continue_orbit",
     "curve_of",
+    "joined_branch",
     "switch_branch",
 ]
 
@@ -528,10 +529,10 @@ def _both_sides(
         return outward
     # One step passes the branch point: an error of the equations separates the branches there.
     initial = max(steps.initial, PASSING_RATIO * first.distance)
-    return _joined(outward, followed(-first.side, replace(steps, initial=initial)))
+    return joined_branch(outward, followed(-first.side, replace(steps, initial=initial)))
 
 
-def _joined(outward: B, inward: B) -> B:
+def joined_branch(outward: B, inward: B) -> B:
     """Return one branch of two that start at the same point in opposite directions."""
     ends = outward.ended, inward.ended
     ended = ends[0] if ends[0] == ends[1] else f"{ends[1]}; at its beginning, {ends[0]}"

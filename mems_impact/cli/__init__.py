@@ -38,6 +38,7 @@ COMMAND_NAMES = (
     "continue",
     "datasheet",
     "devices",
+    "diagram",
     "docs",
     "drive",
     "explore",

@@ -131,7 +131,10 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
 
 
 def load_subject(
-    name: str, changes: Mapping[str, float], initial: Initial
+    name: str,
+    changes: Mapping[str, float],
+    initial: Initial,
+    varied: Mapping[str, float] | None = None,
 ) -> tuple[mi.HybridSystem, mi.State | None]:
     """Return the system of a name or path, and its initial state; None for the default state.
 
@@ -143,6 +146,8 @@ def load_subject(
         Values of ``--set``.
     initial : mapping of str to float or "kicked"
         Value of ``--initial``.
+    varied : mapping of str to float, optional
+        A value of the parameter that a command varies, which replaces its option.
     """
     from pathlib import Path
 
@@ -150,7 +155,7 @@ def load_subject(
 
     if not is_system_name(name) or Path(name).exists():
         actuator = actuator_from(name, dict(changes))
-        return actuator.under(drive_from()), state_from(initial, actuator)
+        return actuator.under(drive_from(varied)), state_from(initial, actuator)
     refuse_drive(name)
     if initial == KICKED:
         raise click.UsageError(f"--initial {KICKED}: for devices only; {name} takes NAME=NUMBER")

@@ -265,12 +265,18 @@ class ClosureDetector:
         if first == 0.0 or first * last > 0.0 or (last > first) != self.forward:
             return None
         place = step.zero(beyond, length)
-        return place if self._lies_on(shooting, step.at(place).point) else None
+        return place if self.lies_on(shooting, step.at(place).point) else None
 
-    def _lies_on(self, shooting: Shooting, point: ShootingEvaluation) -> bool:
-        if np.abs(point.values - self.values).max() > SAME_ORBIT_DISTANCE:
+    def lies_on(
+        self,
+        shooting: Shooting,
+        point: ShootingEvaluation,
+        distance: float = SAME_ORBIT_DISTANCE,
+    ) -> bool:
+        """Return whether the first state of the first orbit lies on another orbit."""
+        if np.abs(point.values - self.values).max() > distance:
             return False
-        return orbit_distance(shooting, point, self.mode, self.state) < SAME_ORBIT_DISTANCE
+        return orbit_distance(shooting, point, self.mode, self.state) < distance
 
 
 def orbit_distance(

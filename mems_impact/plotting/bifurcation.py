@@ -39,7 +39,7 @@ from mems_impact.plotting.style import (
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.tables import NUMBER, PERIOD, bare, sweep_summary, switches
 
-__all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_sweep"]
+__all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
 
 # --- Branches
 
@@ -154,6 +154,64 @@ def plot_branch(
     legend_above(ax)
     mark_points(ax, marks)
     return ax
+
+
+class BranchTree(Protocol):
+    """Interface of `mems_impact.studies.bifurcation_diagram.BifurcationDiagram`."""
+
+    @property
+    def branches(self) -> Sequence[Diagram]:
+        """The branches."""
+
+    @property
+    def cloud(self) -> pd.DataFrame:
+        """The attractors on the section."""
+
+
+@styled
+def plot_diagram(diagram: BranchTree, ax: Any = None, *, quantity: str | None = None) -> Any:
+    """Draw a bifurcation diagram: its branches over its attractors.
+
+    Stable orbits are solid lines, unstable ones dashed, with the labels of `plot_branch`; dots are
+    attractors from runs.
+
+    Parameters
+    ----------
+    diagram : BifurcationDiagram
+    ax : matplotlib Axes, optional
+        Axes to draw on; a new figure by default.
+    quantity : str, optional
+        As for `plot_branch`.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `diagram` is not a diagram, or the quantity is unknown.
+
+    See Also
+    --------
+    bifurcation_diagram, plot_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.22, 0.24, values=3)
+    >>> mi.plot_diagram(diagram).figure.savefig("diagram.png")
+    """
+    if not hasattr(diagram, "cloud"):
+        allowed = "a BifurcationDiagram, as mems_impact.bifurcation_diagram returns it"
+        raise InvalidParameter("diagram", type(diagram).__name__, allowed)
+    if not diagram.branches:
+        return plot_sweep(diagram.cloud, ax, quantity=quantity)
+    dots = diagram.cloud if quantity is None or quantity in bare(diagram.cloud) else None
+    return plot_branch(diagram.branches, dots, ax, quantity=quantity)
 
 
 def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:

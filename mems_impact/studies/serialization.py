@@ -2,6 +2,7 @@
 
 from mems_impact.studies.attractor_continuation import AttractorBranches
 from mems_impact.studies.basins import Basins
+from mems_impact.studies.bifurcation_diagram import BifurcationDiagram
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.studies.optimize import Optimum, ParetoFront
 from mems_impact.studies.sampling import Axis, Grid, Sample
@@ -17,6 +18,7 @@ register(Sample)
 register(OperatingMap)
 register(Basins)
 register(AttractorBranches)
+register(BifurcationDiagram)
 register(ToleranceAnalysis)
 register(Optimum)
 register(ParetoFront)

@@ -16,7 +16,7 @@ def errors(caught: BaseException) -> str:
         | mi.InvalidFile | mi.OrbitError | mi.RunError | mi.WorkersLost
     )  # fmt: skip
     interrupted = (
-        mi.ChartInterrupted | mi.OptimizationInterrupted | mi.RunInterrupted
+        mi.ChartInterrupted | mi.DiagramInterrupted | mi.OptimizationInterrupted | mi.RunInterrupted
         | mi.StudyInterrupted | mi.SweepInterrupted
     )  # fmt: skip
     if isinstance(caught, mi.InvalidParameter):
@@ -176,6 +176,8 @@ def studies(system: mi.HybridSystem, orbit: mi.Orbit) -> None:
     basins = assert_type(mi.basins(system, x=("x", [0.0])), mi.Basins)
     assert_type(mi.continue_attractors(basins, "A", [0.1]), mi.AttractorBranches)
     mi.plot_basins(basins)
+    diagram = assert_type(mi.bifurcation_diagram(system, "A", 0.0, 1.0), mi.BifurcationDiagram)
+    mi.plot_diagram(diagram)
     analysis = assert_type(mi.tolerance_analysis(system, over={}), mi.ToleranceAnalysis)
     mi.plot_tolerance_analysis(analysis)
     size = mi.Quantity("size", lambda orbit: 1.0)

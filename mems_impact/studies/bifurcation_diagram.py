@@ -1,0 +1,1008 @@
+"""Bifurcation diagrams: attractors, the branches that lead through them, and what emanates."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from mems_impact import tables as diagram_tables
+from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import Report, progress_bar
+from mems_impact._util.warning_scopes import collected_warnings
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    InitialCondition,
+    RecurrenceOptions,
+    map_attractors,
+)
+from mems_impact.analysis.branch import (
+    BRANCH_STEPS,
+    Branch,
+    EquilibriumBranch,
+    check_value,
+    continue_equilibrium,
+    continue_orbit,
+    joined_branch,
+    switch_branch,
+)
+from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit, orbit_of
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.special_points import EquilibriumPoint, SpecialPoint
+from mems_impact.continuation.arclength import CLOSED, StepControl
+from mems_impact.continuation.orbit_identity import (
+    equilibrium_on_branch,
+    orbit_on_branch,
+    same_orbit,
+    up_to_cover,
+)
+from mems_impact.continuation.test_functions import FoldTest
+from mems_impact.errors import (
+    DiagramInterrupted,
+    InvalidParameter,
+    MemsImpactError,
+    ScaleWarning,
+)
+from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
+from mems_impact.integrators.options import Options
+from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
+from mems_impact.studies.sweep import SweepStudy
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, state_from, whole
+from mems_impact.systems.statistics import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    RESTING,
+    UNSETTLED,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["BifurcationDiagram", "bifurcation_diagram"]
+
+AnyBranch = Branch | EquilibriumBranch
+AnyPoint = SpecialPoint | EquilibriumPoint
+
+DIAGRAM_RECURRENCE = RecurrenceOptions(chaos_persistence=1.0)
+SAME_VALUE_RTOL = 1e-7  # largest relative difference of the values of one special point
+SAME_ATTRACTOR_RTOL = 1e-3  # largest distance of two attractors, in sizes of the components
+REST_RTOL = 1e-3  # relative range of states at rest
+PROBE_POINTS = 12  # orbits of an emanating branch after which it is compared with known branches
+SEARCHED_VALUES = 5  # values of the parameter at which Newton's method starts from many states
+BOX_MARGIN = 1.2  # size of the box of starting states, in sizes of the states that were visited
+BOX_PERIODS = 50  # length of the runs that determine it
+CLOUD_PERIODS = 150  # forcing periods drawn of a motion that is not periodic
+BRANCH = "branch"
+NO_BRANCH = -1
+
+
+# --- The result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class BifurcationDiagram(Result):
+    """All branches of a system that were found over a parameter, with its attractors.
+
+    Attributes
+    ----------
+    system : System
+    parameter : str
+    bounds : tuple of float
+    branches : tuple of Branch or EquilibriumBranch
+        Each once.
+    parents : tuple of int or None
+        For each branch the number of the branch from which it emanates; None for one that was
+        found from an attractor or by a search.
+    origins : tuple of SpecialPoint, EquilibriumPoint or None
+        The special point of the parent at which the branch emanates.
+    attractors : DataFrame
+        One row per attractor and value: the parameter, motion, period, branch (its number, or -1 if
+        it lies on none), Lyapunov exponent, and its last state.
+    cloud : DataFrame
+        The attractors on the section, with the columns of `sweep`.
+    complete : bool
+        Whether the computation finished.
+
+    See Also
+    --------
+    bifurcation_diagram, plot_diagram, Branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> diagram = mi.bifurcation_diagram(well, "a", -1.0, 1.0, values=5, starts=2)
+    >>> print(diagram.tree)
+    a -1 to 1
+    0: equilibria, a -1 to 1, BP 0
+    └─ 1: equilibria, a 0 to 1, from BP 0
+    """
+
+    system: HybridSystem = field(repr=False)
+    parameter: str
+    bounds: tuple[float, float]
+    branches: tuple[AnyBranch, ...]
+    parents: tuple[int | None, ...]
+    origins: tuple[AnyPoint | None, ...] = field(repr=False)
+    attractors: pd.DataFrame = field(repr=False)
+    cloud: pd.DataFrame = field(repr=False)
+    complete: bool = True
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        rest = "" if self.complete else ", incomplete"
+        return (
+            f"BifurcationDiagram({self.parameter} {low:g} to {high:g}, {len(self.branches)} "
+            f"branches, {len(self.special_points)} special points{rest})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the parameter and its range, and one entry per branch."""
+        low, high = self.bounds
+        rows = {f"branch {i}": self._line(i) for i in range(len(self.branches))}
+        return {
+            "system": repr(self.system),
+            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            **rows,
+        }
+
+    @property
+    def tree(self) -> str:
+        """The branches as text, each below the branch from which it emanates."""
+        low, high = self.bounds
+        lines = [f"{self.parameter} {low:g} to {high:g}"]
+
+        def add(number: int, indent: str, mark: str, below: str) -> None:
+            lines.append(f"{indent}{mark}{number}: {self._line(number)}")
+            children = self.children(number)
+            for child in children:
+                last = child == children[-1]
+                add(child, indent + below, "└─ " if last else "├─ ", "   " if last else "│  ")
+
+        for root in self.children(None):
+            add(root, "", "", "")
+        return "\n".join(lines)
+
+    def children(self, number: int | None) -> tuple[int, ...]:
+        """Return the numbers of the branches that emanate from a branch; of the roots for None."""
+        return tuple(i for i, parent in enumerate(self.parents) if parent == number)
+
+    def _line(self, number: int) -> str:
+        branch, origin = self.branches[number], self.origins[number]
+        values = _values(branch)
+        low, high = _shown(values.min()), _shown(values.max())
+        parts = [_kind(branch), f"{self.parameter} {low} to {high}"]
+        if branch.ended.endswith(CLOSED):
+            parts.append("closed")
+        parts += [
+            f"{s.label} {_shown(s.value)}"
+            for s in branch.special_points
+            if origin is None or not _same_point(s, origin)
+        ]
+        if origin is not None:
+            parts.append(f"from {origin.label} {_shown(origin.value)}")
+        return ", ".join(parts)
+
+    @cached_property
+    def special_points(self) -> tuple[AnyPoint, ...]:
+        """The special points of all branches; one that two branches share appears once."""
+        return tuple(point for _, point in self._distinct)
+
+    @cached_property
+    def _distinct(self) -> list[tuple[int, AnyPoint]]:
+        found: list[tuple[int, AnyPoint]] = []
+        for i, branch in enumerate(self.branches):
+            for point in branch.special_points:
+                if not any(_same_point(point, other) for _, other in found):
+                    found.append((i, point))
+        return found
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The tables of all branches, one below the other, with the number of the branch."""
+        return _joined([branch.table for branch in self.branches])
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row per special point, with the number of its branch."""
+        shown = {(i, id(point)) for i, point in self._distinct}
+        return _joined(
+            [
+                branch.special_table[[(i, id(s)) in shown for s in branch.special_points]]
+                for i, branch in enumerate(self.branches)
+            ]
+        )
+
+
+def _up_to_cover(branch: AnyBranch) -> AnyBranch:
+    """Return a branch up to the point where its orbits become those of a smaller period."""
+    if isinstance(branch, EquilibriumBranch):
+        return branch
+    found = up_to_cover(branch.found)
+    if found is branch.found:
+        return branch
+    kept = {id(each) for each in found.special_points}
+    special = tuple(each for each in branch.special_points if id(each.found) in kept)
+    return replace(branch, found=found, special_points=special, ended=found.ended)
+
+
+def _values(branch: AnyBranch) -> Floats:
+    """Return the values of the parameter along a branch."""
+    return branch.table.iloc[:, 0].to_numpy()
+
+
+def _shown(value: float) -> str:
+    return f"{value:.6g}" if abs(value) > 1e-12 else "0"
+
+
+def _kind(branch: AnyBranch) -> str:
+    if isinstance(branch, EquilibriumBranch):
+        return "equilibria"
+    if not branch.system.forced:
+        return "cycles"
+    return f"period {branch.found.points[0].orbit.periods}"
+
+
+def _joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Return tables of branches as one, with the number of the branch after the other columns."""
+    import pandas as pd
+
+    numbered = [table.assign(**{BRANCH: i}) for i, table in enumerate(tables) if len(table)]
+    if not numbered:
+        return pd.DataFrame(columns=["label", "kind", BRANCH])
+    joined = pd.concat(numbered, ignore_index=True)
+    joined.attrs = dict(tables[0].attrs)
+    return joined
+
+
+def _same_point(one: AnyPoint, other: AnyPoint) -> bool:
+    """Return whether two special points of branches are the same."""
+    if one.kind != other.kind or type(one) is not type(other):
+        return False
+    if abs(one.value - other.value) > SAME_VALUE_RTOL * max(1.0, abs(one.value)):
+        return False
+    if isinstance(one, EquilibriumPoint) and isinstance(other, EquilibriumPoint):
+        states = (np.array(s.equilibrium.found.state) for s in (one, other))
+        return float(np.abs(next(states) - next(states)).max(initial=0.0)) < SAME_ATTRACTOR_RTOL
+    assert isinstance(one, SpecialPoint)
+    assert isinstance(other, SpecialPoint)
+    pair = one.orbit.found, other.orbit.found
+    return any(same_orbit(a, b, one.parameter) for a, b in (pair, pair[::-1]))
+
+
+# --- Attractors by runs
+
+
+@dataclass
+class Motion:
+    """An attractor at a value of the parameter.
+
+    Attributes
+    ----------
+    value : float
+    attractor : Attractor
+    branch : int
+        Number of its branch, -1 if it lies on none, or none is known yet.
+    """
+
+    value: float
+    attractor: Attractor
+    branch: int = NO_BRANCH
+
+
+class AttractorSearch:
+    """Search for attractors over a grid of values.
+
+    Each value starts from the last states at its neighbour, upwards and then downwards, and from
+    states in a box.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+    grid : sequence of float
+    starts : int
+        Number of states per value.
+    bounds : mapping of str to (float, float)
+        Box of the states; as large as the states that runs visit for those that it omits.
+    initial : sequence of State
+    recurrence : RecurrenceOptions
+    options : Options
+    """
+
+    def __init__(
+        self,
+        system: HybridSystem,
+        parameter: str,
+        grid: Sequence[float],
+        starts: int,
+        bounds: Mapping[str, tuple[float, float]],
+        initial: Sequence[State],
+        recurrence: RecurrenceOptions,
+        options: Options,
+    ) -> None:
+        self.system, self.parameter, self.grid = system, parameter, grid
+        self.starts, self.initial = starts, tuple(initial)
+        self.recurrence, self.options = recurrence, options
+        self._bounds = bounds
+        self._numbers = itertools.count()
+
+    def at(self, value: float) -> HybridSystem:
+        """Return the system at a value."""
+        return self.system.changed(**{self.parameter: value})
+
+    def motions(self, known: Sequence[Motion], report: Report | None) -> list[Motion]:
+        """Return the attractors at all values, in ascending order; those known as they are."""
+        found: dict[float, list[Motion]] = {}
+        for motion in known:
+            found.setdefault(motion.value, []).append(motion)
+        carried: list[State] = []
+        for up in (True, False):
+            for value in self.grid if up else self.grid[::-1]:
+                if report is not None:
+                    report(0, f"attractors at {self.parameter} = {value:.6g}")
+                here = found.setdefault(value, [])
+                if value not in {motion.value for motion in known}:
+                    fresh = [*self.initial, *self.fresh(value)] if up else []
+                    here[:] = self._distinct(value, [*carried, *fresh], here)
+                carried = [m.attractor.final for m in here if m.attractor.final is not None]
+        return [motion for value in self.grid for motion in found[value]]
+
+    def fresh(self, value: float) -> list[State]:
+        """Return further states of the box that violate no guard."""
+        found: list[State] = []
+        for _ in range(4 * self.starts):
+            if len(found) == self.starts:
+                break
+            part = _halton(next(self._numbers), len(self.box))
+            values = {
+                name: low + share * (high - low)
+                for (name, (low, high)), share in zip(self.box.items(), part, strict=True)
+            }
+            state = state_from({**self.system.initial.as_dict(), **values})
+            if self._is_inside(self.at(value), state):
+                found.append(state)
+        return found
+
+    def _is_inside(self, system: HybridSystem, state: State) -> bool:
+        """Return whether no impact is behind a state."""
+        try:
+            problem = system.problem(self.options)
+            start = system.hybrid_state(state, problem)
+            numbers = np.array(problem.parameters, dtype=float)
+            margins, _ = problem.automaton.margins_at(start.mode, start.time, start.y, numbers)
+        except MemsImpactError:
+            return False
+        guards = problem.automaton.guards
+        return not any(
+            margin < 0.0 for margin, guard in zip(margins, guards, strict=True) if guard.impact
+        )
+
+    @cached_property
+    def box(self) -> dict[str, tuple[float, float]]:
+        """Bounds of the states from which runs start."""
+        system, cyclic = self.system, self.system.automaton.cyclic
+        largest = np.zeros(len(system.states))
+        length = BOX_PERIODS if system.forced else self.recurrence.transient
+        span: dict[str, Any] = {"periods" if system.forced else "duration": length}
+        for value in self.grid[:: max(1, (len(self.grid) - 1) // 2)]:
+            for start in self.initial:
+                try:
+                    run = simulate(self.at(value), **span, initial=start, options=self.options)
+                    y = run.trajectory.samples(8).y
+                except MemsImpactError:
+                    continue
+                largest = np.maximum(largest, np.abs(y).max(axis=0))
+        box = {}
+        for i, name in enumerate(system.states):
+            # A system at rest visits no other states.
+            size = BOX_MARGIN * abs(float(system.out(name, largest[i] or 1.0)))
+            if name in self._bounds:
+                box[name] = self._bounds[name]
+            elif i not in cyclic:
+                box[name] = (-size, size)
+        return box
+
+    def _distinct(
+        self, value: float, starts: Sequence[State], known: Sequence[Motion]
+    ) -> list[Motion]:
+        """Return the known attractors at a value with those that are reached from states."""
+        system = self.at(value)
+        period = system.forcing_period or math.inf
+        cases = [
+            InitialCondition(system, state if state.time < period else state.replace(time=0.0))
+            for state in starts
+        ]
+        found = list(known)
+        guards = system.automaton.guards
+        events = any(guard.name != PLACEHOLDER_GUARD for guard in guards if not guard.records)
+        returns = system.forced or system.section is not None or events
+        attractors = (
+            map_attractors(cases, self.recurrence, self.options)
+            if returns
+            else [self._without_returns(case) for case in cases]
+        )
+        for each in attractors:
+            if each.motion != FAILED and not any(
+                _same_attractor(system, each, other.attractor) for other in found
+            ):
+                found.append(Motion(value, each))
+        return found
+
+    def _without_returns(self, case: InitialCondition) -> Attractor:
+        """Return the attractor of an autonomous system without guards: at rest, or unsettled."""
+        system, duration = case.system, self.recurrence.transient + self.recurrence.periods
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ScaleWarning)  # a motion that approaches zero
+                run = simulate(
+                    system, duration=duration, initial=case.initial, options=self.options
+                )
+        except MemsImpactError as error:
+            return Attractor(motion=FAILED, status=str(error))
+        units = [float(system.out(name, 1.0)) for name in system.states]
+        y = run.trajectory.samples(8).y * units
+        late = y[-max(1, round(len(y) * self.recurrence.periods / duration)) :]
+        free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
+        moved = np.ptp(late, axis=0) > REST_RTOL * (np.abs(y).max(axis=0) + REST_RTOL)
+        turns = (np.diff(np.sign(np.diff(late, axis=0)), axis=0) != 0.0).sum(axis=0)
+        # A monotonic motion approaches rest, however slowly.
+        unsettled = bool((moved & (turns > 1))[free].any())
+        return Attractor(
+            motion=UNSETTLED if unsettled else RESTING,
+            final=run.final,
+            states=late if unsettled else late[-1:],
+        )
+
+
+def _halton(number: int, size: int) -> list[float]:
+    """Return a point of the Halton sequence."""
+    primes = [n for n in range(2, 6 * size + 8) if all(n % k for k in range(2, n))]
+    point = []
+    for base in primes[:size]:
+        share, part, rest = 0.0, 1.0, number + 1
+        while rest:
+            rest, digit = divmod(rest, base)
+            part /= base
+            share += digit * part
+        point.append(share)
+    return point
+
+
+def _same_attractor(system: HybridSystem, one: Attractor, other: Attractor) -> bool:
+    """Return whether two motions share an attractor.
+
+    Orbits are the same if their states are, other motions if their ranges intersect.
+    """
+    kinds = (PERIODIC, OFF, RESTING)
+    if (one.motion in kinds) != (other.motion in kinds):
+        return False
+    free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
+    if one.states is None or other.states is None or not (len(one.states) and len(other.states)):
+        return one.motion == other.motion
+    a, b = one.states[:, free], other.states[:, free]
+    if one.motion in kinds:
+        sizes = np.maximum(np.abs(a).max(axis=0), np.abs(b).max(axis=0))
+        apart = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * sizes
+        return one.period == other.period and bool((apart <= 0.0).all(axis=1).any())
+    return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
+
+
+# --- The construction of a diagram
+
+
+class DiagramBuilder:
+    """Construction of a diagram: attractors, their branches, emanating branches, other orbits.
+
+    Parameters
+    ----------
+    search : AttractorSearch
+    bounds : tuple of float
+    depth, longest : int
+    steps : StepControl, optional
+    options : Options
+        For orbits.
+    report : callable, optional
+    """
+
+    def __init__(
+        self,
+        search: AttractorSearch,
+        bounds: tuple[float, float],
+        depth: int,
+        longest: int,
+        steps: StepControl | None,
+        options: Options,
+        report: Report | None,
+    ) -> None:
+        self.search, self.system, self.parameter = search, search.system, search.parameter
+        self.bounds, self.depth, self.longest = bounds, depth, longest
+        self.steps, self.options = steps, options
+        self.report = report
+        self.branches: list[AnyBranch] = []
+        self.parents: list[int | None] = []
+        self.origins: list[AnyPoint | None] = []
+        self.motions: list[Motion] = []
+        self.cloud: list[pd.DataFrame] = []
+        self.complete = False
+
+    def resume(self, diagram: BifurcationDiagram) -> None:
+        """Take over the branches and attractors of a partial result."""
+        self.branches, self.parents = list(diagram.branches), list(diagram.parents)
+        self.origins = list(diagram.origins)
+        self.motions = motions_of(diagram)
+
+    def build(self) -> None:
+        """Compute the diagram, from what is known."""
+        self.motions = self.search.motions(self.motions, self._tick)
+        for number in range(len(self.branches)):
+            self._expand(number)
+        for motion in sorted(self.motions, key=_simplest_first):
+            motion.branch = self._branch_of(motion)
+        self._search()
+        self._measure()
+        self.complete = True
+
+    def diagram(self) -> BifurcationDiagram:
+        """Return the diagram as far as it is known."""
+        return BifurcationDiagram(
+            system=self.system,
+            parameter=self.parameter,
+            bounds=self.bounds,
+            branches=tuple(self.branches),
+            parents=tuple(self.parents),
+            origins=tuple(self.origins),
+            attractors=attractor_table(self.system, self.parameter, self.motions),
+            cloud=self._cloud_table(),
+            complete=self.complete,
+        )
+
+    def _tick(self, done: float = 0.0, note: str = "") -> None:
+        if self.report is not None:
+            self.report(len(self.branches), note)
+
+    # Branches
+
+    def _branch_of(self, motion: Motion) -> int:
+        """Return the number of the branch of an attractor, which is continued if it is new."""
+        attractor, system = motion.attractor, self.search.at(motion.value)
+        start = attractor.final
+        if start is None or attractor.motion in (CHAOTIC, QUASI_PERIODIC):
+            return NO_BRANCH
+        if system.forced:
+            if attractor.motion not in (PERIODIC, OFF, RESTING):
+                return NO_BRANCH
+            with suppress(MemsImpactError):
+                periods = max(1, attractor.period)
+                return self._add_orbit(
+                    find_orbit(system, guess=start, periods=periods, options=self.options)
+                )
+            return NO_BRANCH
+        if attractor.motion != RESTING:
+            with suppress(MemsImpactError):
+                return self._add_orbit(find_orbit(system, guess=start, options=self.options))
+        with suppress(MemsImpactError):
+            (rest, *_) = find_equilibria(system, guess=start, modes=[start.mode or 0])
+            return self._add_equilibrium(rest)
+        return NO_BRANCH
+
+    def _number(self, found: Orbit | Equilibrium) -> int | None:
+        """Return the number of the known branch on which an orbit or equilibrium lies."""
+        for i, branch in enumerate(self.branches):
+            if isinstance(branch, Branch) and isinstance(found, Orbit):
+                on = orbit_on_branch(branch.found, found.found)
+            elif isinstance(branch, EquilibriumBranch) and isinstance(found, Equilibrium):
+                on = equilibrium_on_branch(branch.found, found.found)
+            else:
+                continue
+            if on:
+                return i
+        return None
+
+    def _add_orbit(self, orbit: Orbit) -> int:
+        """Return the number of the branch of an orbit, which is continued if it is new."""
+        known = self._number(orbit)
+        return self._add(self._both_ways(orbit)) if known is None else known
+
+    def _add_equilibrium(self, found: Equilibrium) -> int:
+        known = self._number(found)
+        if known is None and (found.neutral or not found.admissible):
+            return NO_BRANCH
+        return self._add(self._both_ways(found)) if known is None else known
+
+    def _both_ways(self, start: Any) -> Any:
+        """Return the branch through an orbit or equilibrium."""
+        own = {} if self.steps is None else {"steps": self.steps}
+        verb: Any = continue_orbit if isinstance(start, Orbit) else continue_equilibrium
+        here, (low, high) = start.system.value(self.parameter), self.bounds
+        parts: list[Any] = []
+        for stop, back in ((high, low), (low, high)):
+            if stop == here:
+                continue
+            inside = min(max(back, low), high)
+            through = verb(start, self.parameter, stop, back=inside, progress=self._passed, **own)
+            part: Any = _up_to_cover(through)
+            parts.append(part)
+            if part.ended.endswith(CLOSED):
+                return part
+        return parts[0] if len(parts) == 1 else joined_branch(parts[1], parts[0])
+
+    def _passed(self, value: float) -> None:
+        self._tick(note=f"branch {len(self.branches)} at {self.parameter} = {value:.6g}")
+
+    def _add(
+        self, branch: AnyBranch, parent: int | None = None, origin: AnyPoint | None = None
+    ) -> int:
+        """Append a branch, with all that emanates from it, and return its number."""
+        number = len(self.branches)
+        self.branches.append(branch)
+        self.parents.append(parent)
+        self.origins.append(origin)
+        self._tick()
+        self._expand(number)
+        return number
+
+    def _depth(self, number: int) -> int:
+        parent = self.parents[number]
+        return 0 if parent is None else 1 + self._depth(parent)
+
+    def _expand(self, number: int) -> None:
+        """Add the branches that emanate from a branch."""
+        for special in self.branches[number].special_points:
+            if special.label not in ("PD", "BP", "H"):
+                continue
+            if isinstance(special, SpecialPoint) and isinstance(special.found.monitor, FoldTest):
+                if special.label == "PD":
+                    self._find_parent(number, special)
+                continue
+            if self._depth(number) < self.depth and not self._is_explored(number, special):
+                self._switch(number, special)
+
+    def _is_explored(self, number: int, special: AnyPoint) -> bool:
+        """Return whether a branch that emanates at a point, or crosses there, is known."""
+        origins = (each for each in self.origins if each is not None)
+        if any(_same_point(special, each) for each in origins):
+            return True
+        if special.label != "BP":
+            return False
+        return any(
+            _same_point(special, each)
+            for i, branch in enumerate(self.branches)
+            if i != number
+            for each in branch.special_points
+        )
+
+    def _switch(self, number: int, special: AnyPoint) -> None:
+        """Add the branch that emanates at a special point, unless it is known or too long."""
+        periods = special.orbit.periods if isinstance(special, SpecialPoint) else 0
+        if special.label == "PD" and 2 * periods > self.longest:
+            return
+        bounds = self.bounds
+        if not bounds[0] < special.value < bounds[1]:
+            return
+        steps = self.steps or BRANCH_STEPS
+        try:
+            probe: Any = switch_branch(
+                special, bounds=bounds, steps=replace(steps, most=min(steps.most, PROBE_POINTS))
+            )
+            known = self._known_probe(probe)
+            if known is not None:
+                self._set_parent(known, number, special)
+                return
+            branch = switch_branch(special, bounds=bounds, steps=self.steps, progress=self._passed)
+        except MemsImpactError:
+            return
+        if special.label != "BP":
+            branch = _up_to_cover(branch)
+        self._add(branch, number, special)
+
+    def _known_probe(self, probe: AnyBranch) -> int | None:
+        """Return the number of the known branch on which the last point of a branch lies."""
+        if isinstance(probe, EquilibriumBranch):
+            return self._number(probe.equilibria[-1])
+        return self._number(probe.orbits[-1])
+
+    def _find_parent(self, number: int, special: SpecialPoint) -> None:
+        """Add the branch of half the period at which a branch ends."""
+        found = special.found.orbit
+        try:
+            if special.orbit.system.forced:
+                half = find_periodic_orbit(found.family, found.instant, periods=found.periods // 2)
+            else:
+                half = find_cycle(found.family, found.instant, period=0.5 * found.point.period)
+            parent = self._add_orbit(orbit_of(self.system, half))
+        except MemsImpactError:
+            return
+        own = self.branches[parent].special_points
+        origin = next((each for each in own if _same_point(each, special)), None)
+        if origin is not None:
+            self._set_parent(number, parent, origin)
+
+    def _set_parent(self, child: int, parent: int, origin: AnyPoint) -> None:
+        """Record from which branch a root emanates."""
+        above: int | None = parent
+        while above is not None:
+            if above == child:
+                return
+            above = self.parents[above]
+        if self.parents[child] is None and child != parent and origin.label != "BP":
+            self.parents[child], self.origins[child] = parent, origin
+
+    # Orbits that no attractor leads to
+
+    def _search(self) -> None:
+        """Add orbits and equilibria that Newton's method finds from many states."""
+        grid = self.search.grid
+        chosen = np.unique(np.linspace(0, len(grid) - 1, SEARCHED_VALUES).round().astype(int))
+        for value in (grid[i] for i in chosen.tolist()):
+            self._tick(note=f"other orbits at {self.parameter} = {value:.6g}")
+            for found in self._solutions(value):
+                if isinstance(found, Equilibrium):
+                    self._add_equilibrium(found)
+                else:
+                    self._add_orbit(found)
+
+    def _solutions(self, value: float) -> Iterator[Orbit | Equilibrium]:
+        """Yield the orbits, or equilibria, that Newton's method finds from states of the box."""
+        system, search = self.search.at(value), self.search
+        if not system.forced:
+            samples = max(1, search.starts)
+            with suppress(MemsImpactError):
+                yield from find_equilibria(system, bounds=search.box, samples=samples)
+            return
+        for start in [*search.initial, *search.fresh(value)]:
+            with suppress(MemsImpactError):
+                yield find_orbit(system, guess=start, periods=1, options=self.options)
+
+    # The cloud
+
+    def _measure(self) -> None:
+        """Measure the attractors on the section."""
+        import pandas as pd
+
+        for motion in self.motions:
+            self._tick(note=f"cloud at {self.parameter} = {motion.value:.6g}")
+            attractor = motion.attractor
+            if attractor.final is None:
+                continue
+            length: float = self.search.recurrence.periods
+            if self.system.forced:
+                settled = attractor.motion in (PERIODIC, OFF, RESTING)
+                length = max(1, attractor.period) if settled else CLOUD_PERIODS
+            study = self._study(motion.value, attractor.final, length)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the search for the attractor gave them
+                columns, _ = study.compute(0, 1)
+            self.cloud.append(pd.DataFrame(columns))
+
+    def _study(self, value: float, start: State, length: float) -> SweepStudy:
+        return SweepStudy(
+            system=self.system,
+            parameter=self.parameter,
+            values=(value,),
+            starts={"up": start.replace(time=0.0)},
+            transient=0,
+            length=length,
+            section=1,
+            options=self.search.options,
+        )
+
+    def _cloud_table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        study = self._study(self.bounds[0], self.system.initial, 1)
+        columns = list(study.schema)
+        table = (
+            pd.concat(self.cloud, ignore_index=True)
+            if self.cloud
+            else pd.DataFrame({name: [] for name in columns})
+        )
+        table.attrs = dict(study.attrs)
+        return table
+
+
+def _simplest_first(motion: Motion) -> tuple[int, float]:
+    return motion.attractor.period, motion.value
+
+
+def attractor_table(
+    system: HybridSystem, parameter: str, motions: Iterable[Motion]
+) -> pd.DataFrame:
+    """Return one row per attractor and value."""
+    rows = [(m, m.attractor, m.attractor.final) for m in motions]
+    states = {
+        name: [math.nan if final is None else final[name] for _, _, final in rows]
+        for name in system.states
+    }
+    columns = {
+        parameter: [m.value for m, _, _ in rows],
+        "motion": [a.motion for _, a, _ in rows],
+        "period": [a.period for _, a, _ in rows],
+        BRANCH: [m.branch for m, _, _ in rows],
+        "exponent": [a.exponent for _, a, _ in rows],
+        **states,
+        "time": [0.0 if final is None else final.time for _, _, final in rows],
+        "mode": ["" if final is None else str(final.mode or "") for _, _, final in rows],
+    }
+    return diagram_tables.table({}, system, user_columns=columns)
+
+
+def motions_of(diagram: BifurcationDiagram) -> list[Motion]:
+    """Return the attractors of a diagram."""
+    table = diagram_tables.bare(diagram.attractors)
+    found = []
+    for row in table.to_dict("records"):
+        values = {name: row[name] for name in diagram.system.states}
+        state = state_from(values, time=row["time"], mode=row["mode"] or None)
+        attractor = Attractor(
+            motion=row["motion"], period=int(row["period"]), final=state, exponent=row["exponent"]
+        )
+        found.append(Motion(float(row[diagram.parameter]), attractor, int(row[BRANCH])))
+    return found
+
+
+# --- The verb
+
+
+@takes_system(start="initial")
+def bifurcation_diagram(
+    system: HybridSystem,
+    parameter: str,
+    low: float,
+    high: float,
+    *,
+    depth: int = 4,
+    values: int = 61,
+    starts: int = 4,
+    longest: int = 16,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    initial: State | Mapping[str, float] | None = None,
+    recurrence: RecurrenceOptions = DIAGRAM_RECURRENCE,
+    steps: StepControl | None = None,
+    options: Options | None = None,
+    resume: BifurcationDiagram | None = None,
+    progress: bool | Callable[[float], None] = False,
+) -> BifurcationDiagram:
+    """Compute the bifurcation diagram of a system over a parameter.
+
+    Runs find the attractors at a grid of values: each value starts from the last states at its
+    neighbours, and from states in a box. The orbit of each attractor is continued both ways,
+    through grazings and folds, unless it lies on a known branch. At period doublings, branch points
+    and Hopf points the branches that emanate are continued in turn. Newton's method from many
+    states finds unstable orbits and equilibria that no branch leads to.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive, or Run
+    parameter : str
+    low, high : float
+        Range of the parameter.
+    depth : int, optional
+        Number of successive switches to emanating branches: 4 reaches the fourth period doubling.
+    values : int, optional
+        Number of values at which attractors are sought.
+    starts : int, optional
+        Number of states at each value from which runs start, besides the initial states.
+    longest : int, optional
+        Longest period of a branch, in forcing periods.
+    bounds : mapping of str to (float, float), optional
+        Box of these states; by default as large as the states that the system visits.
+    initial : State or mapping of str to float, optional
+        A further initial state.
+    recurrence : RecurrenceOptions, optional
+        Recognition of attractors; times of an autonomous system are in its units.
+    steps : StepControl, optional
+        Step lengths, and the largest number of points of a branch.
+    options : Options, optional
+        Of the integration, as for `find_orbit`.
+    resume : BifurcationDiagram, optional
+        A partial result, which the computation completes.
+    progress : bool or callable, optional
+        Show progress. A function is called with the number of branches.
+
+    Returns
+    -------
+    BifurcationDiagram
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    DiagramInterrupted
+        On Ctrl-C; its ``diagram`` holds the finished branches, for `resume`.
+
+    See Also
+    --------
+    BifurcationDiagram, plot_diagram, continue_orbit, switch_branch, sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.2, omega=0.5)
+    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.16, 0.24, values=9)
+    >>> print(diagram.tree)
+    amplitude 0.16 to 0.24
+    0: period 1, amplitude 0.16 to 0.24, G 0.227178, CF 0.176515
+    """
+    system.check_continued(parameter)
+    for name, value in (("low", low), ("high", high)):
+        check_value(system, parameter, name, value)
+    if not low < high:
+        raise InvalidParameter("high", high, f"above low = {low:g}")
+    depth, starts = whole("depth", depth, 0), whole("starts", starts, 0)
+    values, longest = whole("values", values, 2), whole("longest", longest, 1)
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
+    _check_box(system, bounds or {})
+    chosen = ORBIT_OPTIONS if options is None else options
+    runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
+    first = [system.start_of("up"), system.start_of("down")]
+    if initial is not None:
+        first.append(initial if isinstance(initial, State) else state_from(initial))
+    first = [each for i, each in enumerate(first) if each not in first[:i]]
+    for state in first:
+        system.hybrid_state(state, system.problem(runs))
+    search = AttractorSearch(
+        system,
+        parameter,
+        np.linspace(low, high, values).tolist(),
+        starts,
+        bounds or {},
+        first,
+        replace(recurrence, longest=min(recurrence.longest, longest)),
+        runs,
+    )
+    with progress_bar(progress, "branches", work="bifurcation diagram") as report:
+        builder = DiagramBuilder(
+            search, (float(low), float(high)), depth, longest, steps, chosen, report
+        )
+        if resume is not None:
+            _check_resumed(resume, system, parameter, (low, high))
+            builder.resume(resume)
+        try:
+            with collected_warnings():
+                builder.build()
+        except KeyboardInterrupt:
+            diagram = builder.diagram()
+            raise DiagramInterrupted(diagram, len(diagram.branches)) from None
+    return builder.diagram()
+
+
+def _check_box(system: HybridSystem, bounds: Mapping[str, tuple[float, float]]) -> None:
+    for name, pair in bounds.items():
+        if name not in system.states:
+            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
+        two = isinstance(pair, tuple | list) and len(pair) == 2 and all(map(is_number, pair))
+        if not two or not pair[0] < pair[1]:
+            raise InvalidParameter(f"bounds[{name!r}]", pair, "a lower and a higher number")
+
+
+def _check_resumed(
+    resume: BifurcationDiagram, system: HybridSystem, parameter: str, bounds: tuple[float, float]
+) -> None:
+    if not isinstance(resume, BifurcationDiagram):
+        raise InvalidParameter("resume", resume, "a BifurcationDiagram")
+    same = resume.system == system and resume.parameter == parameter and resume.bounds == bounds
+    if not same:
+        problem = "is of another system, parameter or range; omit resume="
+        raise InvalidParameter("resume", resume, "", problem=problem)

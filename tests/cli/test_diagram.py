@@ -1,0 +1,46 @@
+"""The command `diagram`: a tree, tables and a figure."""
+
+import pandas as pd
+import pytest
+
+FORK = """
+import mems_impact as mi
+
+
+def flow(mode, t, y, p):
+    return (p.a * y.x - y.x**3,)
+
+
+fork = mi.System(states=("x",), flow=flow, parameters={"a": 1.0})
+"""
+
+
+def test_diagram_of_a_system(cli, tmp_path):
+    (tmp_path / "own.py").write_text(FORK)
+    few = ["--points", "2", "--starts", "1"]
+    done = cli("diagram", "own.py:fork", "a", "0.5", "1.0", *few, "--no-figure", "--no-progress")
+    assert done.status == 0, done.err
+    assert done.out.startswith("a 0.5 to 1\n0: equilibria, a 0.5 to 1\n")
+    table = pd.read_csv(tmp_path / "out" / "diagram-branches.csv")
+    assert set(table["branch"]) >= {0, 1}
+    assert table["a"].max() == 1.0
+
+
+def test_bad_ranges_are_refused(cli):
+    done = cli("diagram", "zhao2004", "amplitude", "0.3", "0.2", "--omega", "0.5")
+    assert done.status == 2
+    assert "high" in done.err
+    given = cli("diagram", "zhao2004", "amplitude", "0.2", "0.3", "--amplitude", "0.2")
+    assert given.status == 2
+
+
+@pytest.mark.slow
+def test_diagram_of_a_device(cli, tmp_path):
+    done = cli(
+        "diagram", "zhao2004", "amplitude", "0.22", "0.24", "--omega", "0.5", "--points", "3"
+    )
+    assert done.status == 0, done.err
+    assert "G 0.227178" in done.out
+    points = pd.read_csv(tmp_path / "out" / "diagram-points.csv")
+    assert points["amplitude"].iloc[0] == pytest.approx(0.2271775831, abs=1e-9)
+    assert (tmp_path / "out" / "diagram.png").exists()

@@ -1,0 +1,131 @@
+"""Bifurcation diagrams: branches, none twice, special points in closed form, partial results."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.studies import bifurcation_diagram as construction
+
+PLAIN = mi.Options(method="dop853", rtol=1e-10, atol=1e-12, engine="interpreted")
+SHORT = mi.RecurrenceOptions(transient=40, periods=10, exponents="none", chaos_persistence=1.0)
+
+
+def _fork(mode, t, y, p):
+    return (p.a * y.x - y.x**3,)
+
+
+FORK = mi.System(states=("x",), flow=_fork, parameters={"a": 1.0})
+FORK_OPTIONS = {"values": 4, "starts": 2, "recurrence": SHORT, "options": PLAIN}
+
+
+@pytest.fixture(scope="module")
+def fork():
+    """A pitchfork at a = 0: x = 0, and both halves of x^2 = a."""
+    return mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS)
+
+
+def test_a_pitchfork_of_equilibria_has_two_branches(fork):
+    assert len(fork.branches) == 2
+    (point,) = fork.special_points
+    assert point.label == "BP"
+    assert abs(point.value) < 1e-9
+    child = next(i for i, parent in enumerate(fork.parents) if parent is not None)
+    x = fork.branches[child].table["x"].to_numpy()
+    a = fork.branches[child].table["a"].to_numpy()
+    np.testing.assert_allclose(x**2, a, atol=1e-8)
+    assert x.min() == pytest.approx(-1.0, abs=1e-9)
+    assert x.max() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_tree_and_the_tables_name_the_branches(fork):
+    assert fork.tree.splitlines()[0] == "a -1 to 1"
+    assert "└─ 1: equilibria" in fork.tree
+    assert fork.tree.endswith("from BP 0")
+    assert set(fork.table["branch"]) == {0, 1}
+    assert fork.special_table["label"].tolist() == ["BP"]
+    assert list(fork.summary())[-2:] == ["branch 0", "branch 1"]
+    assert repr(fork) == "BifurcationDiagram(a -1 to 1, 2 branches, 1 special points)"
+    assert set(fork.attractors["branch"]) == {0, 1}
+    assert mi.plot_diagram(fork).get_xlabel() == "$a$"
+
+
+def test_a_diagram_is_saved(fork, tmp_path):
+    fork.save(tmp_path / "fork.zip")
+    loaded = mi.load(tmp_path / "fork.zip", system=FORK)
+    assert loaded.tree == fork.tree
+    assert mi.load(tmp_path / "fork.zip").special_table.equals(fork.special_table)
+
+
+def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
+    def stop(self):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(construction.DiagramBuilder, "_search", stop)
+        with pytest.raises(mi.DiagramInterrupted, match="interrupted after 2 branches") as caught:
+            mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS)
+    partial = caught.value.diagram
+    assert not partial.complete
+    assert isinstance(caught.value, mi.Interrupted)
+    whole = mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, resume=partial)
+    assert whole.tree == fork.tree
+    assert whole.complete
+    with pytest.raises(mi.InvalidParameter, match="another system, parameter or range"):
+        mi.bifurcation_diagram(FORK, "a", -1.0, 0.5, **FORK_OPTIONS, resume=partial)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("a", 1.0, -1.0), "high = -1: must be above low = 1"),
+        (("b", 0.0, 1.0), "b"),
+        (("a", 0.0, 1.0, {"depth": -1}), "depth = -1"),
+        (("a", 0.0, 1.0, {"values": 1}), "values = 1"),
+        (("a", 0.0, 1.0, {"bounds": {"z": (0.0, 1.0)}}), "bounds = 'z': must be one of x"),
+        (("a", 0.0, 1.0, {"bounds": {"x": (1.0, 0.0)}}), "a lower and a higher number"),
+        (("a", 0.0, 1.0, {"resume": 1}), "resume = 1: must be a BifurcationDiagram"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, message):
+    *places, last = arguments
+    named = last if isinstance(last, dict) else {}
+    if not named:
+        places.append(last)
+    with pytest.raises(mi.InvalidParameter, match=message):
+        mi.bifurcation_diagram(FORK, *places, **named)
+    with pytest.raises(mi.InvalidParameter, match="must be a BifurcationDiagram"):
+        mi.plot_diagram(1)
+
+
+# --- Maps
+
+
+def _wave(mode, t, y, p):
+    return 0.0, math.cos(2.0 * math.pi * t) - 3.0 * y.w
+
+
+def _logistic(mode, t, y, p):
+    return mode, (p.r * y.x * (1.0 - y.x), y.w)
+
+
+LOGISTIC = mi.System(
+    states=("x", "w"), flow=_wave, switch_transition=_logistic, switches=(0.5,), period=1.0,
+    parameters={"r": 2.0}, initial={"x": 0.5, "w": 0.0618834},
+)  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_cascade_of_the_logistic_map():
+    """Period doublings at 3, 1 + sqrt 6 and 3.5440903596; the fixed point 0 is a second root."""
+    diagram = mi.bifurcation_diagram(
+        LOGISTIC, "r", 2.5, 3.6, values=5, starts=1, depth=2, options=PLAIN, recurrence=SHORT,
+        bounds={"x": (0.1, 0.9), "w": (0.06, 0.07)}, longest=4,
+    )  # fmt: skip
+    found = {s.orbit.periods: s.value for s in diagram.special_points if s.label == "PD"}
+    assert found == pytest.approx({1: 3.0, 2: 1.0 + math.sqrt(6.0), 4: 3.5440903596}, abs=1e-9)
+    by_period = {b.orbits[0].periods: i for i, b in enumerate(diagram.branches) if len(b) > 3}
+    assert diagram.parents[by_period[4]] == by_period[2]
+    periods = sorted(branch.orbits[0].periods for branch in diagram.branches)
+    assert periods in ([1, 2, 4], [1, 1, 2, 4])
