@@ -10,7 +10,7 @@ A linear oscillator is driven between two rigid stops, at :math:`x = \pm 1`, wit
 The system is symmetric under :math:`(x, \dot x, t) \to (-x, -\dot x, t + T/2)`, half a forcing period
 later. At large amplitudes a symmetric orbit, with one impact on each stop, is stable. At smaller
 ones it loses its stability at a branch point (BP), a pitchfork, where two asymmetric orbits
-begin. Each is the image of the other. At a grazing (G), each loses the impact on one of the stops;
+bifurcate. Each is the image of the other. At a grazing (G), each loses the impact on one of the stops;
 at another grazing, where both branches meet, the motion becomes free of impacts.
 """
 
