@@ -17,12 +17,12 @@ from typing import Any, NoReturn
 
 import click
 
+from mems_impact.cli.interrupts import interruptible
 from mems_impact.cli.output import finish
 from mems_impact.cli.runtime import (
     INTERRUPTED,
     PROGRAM,
     TERMINATED,
-    interruptible,
     past_click,
     report,
     show_warnings_briefly,

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import runtime
-from mems_impact.cli.runtime import interruptible
+from mems_impact.cli import interrupts
+from mems_impact.cli.interrupts import interruptible
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of Unix")
@@ -209,7 +209,7 @@ def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
         signal.raise_signal(signal.SIGINT)
         imported.append(True)
 
-    monkeypatch.setattr(runtime, "_IMPORTS", {importing.__code__})
+    monkeypatch.setattr(interrupts, "_IMPORTS", {importing.__code__})
 
     def work():
         with interruptible():
