@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.continuation import grazing
+from mems_impact.continuation.codimension_two import codimension_two_form
 from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
 from mems_impact.continuation.normal_forms import (
     NormalForm,
@@ -281,7 +282,7 @@ class EquilibriumPoint(BifurcationPoint):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CodimensionTwo(Result):
+class CodimensionTwo(BifurcationPoint):
     """A point of codimension two on a curve.
 
     Attributes
@@ -327,6 +328,25 @@ class CodimensionTwo(Result):
     def system(self) -> HybridSystem:
         """The solution's."""
         return self.solution.system
+
+    @cached_property
+    def normal_form(self) -> NormalForm | None:
+        """The normal form on the center manifold.
+
+        To the third order, of a cusp, a fold-flip, the resonances, and points with a
+        Neimark-Sacker pair and another multiplier or pair; to the fifth of a generalized flip. None
+        of a Chenciner point, whose coefficient of the fifth order is not computed, of points with a
+        grazing, and of equilibria.
+
+        Raises
+        ------
+        OrbitError
+            If the Poincaré map near the orbit cannot be differentiated.
+        """
+        if not isinstance(self.solution, Orbit):
+            return None
+        found = self.solution.found
+        return codimension_two_form(self.kind, found.shooting, found.point)
 
     def summary(self) -> dict[str, Any]:
         """Return the kind, the values of the parameters and the solution."""

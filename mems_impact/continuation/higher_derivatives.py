@@ -15,6 +15,8 @@ LARGEST_STEP_RATIO = 0.05  # of the size of the states, of the differences
 STEP_RATIO = 0.5  # from one step length to the next
 MAX_STEPS = 14
 GROWTH = 2.0  # factor by which errors grow where rounding takes over
+LINE_POINTS = 4  # on either side, of polynomials along a line
+LARGEST_LINE_RATIO = 0.4  # of the size of the states, of the line
 ROUNDING = 1e-12  # relative error that a derivative has at least
 PLAIN_STEP_RATIOS = (2e-4, 1e-5)  # of the size of the states, of a single difference
 
@@ -113,3 +115,43 @@ def plain_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Directional
         second, third = (up - down) / (2.0 * h), (up + down - 2.0 * here) / h**2
         return DirectionalDerivatives(second, third, math.nan, math.nan)
     raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
+
+
+def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[list[Floats], float]:
+    """Return the first four derivatives of the Jacobian of a map at zero along `u`, and an error.
+
+    They are those of polynomials through equidistant points on a line, whose length is halved until
+    the last derivative changes least.
+
+    Raises
+    ------
+    OrbitError
+        If the map cannot be evaluated on two lines.
+    """
+    places = np.arange(-LINE_POINTS, LINE_POINTS + 1) / LINE_POINTS
+    powers = np.linalg.inv(np.vander(places, increasing=True))[1:5]
+    h = LARGEST_LINE_RATIO * size / float(np.linalg.norm(u))
+    best: tuple[float, list[Floats]] = (math.inf, [])
+    last: list[Floats] = []
+    for _ in range(MAX_STEPS):
+        try:
+            values = np.array([jacobian(h * place * u) for place in places])
+        except OrbitError:
+            h *= STEP_RATIO
+            continue
+        new = [
+            math.factorial(k) * np.tensordot(row, values, 1) / h**k
+            for k, row in enumerate(powers, 1)
+        ]
+        h *= STEP_RATIO
+        if last:
+            error = float(np.abs(new[-1] - last[-1]).max())
+            if error > GROWTH * best[0]:
+                break
+            if error < best[0]:
+                best = error, new
+        last = new
+    if not best[1]:
+        raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
+    floor = ROUNDING * max(float(np.abs(each).max()) for each in best[1])
+    return best[1], max(best[0], floor)

@@ -171,12 +171,12 @@ class NormalForm:
     Attributes
     ----------
     equation : str
-        The normal form, with the coefficient's name. x and z are coordinates along the critical
-        eigenvector, which has length one.
-    coefficient : float
-        In the units of the integration: those of the system, or its typical sizes.
-    error : float
-        Estimated error of the coefficient.
+        The normal form, with the names of the coefficients. x and y are real coordinates, z and w
+        complex ones along the critical eigenvectors, which have length one.
+    coefficients : dict of str to float or complex
+        By name, in the units of the integration: those of the system, or its typical sizes.
+    errors : dict of str to float
+        Estimated errors of the coefficients.
     criticality : str
         "supercritical" if the orbit, curve or cycle that bifurcates is stable on the center
         manifold, "subcritical" if it is unstable; empty for a fold or a transcritical branch point,
@@ -205,9 +205,19 @@ class NormalForm:
     """
 
     equation: str
-    coefficient: float
-    error: float
+    coefficients: dict[str, float | complex]
+    errors: dict[str, float]
     criticality: str = ""
+
+    @property
+    def coefficient(self) -> float:
+        """The first coefficient, which is real; of codimension one it is the only one."""
+        return float(next(iter(self.coefficients.values())).real)
+
+    @property
+    def error(self) -> float:
+        """Estimated error of the first coefficient."""
+        return next(iter(self.errors.values()))
 
 
 class _Critical(NamedTuple):
@@ -253,7 +263,7 @@ def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: floa
     along = directional_derivatives(system, q, size)
     a, error = 0.5 * float(p @ along.second @ q), 0.5 * _gain(p) * along.second_error
     equation = "x -> x + a x^2" if target == 1.0 else "x' = a x^2"
-    return NormalForm(equation, a, error)
+    return NormalForm(equation, {"a": a}, {"a": error})
 
 
 def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
@@ -269,7 +279,7 @@ def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: flo
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
     equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
-    return NormalForm(equation, c, error, _criticality(c, error))
+    return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(c, error))
 
 
 def crossing_coefficient(
@@ -293,7 +303,7 @@ def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalFor
     h = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q)
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
-    return NormalForm("x -> -x + c x^3", c, error, _criticality(-c, error))
+    return NormalForm("x -> -x + c x^3", {"c": c}, {"c": error}, criticality_of(-c, error))
 
 
 def neimark_sacker_coefficient(
@@ -312,7 +322,8 @@ def neimark_sacker_coefficient(
         system, found, size, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu)
     )
     d = 0.5 * float((np.conj(mu) * c).real)
-    return NormalForm("z -> exp(i theta) z (1 + d |z|^2)", d, 0.5 * error, _criticality(d, error))
+    equation = "z -> exp(i theta) z (1 + d |z|^2)"
+    return NormalForm(equation, {"d": d}, {"d": 0.5 * error}, criticality_of(d, error))
 
 
 def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: complex) -> NormalForm:
@@ -329,8 +340,9 @@ def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: comp
         system, found, size, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
     )
     coefficient = 0.5 * float(c.real)
-    criticality = _criticality(coefficient, error)
-    return NormalForm("z' = i omega z + l z |z|^2", coefficient, 0.5 * error, criticality)
+    criticality = criticality_of(coefficient, error)
+    equation = "z' = i omega z + l z |z|^2"
+    return NormalForm(equation, {"l": coefficient}, {"l": 0.5 * error}, criticality)
 
 
 def _resolvent(matrix: Floats, shift: complex) -> Complexes:
@@ -380,7 +392,7 @@ def _gain(p: NDArray[np.inexact]) -> float:
     return float(np.abs(p).sum())
 
 
-def _criticality(cubic: float, error: float) -> str:
+def criticality_of(cubic: float, error: float) -> str:
     """Return the criticality that the sign of a cubic coefficient has, if it has one."""
     if not abs(cubic) > SIGNIFICANCE * error:
         return ""

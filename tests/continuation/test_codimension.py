@@ -5,6 +5,8 @@ m^2 + 2 x m + b = 0: folds where a = -(1 + b)^2 / 4, period doublings where a = 
 Neimark-Sacker points where b = 1, with the angle of cosine -x.
 """
 
+import math
+
 import numpy as np
 import pytest
 
@@ -80,6 +82,9 @@ def test_strong_resonances_on_the_other_side():
 def test_on_a_curve_of_folds():
     curve = followed("CF", "a", -2.0, ("b", 1.5))
     check(curve, ("1:1 resonance", -1.0, 1.0))
+    # With q0 = (1, 1) / sqrt(2), q1 = (0, 1) / sqrt(2), p0 = sqrt(2) (-1, 1), p1 = sqrt(2) (1, 0).
+    exact = {"a": -math.sqrt(0.5), "b": -math.sqrt(2.0)}
+    assert curve.special_points[0].normal_form.coefficients == pytest.approx(exact, abs=1e-6)
 
 
 @pytest.mark.slow

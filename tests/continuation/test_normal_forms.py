@@ -118,6 +118,9 @@ def test_generalized_flip_on_a_curve():
     (point,) = mi.continue_curve(doubling, "b", -0.4).special_points
     assert point.kind == "generalized flip"
     assert point.values == pytest.approx({"a": 0.0, "b": -0.25}, abs=1e-8)
+    # From the derivatives of that map, d = (270 b c^2 + 30 c^4) / 120 = -2 c^4.
+    assert point.normal_form.coefficient == pytest.approx(-0.125, abs=1e-4)
+    assert point.criticality == "subcritical"
 
 
 @pytest.mark.slow
