@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,6 +24,23 @@ class Differentiation(Protocol):
 
     def __call__(self, jacobian: Any, u: Floats, size: float) -> DirectionalDerivatives:
         """Return the derivatives."""
+
+
+class CubicCoefficient(NamedTuple):
+    """The cubic coefficient of a normal form.
+
+    Attributes
+    ----------
+    value : float
+    error : float
+        Estimated error; NaN if the derivatives have no estimate.
+    size : float
+        Sum of the sizes of its terms, which may cancel.
+    """
+
+    value: float
+    error: float
+    size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +112,7 @@ class CriticalVectors:
         """Return the derivatives of the multiplier by unknowns and parameters."""
         return np.asarray(-(self.null[0] @ self.by_all) / self.condition)
 
-    def cubic(self) -> float:
+    def cubic(self) -> CubicCoefficient:
         """Return the cubic coefficient on the center manifold; v has the length of one.
 
         c of ``x -> mu x + c x^3`` for a real multiplier, Re(c / mu) of ``z -> mu z + c z |z|^2``
@@ -103,18 +120,29 @@ class CriticalVectors:
         """
         mu, (left, v), n = self.multiplier, self.null, self.point.unknowns.size
         second = self.by_all[:, :n]
-        third = sum(each.third[:, :n] @ v for each in self._along)
         square = -second @ v
-        if not np.iscomplexobj(v):
+        terms = [sum(each.third[:, :n] @ v for each in self._along)]
+        if np.iscomplexobj(v):
+            mean = np.linalg.solve(self.point.jacobian, -second @ v.conj())
+            double = np.linalg.solve(self.matrix(mu * mu), square)
+            real, imaginary = (each.second[:, :n] for each in self._along)
+            terms += [2.0 * second @ mean, (real - 1j * imaginary) @ double]
+            curvature = np.linalg.norm(mean) + np.linalg.norm(double)
+            factor = -1.0 / (2.0 * self.condition * mu)
+        else:
             if mu == 1.0:  # on the complement of v, where the equations are regular
                 columns, sizes, rows = np.linalg.svd(self.point.jacobian)
                 h = rows[:-1].T @ (columns[:, :-1].T @ square / sizes[:-1])
             else:
                 h = np.linalg.solve(self.point.jacobian, square)
-            return float(-left @ (third + 3.0 * second @ h) / (6.0 * self.condition.real))
-        mean = np.linalg.solve(self.point.jacobian, -second @ v.conj())
-        double = np.linalg.solve(self.matrix(mu * mu), square)
-        real, imaginary = (each.second[:, :n] for each in self._along)
-        conjugate = real - 1j * imaginary
-        total = third + 2.0 * second @ mean + conjugate @ double
-        return float((-left @ total / (2.0 * self.condition) / mu).real)
+            terms.append(3.0 * second @ h)
+            curvature = np.linalg.norm(h)
+            factor = -1.0 / (6.0 * self.condition)
+        error = sum(
+            each.third_error + 6.0 * each.second_error * (1.0 + curvature) for each in self._along
+        )
+        return CubicCoefficient(
+            value=float((factor * (left @ sum(terms))).real),
+            error=float(abs(factor) * np.abs(left).sum() * error),
+            size=float(abs(factor) * sum(np.linalg.norm(each) for each in terms)),
+        )

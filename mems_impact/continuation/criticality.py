@@ -7,9 +7,11 @@ as at a fold-flip. The test function is its product with factors that are zero t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.arclength import PredictorStep
@@ -28,9 +30,8 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.shooting import ShootingEvaluation
 
-MAX_CORRECTIONS = 5  # of a zero, by extrapolated derivatives
-POSITION_RTOL = 1e-10  # correction of a zero, relative to the step, that needs no other
-MAX_POSITION_ERROR = 1e-3  # largest last correction of a zero, relative to the step
+MIN_RATIO = 1e-6  # smallest ratio of the coefficient to its terms; zero in conservative maps
+POSITION_RTOL = 1e-10  # tolerance of the position of a zero, relative to the step
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class CriticalityTest(TestFunction):
     """The cubic coefficient of period doublings or Neimark-Sacker points on their curve.
 
     Along the curve, derivatives are plain differences, from two evaluations of the return map per
-    direction. Extrapolated ones, which need some thirty, correct the position of a zero.
+    direction. Extrapolated ones, which need some thirty, confirm and locate a change of sign.
     """
 
     NAMES: ClassVar[dict[str, str]] = {
@@ -55,17 +56,22 @@ class CriticalityTest(TestFunction):
         """Return None: it is defined on a curve only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
-        """Return that coefficient, without its poles; None where it is undefined."""
+        """Return that coefficient, without its poles; None where it is undefined, or rounding."""
         try:
             vectors = _vectors(condition, point)
-            return None if vectors is None else self._coefficient(vectors)
+            cubic = None if vectors is None else vectors.cubic()
         except (OrbitError, np.linalg.LinAlgError):
             return None
+        if vectors is None or cubic is None or abs(cubic.value) < MIN_RATIO * cubic.size:
+            return None
+        return cubic.value * self._factor(vectors)
 
     def zero(
         self, condition: DefiningSystem, step: PredictorStep[ShootingEvaluation], length: float
     ) -> float | None:
         """Return the position of a zero in a step with a change of sign; None if it is none.
+
+        The extrapolated values must have different signs at the ends, beyond their errors.
 
         Raises
         ------
@@ -73,46 +79,39 @@ class CriticalityTest(TestFunction):
             If a point within the step cannot be corrected.
         """
 
-        def plain(point: ShootingEvaluation) -> float:
-            found = self.on_curve(condition, point)
-            if found is None:
-                raise ValueError(self)
-            return found
-
-        def precise(point: ShootingEvaluation) -> float:
-            vectors = _vectors(condition, point)
-            if vectors is None:
-                raise ValueError(self)
+        @cache
+        def precise(s: float) -> tuple[float, float]:
+            point = step.at(s).point
             try:
-                return self._coefficient(replace(vectors, differentiate=directional_derivatives))
+                vectors = _vectors(condition, point)
+                if vectors is None:
+                    raise ValueError(self)
+                cubic = replace(vectors, differentiate=directional_derivatives).cubic()
             except (OrbitError, np.linalg.LinAlgError) as error:
                 raise ValueError(self) from error
+            factor = self._factor(vectors)
+            return cubic.value * factor, cubic.error * abs(factor)
 
         try:
-            ends = [plain(step.at(s).point) for s in (0.0, length)]
-            position = step.zero(plain, length)
-            # Plain values have nearly the slope of the precise ones.
-            slope, here = (ends[1] - ends[0]) / length, precise(step.at(position).point)
-            for _ in range(MAX_CORRECTIONS):
-                change, last = -here / slope, here
-                onward = position + change
-                if abs(change) < POSITION_RTOL * length or not 0.0 <= onward <= length:
-                    break
-                here = precise(step.at(onward).point)
-                slope, position = (here - last) / change, onward
+            (low, low_error), (high, high_error) = precise(0.0), precise(length)
+            if low * high > 0.0 or abs(low) < low_error or abs(high) < high_error:
+                return None
+            xtol = POSITION_RTOL * length
+            position = float(brentq(lambda s: precise(s)[0], 0.0, length, xtol=xtol))
+            pole = abs(precise(position)[0]) > max(abs(low), abs(high))
         except (ValueError, ArithmeticError):
             return None
-        return position if abs(change) < MAX_POSITION_ERROR * length else None
+        return None if pole else position
 
-    def _coefficient(self, vectors: CriticalVectors) -> float:
-        cubic, values = vectors.cubic(), multipliers_at(vectors.shooting, vectors.point)
+    def _factor(self, vectors: CriticalVectors) -> float:
+        """Return the product of the factors that are zero at the poles."""
+        values = multipliers_at(vectors.shooting, vectors.point)
         if self.kind == NEIMARK_SACKER:
-            others = np.delete(values, neutral_pair(values)[:2])
-            return cubic * _distance(others, 1.0)
+            return _distance(np.delete(values, neutral_pair(values)[:2]), 1.0)
         target = vectors.multiplier.real
         others = np.delete(values, np.argmin(np.abs(values - target)))
         # The orbit of twice the period has a multiplier +1; those of the orbit are squared.
-        return cubic * _distance(others, 1.0) * (_distance(others, -1.0) if target < 0.0 else 1.0)
+        return _distance(others, 1.0) * (_distance(others, -1.0) if target < 0.0 else 1.0)
 
 
 def _vectors(condition: DefiningSystem, point: ShootingEvaluation) -> CriticalVectors | None:
