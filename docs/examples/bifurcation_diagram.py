@@ -42,9 +42,9 @@ mi.plot_diagram(diagram).figure.savefig("bifurcation_diagram_branch.png")
 
 # %%
 # The orbit without impacts grazes (G) and continues as an orbit with one impact per period, stable
-# from the period doubling (PD) on. The orbits of twice the period fold (CF) and graze as well. Each
-# branch hangs in the tree below the one from which it emanates; ``diagram.branches`` holds them,
-# and ``diagram.attractors`` what runs find at each amplitude.
+# from the period doubling (PD) on. The orbits of twice the period fold (CF) and graze as well. The
+# tree shows each branch below the one from which it emanates; ``diagram.branches`` holds the
+# branches, ``diagram.attractors`` the attractors found by runs at each amplitude.
 
 print(diagram.special_table[["label", "A", "branch"]])
 
@@ -59,7 +59,7 @@ grazings = [special.value for special in diagram.special_points if special.label
 assert min(abs(value - touch) for value in grazings) < 1e-9
 
 # %%
-# Every attractor that repeats lies on a branch.
+# Every periodic attractor lies on a branch.
 
 repeating = diagram.attractors[diagram.attractors["motion"].isin(["periodic", "off"])]
 assert (repeating["branch"] >= 0).all()
