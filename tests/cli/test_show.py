@@ -73,7 +73,7 @@ def test_no_figure_of_its_kind(cli, store):
     assert "a study of the kind toy has no figure" in complaint
 
 
-ROUGH = ["--recurrence-tolerance", "1e-3"]
+ROUGH = ["--recurrence-tolerance", "1e-3", "--exponents", "none"]
 BASINS = ["--x", "x2", "-0.2", "0.2", "2", "--y", "v2", "0", "0.5", "2", *ROUGH]
 TOLERANCES = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
 
