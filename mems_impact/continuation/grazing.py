@@ -524,9 +524,10 @@ def _admissible_near(
     step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
     unknowns = orbit.point.unknowns + distance * along[:-1]
     start, known = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
+    mode = _first_mode(orbit, unknowns, lost.value + step)
     for _ in range(MAX_SIGNATURES):
         try:
-            guess = _sequence(orbit, parameter, lost.value + step, start, unknowns)
+            guess = _sequence(orbit, parameter, lost.value + step, mode, start, unknowns)
             if guess.segments in known:
                 return
             known.append(guess.segments)
@@ -546,14 +547,26 @@ def _admissible_near(
                 start, unknowns = _first_state(shooting, point), point.unknowns
 
 
+def _first_mode(orbit: PeriodicOrbit, unknowns: Floats, value: float) -> int:
+    """Return the mode at the start of a virtual orbit, which a switch there may change."""
+    mode = orbit.segments[0].mode
+    if orbit.segments[-1].code != orbit.shooting.automaton.switch_code:
+        return mode
+    try:
+        event = orbit.shooting.evaluate(unknowns, np.array([value])).events[-1]
+    except CONTINUATION_ERRORS:
+        return mode
+    return mode if event is None else int(event.mode)
+
+
 def _sequence(
-    orbit: PeriodicOrbit, parameter: str, value: float, start: Floats, unknowns: Floats
+    orbit: PeriodicOrbit, parameter: str, value: float, mode: int, start: Floats, unknowns: Floats
 ) -> OrbitGuess:
     """Return the signature of a run from `start` over the period of the orbit."""
     problem = orbit.family.at(**{parameter: value}).problem()
     if orbit.shooting.phase is not None:
         problem = problem.with_time_unit(orbit.shooting.unit * float(unknowns[-1]))
-    begin = HybridState(0, 0.0, orbit.segments[0].mode, start, switched=True)
+    begin = HybridState(0, 0.0, mode, start, switched=True)
     return read_signature(run(problem, begin, orbit.periods), orbit.periods, problem.switches)
 
 

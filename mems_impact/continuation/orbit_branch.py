@@ -58,6 +58,7 @@ from mems_impact.continuation.stability import (
     CROSSING,
     UNEXPLAINED_STEP_RATIO,
     Bifurcations,
+    Spectrum,
 )
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
@@ -167,6 +168,8 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
 REGULARITY_NOISE = 1e-6  # error of the regularity within a continuum of orbits
 COINCIDENT = 1e-7  # distance on the branch below which two losses count as one
 COMMON_CAUSE_DISTANCE = 1e-5  # distance on the branch below which losses share one cause
+MULTIPLIER_JUMP = 1e-3  # least relative change of a multiplier at a corner of the branch
+MULTIPLIER_NOISE = 1e-8  # error of multipliers
 HALF_PERIOD = "the orbit of half the period, from which this branch bifurcates"
 
 
@@ -489,10 +492,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Reclassify a point of simultaneous events, or remove it if the motion is unchanged.
 
         At a switch of the drive the branch has a corner, and may fold or change its stability
-        there. Elsewhere the test functions continue across the change of order.
+        there. Elsewhere the test functions continue across the change of order, unless the field
+        between the two events differs: then the multipliers jump.
         """
         before = CIRCLE.spectrum(reduced_monodromy(met.orbit.shooting, earlier))
-        passing = CIRCLE.crossed(before, CIRCLE.spectrum(reduced_monodromy(shooting, point)))
+        after = CIRCLE.spectrum(reduced_monodromy(shooting, point))
+        passing = CIRCLE.crossed(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if met.direction[-1] * along[-1] < 0.0:
             changed.insert(0, FOLD)
@@ -501,7 +506,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
         # By identity, since comparing events compares arrays.
         self.branch.special_points[:] = [s for s in self.branch.special_points if s is not met]
-        if at_switch and changed:
+        if (at_switch and changed) or (not at_switch and not changed and _jumps(before, after)):
             self.branch.special_points.append(met)
         elif changed:
             here = bifurcation_test(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
@@ -658,6 +663,14 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             if special is not None and self.low <= special.value <= self.high:
                 found.append((place, special))
         return found
+
+
+def _jumps(before: Spectrum, after: Spectrum) -> bool:
+    """Return whether multipliers differ on the two sides of a point."""
+    rows, columns = CIRCLE.paired(before, after)
+    here, there = before.values[rows], after.values[columns]
+    limits = MULTIPLIER_JUMP * np.maximum(np.abs(here), np.abs(there)) + MULTIPLIER_NOISE
+    return bool(np.any(np.abs(here - there) > limits))
 
 
 def _kind_of(multiplier: complex) -> str:

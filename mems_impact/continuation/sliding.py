@@ -455,6 +455,9 @@ class Junction:
             tangent = min(left, key=self._rate_of(surface), default=NONE)
         elif arrives:
             raise self._undecided("it leaves the surface, and does not reach it")
+        elif departs and self._is_tangent(self.before, surface):
+            # It sticks where static friction exceeds dynamic friction.
+            kind, tangent = GRAZING_SLIDING, self.before
         elif departs:
             kind = SWITCHING_SLIDING
             beyond = [mode for mode, side in surface.free.items() if side == -sides[0]]
@@ -465,6 +468,14 @@ class Junction:
                 raise self._undecided("both lie on one side of the surface")
             tangent = self.after
         return self._of(kind, self._tangency(surface, kind, tangent))
+
+    def _is_tangent(self, mode: int, surface: Surface) -> bool:
+        """Return whether the field of a mode is tangent to a surface."""
+        place = surface.guard, surface.mode
+        first, second = (
+            abs(self.derivative(mode, place, order, self.time, self.state)) for order in (1, 2)
+        )
+        return first <= TANGENT_TOLERANCE * second * self.step / DIFFERENCE_STEP
 
     def _opposite(self, surface: Surface, side: int) -> list[int]:
         """Return a mode of the field opposite to a side, which the orbit does not reach."""
