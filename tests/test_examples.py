@@ -23,6 +23,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
+    "relief_valve": {"run", "orbit", "branch", "curves"},
     "tolerances": {"spread"},
 }
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
-from mems_impact.analysis.special_points import EquilibriumPoint, check_kind
+from mems_impact.analysis.special_points import BifurcationPoint, EquilibriumPoint, check_kind
 from mems_impact.continuation.boundary_equilibrium import boundary_crossing
 from mems_impact.continuation.equilibrium_branch import BOUNDARY
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, OrbitError
 
-__all__ = ["BoundaryType", "boundary_type"]
+__all__ = ["BoundaryType", "boundary_type", "type_of_boundary"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,3 +138,13 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
         slopes=(first, second),
         criterion=-first / second,
     )
+
+
+def type_of_boundary(special: BifurcationPoint) -> str:
+    """Return the type of a boundary equilibrium, for tables; empty if it has none."""
+    if not isinstance(special, EquilibriumPoint) or special.kind != BOUNDARY:
+        return ""
+    try:
+        return str(boundary_crossing(special.found, special.parameter).type)
+    except OrbitError:
+        return ""

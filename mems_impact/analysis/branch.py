@@ -12,6 +12,7 @@ import numpy as np
 
 from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
+from mems_impact.analysis.boundary_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.event_functions import (
     MEASURES,
@@ -616,7 +617,8 @@ def _homoclinic_end(system: HybridSystem, found: OrbitBranch) -> HomoclinicEnd |
 def _names(special: BifurcationPoint) -> dict[str, str]:
     """Return what a special point is called, for its row in tables."""
     names = ("label", "kind", "criticality")
-    return {**{name: getattr(special, name) for name in names}, "type": type_of(special)}
+    kind = type_of(special) or type_of_boundary(special)
+    return {**{name: getattr(special, name) for name in names}, "type": kind}
 
 
 def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
@@ -1079,7 +1081,8 @@ class EquilibriumBranch(ContinuationResult):
     def special_table(self) -> pd.DataFrame:
         """One row per special point.
 
-        Columns: label, kind, criticality (see `NormalForm`), the parameter, then those of `table`.
+        Columns: label, kind, criticality (see `NormalForm`), type (see `BoundaryType`), the
+        parameter, then those of `table`.
         """
         rows = [
             {

@@ -81,7 +81,9 @@ def test_from_the_sliding_branch():
     special = boundary(cut, c=0.5, d=1.0)
     begin = special.system.changed(a=-0.1)
     (sliding,) = mi.find_equilibria(begin, modes=["sliding"])
-    (met,) = mi.continue_equilibrium(sliding, "a", 0.1).special_points
+    branch = mi.continue_equilibrium(sliding, "a", 0.1)
+    assert branch.special_table["type"].tolist() == ["persistence"]
+    (met,) = branch.special_points
     found, other = mi.boundary_type(met), mi.boundary_type(special)
     assert found == "persistence"
     assert found.modes == ("sliding", "above")
