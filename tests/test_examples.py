@@ -20,6 +20,7 @@ GALLERY = sorted((DOCS / "examples").glob("*.py"))
 LESSONS = [*sorted((DOCS / "tutorials").glob("*.py")), *sorted((DOCS / "ideas").glob("*.py"))]
 PICTURES = {  # where they are not run, orbit, branch
     "bifurcation_diagram": {"branch"},
+    "basin_boundary": {"basins"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},

@@ -191,6 +191,8 @@ WINDOW_RATIO = 4.0  # length of curve searched for an image, relative to its las
 WINDOW_MARGIN = 0.25  # and this part of the largest distance
 SMALLEST_STEP_RATIO = 1e-4  # of the radius, relative to the largest
 BOUNDARY_RTOL = 1e-10
+ERROR_REDUCTION = 1.3  # factor by which one application of the map reduces errors of the curve
+MAX_APPLICATIONS = 16
 
 
 class _KnownCurve:
@@ -255,8 +257,13 @@ class _KnownCurve:
         if node == 0:
             return self.direction
         other = node if chord == node - 1 else node - 1
-        if other + 1 >= len(self.places) or other in self.breaks:
+        if other in self.breaks:
             return own
+        if other + 1 >= len(self.places):  # the end: the parabola through the last three points
+            if chord == 0 or chord - 1 in self.breaks:
+                return own
+            before = self._tangent(chord, chord, corner)
+            return np.asarray(2.0 * own / np.linalg.norm(own) - before / np.linalg.norm(before))
         beside = self.places[other + 1] - self.places[other]
         if _angle(own, beside) > corner:
             return own
@@ -623,7 +630,7 @@ def manifold(
 
 
 def _direction(point: FixedPoint, kind: str) -> tuple[FixedPoint, Floats, float]:
-    """Return the fixed point, of the squared map if need be, with eigenvector and multiplier.
+    """Return the fixed point, of a power of the map if need be, with eigenvector and multiplier.
 
     Raises
     ------
@@ -652,6 +659,12 @@ def _direction(point: FixedPoint, kind: str) -> tuple[FixedPoint, Floats, float]
     vector = vector * (1.0 if vector[np.argmax(np.abs(vector))] > 0.0 else -1.0)
     if multiplier < 0.0:
         point, multiplier = point._replace(map=point.map.times(2)), multiplier**2
+    if kind == "stable":
+        # Errors of the curve shrink by the unstable multiplier from image to preimage.
+        growth = float(np.abs(values).max()) ** (1 if values[chosen[0]].real > 0.0 else 2)
+        count = math.ceil(min(MAX_APPLICATIONS, math.log(ERROR_REDUCTION) / math.log(growth)))
+        if count > 1:
+            point, multiplier = point._replace(map=point.map.times(count)), multiplier**count
     return point, vector, multiplier
 
 

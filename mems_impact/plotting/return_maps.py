@@ -66,7 +66,7 @@ def plot_manifold(
     >>> both = [mi.manifold(saddle, kind, length=2.0) for kind in ("unstable", "stable")]
     >>> mi.plot_manifold(both).figure.savefig("manifolds.png")
     """
-    found = [manifold] if isinstance(manifold, Manifold) else list(manifold)
+    found: list[Any] = list(manifold) if isinstance(manifold, list | tuple) else [manifold]
     for each in found:
         if not isinstance(each, Manifold):
             allowed = "a Manifold, as mems_impact.manifold returns it, or several"
@@ -196,5 +196,6 @@ def plot_return_map(
 def _numbered(text: str, number: str) -> str:
     """Return an axis label with the number of the return as its index."""
     if text.startswith("$") and text.endswith("$"):
-        return f"$({text[1:-1]})_{{{number}}}$"
+        sign = text[1:-1]
+        return f"${sign}_{{{number}}}$" if len(sign) == 1 else f"$({sign})_{{{number}}}$"
     return f"{text} at return ${number}$"
