@@ -422,6 +422,12 @@ class AttractorSearch:
                 box[name] = (-size, size)
         return box
 
+    @cached_property
+    def _sizes(self) -> dict[int, float]:
+        """Sizes of the states that attractors are compared by."""
+        states = self.system.states
+        return {states.index(name): max(map(abs, pair)) for name, pair in self.box.items()}
+
     def _distinct(
         self, value: float, starts: Sequence[State], known: Sequence[Motion]
     ) -> list[Motion]:
@@ -443,7 +449,7 @@ class AttractorSearch:
         )
         for each in attractors:
             if each.motion != FAILED and not any(
-                _same_attractor(system, each, other.attractor) for other in found
+                _same_attractor(each, other.attractor, self._sizes) for other in found
             ):
                 found.append(Motion(value, each))
         return found
@@ -488,21 +494,21 @@ def _halton(number: int, size: int) -> list[float]:
     return point
 
 
-def _same_attractor(system: HybridSystem, one: Attractor, other: Attractor) -> bool:
+def _same_attractor(one: Attractor, other: Attractor, sizes: Mapping[int, float]) -> bool:
     """Return whether two motions share an attractor.
 
-    Orbits are the same if their states are, other motions if their ranges intersect.
+    Orbits are the same if their states are, other motions if their ranges intersect. `sizes` has
+    the sizes of the components that are compared.
     """
     kinds = (PERIODIC, OFF, RESTING)
     if (one.motion in kinds) != (other.motion in kinds):
         return False
-    free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     if one.states is None or other.states is None or not (len(one.states) and len(other.states)):
         return one.motion == other.motion
+    free = list(sizes)
     a, b = one.states[:, free], other.states[:, free]
     if one.motion in kinds:
-        sizes = np.maximum(np.abs(a).max(axis=0), np.abs(b).max(axis=0))
-        apart = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * sizes
+        apart = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * np.array(list(sizes.values()))
         return one.period == other.period and bool((apart <= 0.0).all(axis=1).any())
     return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
 
