@@ -45,7 +45,7 @@ from mems_impact.continuation.orbit_identity import (
     same_orbit,
     up_to_cover,
 )
-from mems_impact.continuation.test_functions import FoldTest
+from mems_impact.continuation.test_functions import VANISHING_LENGTH, FoldTest
 from mems_impact.errors import (
     DiagramInterrupted,
     InvalidParameter,
@@ -626,6 +626,9 @@ class DiagramBuilder:
 
     def _add_orbit(self, orbit: Orbit) -> int:
         """Return the number of the branch of an orbit, which is continued if it is new."""
+        point = orbit.found.point
+        if (np.asarray(point.ends) - np.asarray(point.starts)).min() < VANISHING_LENGTH:
+            return NO_BRANCH  # an orbit whose first segment ends at once, in another mode
         known = self._number(orbit)
         return self._add(self._both_ways(orbit)) if known is None else known
 

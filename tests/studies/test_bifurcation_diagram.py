@@ -129,3 +129,14 @@ def test_the_cascade_of_the_logistic_map():
     assert diagram.parents[by_period[4]] == by_period[2]
     periods = sorted(branch.orbits[0].periods for branch in diagram.branches)
     assert periods in ([1, 2, 4], [1, 1, 2, 4])
+
+
+@pytest.mark.slow
+def test_the_device_has_one_branch():
+    """The orbit without impacts grazes and folds; none with a slip that ends at once is another."""
+    device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    diagram = mi.bifurcation_diagram(device, drive, "amplitude", 0.16, 0.30, values=15)
+    assert len(diagram.branches) == 1
+    found = {special.label: special.value for special in diagram.special_points}
+    assert found == pytest.approx({"G": 0.2271775831, "CF": 0.176515440628}, abs=1e-9)
+    assert (diagram.attractors["branch"] == 0).all()
