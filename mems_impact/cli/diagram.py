@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     import mems_impact as mi
 
-SHOWN_ROWS = 10
+SHOWN_SPECIAL_POINTS = 10
 
 
 @click.command(short_help="Compute a bifurcation diagram.")
@@ -123,7 +123,9 @@ def command(
         add_json_tables({"branches": _summary(diagram)})
         special = diagram.special_table
         show(f"{diagram.tree}\n")
-        few = special.reindex(columns=["label", "kind", parameter, "branch"]).head(SHOWN_ROWS)
+        few = special.reindex(columns=["label", "kind", parameter, "branch"]).head(
+            SHOWN_SPECIAL_POINTS
+        )
         few.attrs = special.attrs
         show_table("points", few, 10)
         files.show()

@@ -40,7 +40,7 @@ __all__ = [
     "COARSE",
     "FINE",
     "Asked",
-    "BifurcationDiagram",
+    "DiagramSnapshot",
     "Floquet",
     "Headline",
     "RunSnapshot",
@@ -59,7 +59,7 @@ MAX_DRAWN_ROWS = 40_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class BifurcationDiagram:
+class DiagramSnapshot:
     """A sweep of a parameter, up and down.
 
     Attributes
@@ -140,7 +140,7 @@ def sweep_arguments(
 
 def diagram_of(
     subject: Subject, asked: Asked, dial: SliderSpec, watch: Watch | None = None
-) -> BifurcationDiagram:
+) -> DiagramSnapshot:
     """Sweep the parameter of a setting over its slider.
 
     Parameters
@@ -160,7 +160,7 @@ def diagram_of(
     states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
     numbers = np.empty(0)
     none = {"label": np.empty(0, str), asked.setting.parameter: numbers, states[0]: numbers}
-    return BifurcationDiagram(
+    return DiagramSnapshot(
         asked=asked,
         table=table,
         state=states[0],
@@ -170,8 +170,8 @@ def diagram_of(
 
 
 def with_special_points(
-    subject: Subject, diagram: BifurcationDiagram, watch: Watch | None = None
-) -> BifurcationDiagram:
+    subject: Subject, diagram: DiagramSnapshot, watch: Watch | None = None
+) -> DiagramSnapshot:
     """Continue the orbit of the run over the range of a diagram; add its special points.
 
     A motion that is not periodic has none.
@@ -179,7 +179,7 @@ def with_special_points(
     Parameters
     ----------
     subject : Subject
-    diagram : BifurcationDiagram
+    diagram : DiagramSnapshot
     watch : callable, optional
         Called during the continuation; an exception from it ends the continuation.
     """
@@ -204,7 +204,7 @@ def with_special_points(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class MotionSnapshot:
     """A part of a run, in the units of the system.
 
     Attributes
@@ -225,7 +225,7 @@ class Motion:
     stretches: tuple[tuple[str, float, float], ...] = field(repr=False)
 
 
-def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> Motion:
+def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> MotionSnapshot:
     """Return the motion of some states to the end of a run.
 
     Parameters
@@ -254,7 +254,7 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
     hits = log.impacts(system.automaton)
     curve_t, curve = _joined(time, y, instants, before, after, jumps)
     sides = {"before": before, "after": after}
-    return Motion(
+    return MotionSnapshot(
         curve=_named(names, curve_t, curve),
         frames=_named(names, time, y),
         hits={
@@ -381,7 +381,7 @@ class RunSnapshot:
     ----------
     setting : PageSetting
     run : Run
-    motion : Motion
+    motion : MotionSnapshot
         The last part of the run.
     voltages : tuple of ndarray
         Of an actuator, at the frames of the motion: right voltage, and left voltage if there is
@@ -401,7 +401,7 @@ class RunSnapshot:
 
     setting: PageSetting
     run: Run = field(repr=False)
-    motion: Motion = field(repr=False)
+    motion: MotionSnapshot = field(repr=False)
     voltages: tuple[Floats, ...] = field(repr=False)
     section: Mapping[str, Floats] = field(repr=False)
     cycles: Cycles = field(repr=False)
@@ -516,7 +516,7 @@ def _section(run: Run) -> dict[str, Floats]:
     return {name: values[settled] for name, values in found.items()}
 
 
-def _voltages(system: HybridSystem, motion: Motion) -> tuple[Floats, ...]:
+def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...]:
     if not isinstance(system, ActuatorSystem):
         return ()
     phase = np.remainder(motion.frames["t"], system.forcing_period)

@@ -22,7 +22,7 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 
 MAX_STATES = 12  # of a system whose sign changes are searched
 PERTURBATION = 0.1  # of the points of comparison, in sizes of the states
-ZERO_RATIO = 1e-6  # size of a state, relative to the largest, below which it is unknown
+UNKNOWN_SIZE_RATIO = 1e-6  # size of a state, relative to the largest, below which it is unknown
 POINTS = 5  # of comparison per segment
 RTOL, ATOL = 1e-9, 1e-12  # of flow, margins and states, compared with their images
 ABSENT = 1e300  # stands for a margin that does not apply
@@ -90,9 +90,9 @@ def _sizes(states: Floats) -> Floats:
     sizes = np.abs(states).max(axis=0)
     largest = float(sizes.max(initial=0.0))
     # A state that is zero may have any size.
-    if largest < ZERO_RATIO:
+    if largest < UNKNOWN_SIZE_RATIO:
         return np.ones_like(sizes)
-    return np.where(sizes > ZERO_RATIO * largest, sizes, largest)
+    return np.where(sizes > UNKNOWN_SIZE_RATIO * largest, sizes, largest)
 
 
 def _symmetries(

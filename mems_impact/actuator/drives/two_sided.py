@@ -22,7 +22,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["TwoSided"]
 
 MOST_PERIODS = 64
-PERIOD_RTOL = 1e-12
+EQUAL_PERIODS_RTOL = 1e-12
 
 
 class TwoSided(Drive):
@@ -85,7 +85,7 @@ class TwoSided(Drive):
             other = round(count * right / left)
             if (
                 1 <= other <= MOST_PERIODS
-                and abs(other * left - count * right) <= PERIOD_RTOL * left
+                and abs(other * left - count * right) <= EQUAL_PERIODS_RTOL * left
             ):
                 return count, other
         return None
@@ -118,7 +118,7 @@ class TwoSided(Drive):
         joined = []
         for stretch in left:
             nearest = float(times[np.argmin(np.abs(times - stretch.start))])
-            same = abs(nearest - stretch.start) <= 10.0 * PERIOD_RTOL * self.period
+            same = abs(nearest - stretch.start) <= 10.0 * EQUAL_PERIODS_RTOL * self.period
             joined.append(stretch._replace(start=nearest) if same else stretch)
         return right, joined
 

@@ -32,7 +32,7 @@ from mems_impact.explorer.session import (
 from mems_impact.explorer.snapshot import (
     COARSE,
     Asked,
-    BifurcationDiagram,
+    DiagramSnapshot,
     Floquet,
     RunSnapshot,
     diagram_of,
@@ -203,7 +203,7 @@ class Page:
         else:
             print("".join(traceback.format_exception(error)), file=sys.stderr)  # noqa: T201
             text = f"{type(error).__name__}: {error} (a bug; see the traceback in the terminal)"
-        if isinstance(asked, Asked | BifurcationDiagram):
+        if isinstance(asked, Asked | DiagramSnapshot):
             if self.bifurcation is not None:
                 self.bifurcation.say(text, stale=True)
             return
@@ -239,13 +239,13 @@ class Page:
     def _select(self, name: str, value: float) -> None:
         self.change(lambda setting: setting.with_value(name, value))
 
-    def _diagram(self, asked: Asked | BifurcationDiagram, watch: Watch) -> BifurcationDiagram:
+    def _diagram(self, asked: Asked | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
         """Compute a diagram, or the special points of one."""
-        if isinstance(asked, BifurcationDiagram):
+        if isinstance(asked, DiagramSnapshot):
             return with_special_points(self.subject, asked, watch)
         return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
 
-    def _show_diagram(self, _: Asked | BifurcationDiagram, diagram: BifurcationDiagram) -> None:
+    def _show_diagram(self, _: Asked | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
         asked = diagram.asked
         if self.bifurcation is None or self.picture is None or asked.key != self._diagram_asked:
             return

@@ -24,7 +24,7 @@ from bokeh.plotting import figure
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.session import TIME, SliderSpec, best_si_prefix
 from mems_impact.explorer.snapshot import (
-    BifurcationDiagram,
+    DiagramSnapshot,
     Floquet,
     Headline,
     RunSnapshot,
@@ -177,7 +177,7 @@ class BifurcationPanel:
         made.title.text_font_style = "normal"
         made.toolbar_inner = False  # beside the title: within the axes it would take clicks
         made.on_event(Tap, self._tapped)
-        self.diagram: BifurcationDiagram | None = None
+        self.diagram: DiagramSnapshot | None = None
         self.state_factor = 1.0
 
     def show(self, picture: RunSnapshot) -> None:
@@ -193,7 +193,7 @@ class BifurcationPanel:
         self.here.data = {"x": np.full(len(column), value), "y": column / self.state_factor}
         self.place.location = value
 
-    def show_diagram(self, diagram: BifurcationDiagram, picture: RunSnapshot) -> None:
+    def show_diagram(self, diagram: DiagramSnapshot, picture: RunSnapshot) -> None:
         """Show another diagram with the run."""
         self.diagram = diagram
         system, dial = picture.system, self._dials[diagram.asked.setting.parameter]
