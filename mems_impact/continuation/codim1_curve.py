@@ -298,11 +298,12 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
             return what if test.guard == self.guard else f"{what} ({name})"
         what, own = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
         own_guard = getattr(self.monitor, "guard", -1)
+        double = what == own
         if what == GRAZING and test.guard not in (self.guard, own_guard):
             what = f"{GRAZING} ({name})"
         if not self.monitor.ends_orbits:
             return f"{what}-{own}"
-        return f"double {what}" if what == own else f"{own}-{what}"
+        return f"double {what}" if double else f"{own}-{what}"
 
     def locate(
         self,

@@ -80,7 +80,7 @@ class CriticalityTest(TestFunction):
         """
 
         @cache
-        def precise(s: float) -> tuple[float, float]:
+        def precise(s: float) -> tuple[float, float, float]:
             point = step.at(s).point
             try:
                 vectors = _vectors(condition, point)
@@ -90,15 +90,17 @@ class CriticalityTest(TestFunction):
             except (OrbitError, np.linalg.LinAlgError) as error:
                 raise ValueError(self) from error
             factor = self._factor(vectors)
-            return cubic.value * factor, cubic.error * abs(factor)
+            return cubic.value * factor, cubic.value, cubic.error
 
         try:
-            (low, low_error), (high, high_error) = precise(0.0), precise(length)
-            if low * high > 0.0 or abs(low) < low_error or abs(high) < high_error:
+            ends = [precise(0.0), precise(length)]
+            # At a pole without residue the factors alone change their sign.
+            turned = ends[0][0] * ends[1][0] < 0.0 and ends[0][1] * ends[1][1] < 0.0
+            if not turned or any(abs(cubic) < error for _, cubic, error in ends):
                 return None
             xtol = POSITION_RTOL * length
             position = float(brentq(lambda s: precise(s)[0], 0.0, length, xtol=xtol))
-            pole = abs(precise(position)[0]) > max(abs(low), abs(high))
+            pole = abs(precise(position)[0]) > max(abs(each[0]) for each in ends)
         except (ValueError, ArithmeticError):
             return None
         return None if pole else position
