@@ -68,6 +68,7 @@ TYPE_LABELS = {
     SURFACE_GRAZING: "SG",
 }
 
+FUNCTION_FAILURES = (FunctionError, ArithmeticError, ValueError)
 TOUCH_TESTS = (ClosestApproachTest, ContactSpeedTest)
 SURFACE_MARGIN = 1e-5  # largest margin of a guard whose surface contains the point
 STATE_DISTANCE = 1e-4  # of states at which modes are determined, relative to the orbit's size
@@ -157,7 +158,14 @@ def discontinuity(event: BranchEvent) -> Discontinuity:
     OrbitError
         If its type cannot be determined.
     """
-    return Junction(event).discontinuity()
+    try:
+        return Junction(event).discontinuity()
+    except FUNCTION_FAILURES as error:
+        raise OrbitError(
+            f"the type of {event.kind!r} cannot be determined: a function of the system fails near "
+            f"the point ({error})",
+            "define flow and margins a little beyond the guards",
+        ) from error
 
 
 # --- The point at which an orbit meets surfaces
@@ -497,7 +505,7 @@ class Junction:
         """Return the mode after an event at a state; NONE if it has none."""
         try:
             into, _ = self.automaton.state_after(mode, guard, self.time, y, self.parameters)
-        except FunctionError:
+        except FUNCTION_FAILURES:
             return NONE
         return into if 0 <= into < len(self.automaton.modes) else NONE
 

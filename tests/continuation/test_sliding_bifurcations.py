@@ -67,6 +67,16 @@ def test_a_type_is_a_string_with_the_numbers_of_its_criterion(growth):
     assert [text.get_text() for text in mi.plot_branch(growth).texts] == ["GS"]
 
 
+def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
+    def fails(*_):
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setattr("mems_impact.continuation.sliding.Junction.gradient", fails)
+    point = growth.special_points[0]
+    with pytest.raises(mi.OrbitError, match="a function of the system fails near the point"):
+        mi.sliding_type(point)
+
+
 @pytest.mark.slow
 def test_points_without_a_discontinuity_have_no_type():
     def bent(mode, t, y, p):
