@@ -186,6 +186,30 @@ def test_an_impact_oscillator_through_impacts_at_the_section():
         assert hits[0] != hits[1]
 
 
+def _ring(mode, t, y, p):
+    grows = 1.0 - y.x * y.x - y.y * y.y
+    return 0.2 * grows * y.x - y.y, 0.2 * grows * y.y + y.x, 0.2 * y.z
+
+
+@pytest.mark.slow
+def test_a_saddle_cycle_in_its_section():
+    """The unit circle: its manifolds meet the section y = 0 in the lines x = 1 and z = 0."""
+    states = ("x", "y", "z")
+    ring = mi.System(states=states, flow=_ring, section=("y", 0.0), initial={"x": 1.0})
+    orbit = mi.find_orbit(ring, period=6.28)
+    growth = math.exp(0.4 * math.pi)
+    assert np.abs(orbit.multipliers) == pytest.approx([growth, growth**-2], rel=1e-8)
+    table = mi.manifold(orbit, "unstable", length=1.0).table
+    assert np.abs(table["x"] - 1.0).max() < 1e-7
+    assert table["z"].max() > 0.99
+    table = mi.manifold(orbit, "stable", length=0.5).table
+    assert np.abs(table[["y", "z"]]).to_numpy().max() < 1e-7
+    assert table["x"].min() < 0.51 < 1.49 < table["x"].max()
+    bare = mi.System(states=states, flow=_ring, initial={"x": 1.0})
+    with pytest.raises(mi.InvalidParameter, match="no Poincaré section: give section="):
+        mi.manifold(mi.find_orbit(bare, period=6.28), "unstable", length=1.0)
+
+
 def device_gap(amplitude):
     """Return by how much the unstable manifold of the device's saddle misses the stable one.
 
