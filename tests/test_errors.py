@@ -5,6 +5,7 @@ import pytest
 from mems_impact import errors
 from mems_impact.errors import (
     ChartInterrupted,
+    DiagramInterrupted,
     EngineFallbackWarning,
     EngineUnavailable,
     FileNotWritten,
@@ -52,6 +53,7 @@ INTERRUPTIONS = [
     (StudyInterrupted([1, 2], 2, 5), "2 of 5 points"),
     (ChartInterrupted([1, 2], 1, 6), "1 of 6 boundaries"),
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
+    (DiagramInterrupted([1, 2], 2), "2 branches"),
     (OptimizationInterrupted("best", 4), "4 points"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]
