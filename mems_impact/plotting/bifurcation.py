@@ -321,6 +321,7 @@ class Boundary(Protocol):
 def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
 
+    The axes are those of the first curve; others may have the two parameters in either order.
     Points of codimension two are marked, with their kinds.
 
     Parameters
@@ -361,7 +362,7 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     first = curves[0].table
     x, y = first.columns[:2]
     for each in curves:
-        if list(each.table.columns[:2]) != [x, y]:
+        if set(each.table.columns[:2]) != {x, y}:
             others = ", ".join(each.table.columns[:2])
             raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
     if ax is None:

@@ -114,7 +114,7 @@ def test_on_a_curve_of_grazings():
         switch_transition=doubling,
         switches=(0.5,),
         period=2.0 * math.pi,
-        parameters={"A": 1.8, "wall": 0.93},
+        parameters={"A": 1.0, "wall": 0.93},
     )
     orbit = mi.find_orbit(system, periods=1, options=PLAIN, guess={"x": 0.2, "v": 0.2, "y": 0.0})
     grazing = mi.continue_orbit(orbit, "A", 2.2, steps=STEPS).special_points[0]

@@ -164,6 +164,16 @@ def test_inadmissible_parts_and_points_in_common(tmp_path):
     ax.figure.savefig(tmp_path / "curve.png")
 
 
+def test_curves_over_the_parameters_in_either_order():
+    one = curve("fold", [1.0, 0.9, 0.7, 0.4], [True] * 4, [("fold-flip", 0.1, 1.0)])
+    other = curve("period-doubling", [1.0, 0.8, 0.6, 0.5], [True] * 4, [("fold-flip", 0.1, 1.0)])
+    other.table = other.table[["A", "omega", "admissible"]]
+    ax = mi.plot_curve([one, other])
+    (line,) = lines(ax, "period-doubling")
+    assert list(line.get_ydata()) == [1.0, 0.8, 0.6, 0.5]
+    assert [text.get_text() for text in ax.texts] == ["fold-flip"]
+
+
 def test_what_is_no_curve(branch):
     with pytest.raises(mi.InvalidParameter, match="a Curve"):
         mi.plot_curve(branch)
