@@ -88,7 +88,7 @@ mi.plot_curve(curves).figure.savefig("relief_valve_curves.png")
 # %%
 # Check
 # -----
-# BifurcationKit.jl has the values of :math:`q` at the Hopf point, the grazing and the period
+# BifurcationKit.jl gives the values of :math:`q` at the Hopf point, the grazing and the period
 # doubling. The characteristic polynomial gives the Hopf curve:
 # :math:`(\kappa + a)(1 + \kappa a) = a + \beta \sqrt{c}` with :math:`c = x + \delta`,
 # :math:`a = \beta x / (2 \sqrt{c})` and :math:`q = x \sqrt{c}`. The curve of folds, computed from
