@@ -60,7 +60,8 @@ def test_completion_and_signature_of_parameter_objects_are_their_own(one):
 
 
 def test_signatures_tell_types_and_defaults():
-    expected = "(*, amplitude: float, omega: float, bias: float = 0.0, phase: float = 0.0)"
+    expected = "(*, amplitude: float, omega: float = nan, bias: float = 0.0, phase: float = 0.0, "
+    expected += "frequency: float | None = None)"
     assert str(inspect.signature(mi.Sine)) == expected
 
 

@@ -450,10 +450,12 @@ def test_no_short_repr_is_hidden_by_that_of_a_dataclass():
             continue
         for kind in vars(import_module(module.name)).values():
             if isinstance(kind, type) and "__dataclass_params__" in vars(kind):
+                # The repr of a string shows none of the attributes of its subclass.
+                bases = [base for base in kind.__mro__[1:-1] if base is not str]
                 assert (
                     not kind.__dataclass_params__.repr
                     or writes(kind)
-                    or not any(map(writes, kind.__mro__[1:-1]))
+                    or not any(map(writes, bases))
                 ), kind
 
 
