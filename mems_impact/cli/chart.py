@@ -35,7 +35,7 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 @range_options(
     "Lowest frequency [Hz]; omega of a dimensionless device.",
     "Highest frequency.",
-    defaults=("0.88 of the resonance", "1.02 of the resonance"),
+    defaults=("0.88 of half the resonance", "1.02 of half the resonance"),
 )
 @click.option(
     "--bias", type=float, default=0, show_default=True, help="Constant part of the voltage [V]."

@@ -184,8 +184,8 @@ def text_on(word: str | None) -> str:
             MAX_SUGGESTIONS,
             cutoff=0.5,
         )
-        hint = f"; similar names: {', '.join(close)}" if close else ""
-        raise click.UsageError(f"the documentation does not mention {word!r}{hint}")
+        hint = f"; similar ones: {', '.join(dict.fromkeys(close))}" if close else ""
+        raise click.UsageError(f"no name, command or topic of the documentation is {word!r}{hint}")
     return "\n".join(parts)
 
 

@@ -16,7 +16,8 @@ RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its 
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (
-    "give a guess closer to an orbit: raise transient (transient=300), or change periods"
+    "give a guess closer to an orbit: raise transient (transient=300) if it is stable, or change "
+    "periods"
 )
 CYCLE_GUESS_REMEDY = (
     "raise transient (in units of time) or give a guess closer to a limit cycle; a chaotic motion "

@@ -110,6 +110,26 @@ def real():
     return mi.simulate(mi.load_actuator("mita2003"), mi.Sine(amplitude=100.0, omega=6.283), 3)
 
 
+def well(mode, t, y, p):
+    return y.v, y.x - y.x**3 - 0.2 * y.v
+
+
+def manifolds():
+    (saddle,) = mi.find_equilibria(mi.System(states=("x", "v"), flow=well), guess={"x": 0.1})
+    return [mi.manifold(saddle, kind, length=2.0) for kind in ("unstable", "stable")]
+
+
+def logistic(mode, t, y, p):
+    return mode, (p.a * y.x * (1.0 - y.x),)
+
+
+def quadratic_map():
+    return mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (0.0,), switch_transition=logistic,
+        switches=(0.5,), period=1.0, parameters={"a": 3.7}, initial={"x": 0.3},
+    )  # fmt: skip
+
+
 GRID = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
 QUICK = {
     "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(made_table())),
@@ -121,6 +141,10 @@ LONG = {
     "plot_basins": lambda _: mi.plot_basins(made_basins(GRID, [0, 0, 0, 1, 1, -1])),
     "plot_basins of many attractors": lambda _: mi.plot_basins(made_basins(
         Grid(Axis("x", (0.0, 1.0, 2.0, 3.0)), Axis("v", (0.0, 1.0, 2.0))), [*range(9), 0, 1, -1])),
+    "plot_diagram": lambda _: mi.plot_diagram(
+        mi.bifurcation_diagram(quadratic_map(), "a", 2.8, 3.3, depth=1, values=5)),
+    "plot_manifold": lambda _: mi.plot_manifold(manifolds()),
+    "plot_return_map": lambda _: mi.plot_return_map(mi.simulate(quadratic_map(), 60)),
     "plot_curve": lambda _: mi.plot_curve(curves()),
     "plot_drive": lambda _: two_sided(),
     "plot_energy": lambda _: mi.plot_energy(energy()),
