@@ -19,12 +19,14 @@ import numpy as np
 
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
+from mems_impact._util.quantities import has_unit
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.parameter_base import quantity
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked_state
 from mems_impact.actuator.terms.base import Term
@@ -1013,8 +1015,11 @@ def _range(
         given_low, given_high = given
     except (TypeError, ValueError):
         raise InvalidParameter(name, given, allowed) from None
-    low = band[0] if given_low is None else given_low
-    high = band[1] if given_high is None else given_high
+    unit = "Hz" if name == "frequency" else "rad/s"
+    low, high = (
+        usual if end is None else quantity(name, end, unit) if has_unit(end) else end
+        for end, usual in zip((given_low, given_high), band, strict=True)
+    )
     if not (is_number(low) and is_number(high) and 0.0 < low < high):
         raise InvalidParameter(name, (low, high), allowed)
     return float(low), float(high)
