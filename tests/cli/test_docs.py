@@ -73,7 +73,7 @@ def test_the_text_without_a_site(cli, word, said):
 
 
 def test_an_unknown_word(cli):
-    assert "similar names: find_orbit" in cli("docs", "find_orbitt", "--text").complaint()
+    assert "similar ones: find_orbit" in cli("docs", "find_orbitt", "--text").complaint()
 
 
 WANTED = (
