@@ -10,7 +10,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import correct
-from mems_impact.continuation.branching_equation import Crossing, FirstPoint
+from mems_impact.continuation.branching_equation import CrossingBranch, FirstPoint
 from mems_impact.continuation.equilibrium_branch import frequency
 from mems_impact.continuation.test_functions import MULTIPLIER_TOLERANCE
 from mems_impact.errors import OrbitError, RunError
@@ -151,7 +151,7 @@ def switch_at_branch_point(
     """
     shooting = orbit.equations((parameter,))
     point = shooting.evaluate(orbit.point.unknowns, np.array([orbit.family.values[parameter]]))
-    first = Crossing(shooting, point, direction).first_point()
+    first = CrossingBranch(shooting, point, direction).first_point()
     return make_orbit(shooting, first.point), first
 
 
@@ -165,7 +165,7 @@ def switch_equilibrium(
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
     value = np.array([equilibrium.family.values[parameter]])
     point = equations.evaluate(equilibrium.balance.unknowns, value)
-    first = Crossing(equations, point, direction).first_point()
+    first = CrossingBranch(equations, point, direction).first_point()
     return make_equilibrium(equations, first.point), first
 
 

@@ -71,7 +71,7 @@ class FirstPoint(NamedTuple, Generic[P]):
     distance: float
 
 
-class Crossing(Generic[P]):
+class CrossingBranch(Generic[P]):
     """A branch point with the tangents of the two branches that cross there.
 
     Parameters

@@ -162,7 +162,7 @@ class EquilibriumCondition(ABC):
         return central_difference(there, step) * length
 
 
-class FoldCondition(EquilibriumCondition):
+class EquilibriumFoldCondition(EquilibriumCondition):
     """A singular Jacobian: the last unknown of the equations bordered by null vectors."""
 
     kind = FOLD
@@ -341,7 +341,7 @@ def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> Equi
         If points of this kind have none.
     """
     if kind == FOLD:
-        return FoldCondition(equations)
+        return EquilibriumFoldCondition(equations)
     if kind == HOPF:
         return HopfCondition(equations)
     if kind == BRANCH_POINT:
@@ -438,7 +438,7 @@ class ZeroEigenvalueTest(CodimensionTwoTest):
             values = np.delete(values, [pair.first, pair.second])
         # Of order one, and smooth at zero, as the matrix is not zero at a double zero.
         factors = values / (np.abs(values) + np.linalg.norm(point.jacobian))
-        if isinstance(condition, FoldCondition):
+        if isinstance(condition, EquilibriumFoldCondition):
             # The product of the others, as a derivative of the characteristic polynomial at zero:
             # smooth also at a double zero.
             others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
@@ -479,7 +479,7 @@ class ImaginaryPairTest(CodimensionTwoTest):
         if isinstance(condition, HopfCondition):
             pair = condition.pair(point)
             return np.delete(values, [pair.first, pair.second])
-        if isinstance(condition, FoldCondition | BranchPointCondition):
+        if isinstance(condition, EquilibriumFoldCondition | BranchPointCondition):
             return np.delete(values, np.argmin(np.abs(values)))
         return values
 
@@ -510,7 +510,7 @@ class CurvatureTest(CodimensionTwoTest):
 
     def value(self, condition: EquilibriumCondition, point: EquilibriumEvaluation) -> float:
         """Return the coefficient."""
-        assert isinstance(condition, FoldCondition)
+        assert isinstance(condition, EquilibriumFoldCondition)
         return condition.curvature(point)
 
 

@@ -17,7 +17,7 @@ from mems_impact.orbits.shooting import ShootingEvaluation
 
 __all__ = ["FunctionTest", "FunctionZeros"]
 
-MAX_ZERO_RATIO = 1e-6  # largest ratio of the value at a zero to the values at the step's ends
+MAX_EVENT_RATIO = 1e-6  # largest ratio of the value at a zero to the values at the step's ends
 
 
 class FunctionCondition(DefiningSystem):
@@ -115,7 +115,7 @@ class FunctionZeros(Generic[P]):
 
         try:
             place = step.zero(value, length)
-            return place if abs(value(step.at(place).point)) <= MAX_ZERO_RATIO * size else None
+            return place if abs(value(step.at(place).point)) <= MAX_EVENT_RATIO * size else None
         except ValueError:
             return None
 
