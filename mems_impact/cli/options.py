@@ -58,9 +58,17 @@ def assignment(text: str) -> tuple[str, float]:
     return name, value
 
 
+WITH_UNIT = "mems_impact.with_unit"  # the first text with a unit, in the context of click
+
+
 def number_of(text: str, unit: str) -> float:
     """Return a text such as 70 or "70 V" as a number in `unit`; ValueError if it is none."""
-    return magnitude(text, unit) if has_unit(text) else float(text)
+    if not has_unit(text):
+        return float(text)
+    context = click.get_current_context(silent=True)
+    if context is not None:
+        context.meta.setdefault(WITH_UNIT, text)
+    return magnitude(text, unit)
 
 
 def parameter_unit(name: str) -> str:
@@ -459,6 +467,10 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
 
     refuse_system(device)
     actuator = load_actuator(device)
+    text = click.get_current_context().meta.get(WITH_UNIT)
+    if text is not None and not actuator.scales.named:
+        problem = f"{device} is dimensionless; give a number without a unit"
+        raise click.UsageError(f"{text!r}: {problem}")
     return actuator.setting(changes)
 
 

@@ -59,6 +59,8 @@ WRONG = [
       "0.2", "--frequency", "0.1"], ["--frequency", "omit the option"]),
     (["sweep", "mita2003", "--parameter", "frequency", "--start", "10 V", "--stop", "20",
       "--amplitude", "50"], ["'10 V' must be a number [Hz]"]),
+    (["simulate", "zhao2004", "--amplitude", "240 mV", "--omega", "0.5"],
+     ["'240 mV': zhao2004 is dimensionless"]),
     ([*SIMULATE, "--amplitude", "0.2 um"], ["'0.2 um' must be a number [V]"]),
     ([*SWEEP, "--parameter", "e"], ["--amplitude"]),
     ([*SWEEP, "--parameter", "e", "--amplitude", "0.2", "--stop", "2"], ["e = 2", "<= 1"]),
