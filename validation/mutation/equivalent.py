@@ -5,11 +5,6 @@ from __future__ import annotations
 # (path, what stood there, what stands there now): why no test can tell.
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
-        "mems_impact/continuation/test_functions.py",
-        "if self._second is None or self._second[0] is not point:",
-        "if self._second is None or self._second[1] is not point:",
-    ): "what is remembered is computed again, to the same",
-    (
         "mems_impact/continuation/equilibrium_branch.py",
         "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:",
         "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
