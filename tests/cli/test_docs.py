@@ -38,7 +38,7 @@ def site(tmp_path):
         ("gear wheel", "/search.html?q=gear%20wheel"),
         ("plot", "/figures.html"),
         ("stability", "/orbits.html#an-orbit"),
-        ("period doublings", "/orbits.html#a-branch"),
+        ("period doublings", "/orbits.html#special-points-and-what-starts-there"),
     ],
 )
 def test_the_address_of_a_page(site, word, ends):
