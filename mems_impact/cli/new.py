@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.design.quantities import QUANTITIES, Entry
 from mems_impact.cli.options import apply_decorators
 from mems_impact.cli.output import add_json_files, show
 from mems_impact.cli.runtime import PROGRAM
@@ -21,21 +21,23 @@ TEMPLATES = {
 """By kind: template, which is the default name of the file, and a first command for it."""
 
 
-QUANTITY_OPTIONS = {name: f"--{name.replace('_', '-')}" for name in QUANTITIES}
-FRICTION = "coefficient of friction, static and dynamic"
+GIVEN = {**QUANTITIES, "friction": Entry("", "coefficient of friction, static and dynamic")}
+
+
+def _option_of(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _quantity_option(name: str) -> Callable[[Any], Any]:
-    unit, meaning, _ = QUANTITIES[name]
+    unit, meaning, _ = GIVEN[name]
     text = f"{meaning[0].upper()}{meaning[1:]}{f' [{unit}]' if unit else ''}."
-    return click.option(QUANTITY_OPTIONS[name], name, metavar="QUANTITY", help=text)
+    return click.option(_option_of(name), name, metavar="QUANTITY", help=text)
 
 
 @click.command(short_help="Write a file of a device or a system.")
 @click.argument("kind", type=click.Choice(list(TEMPLATES)))
 @click.argument("file", type=click.Path(), required=False)
-@apply_decorators(*map(_quantity_option, QUANTITIES))
-@click.option("--friction", metavar="QUANTITY", help=f"{FRICTION[0].upper()}{FRICTION[1:]}.")
+@apply_decorators(*map(_quantity_option, GIVEN))
 def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     """Write FILE: the device of a data sheet, or a commented template of a device or a system.
 
@@ -54,7 +56,7 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     """  # noqa: D301 - click looks for the backspace itself
     given = {name: text for name, text in quantities.items() if text is not None}
     if given and kind != "device":
-        raise click.UsageError(f"{QUANTITY_OPTIONS[next(iter(given))]}: of a device only")
+        raise click.UsageError(f"{_option_of(next(iter(given)))}: of a device only")
     template, first = TEMPLATES[kind]
     path = Path(file or template)
     ending = Path(template).suffix

@@ -64,3 +64,8 @@ def test_a_shell_completes_commands_options_and_devices():
     assert offered(begun="sim") == [("plain", "simulate")]
     assert offered("simulate", begun="zh") == [("plain", "zhao2004"), ("file", "zh")]
     assert ("plain", "--periods") in offered("simulate", begun="--per")
+
+
+@pytest.mark.parametrize("option", ["--friction", "--pull-in"])
+def test_quantities_are_those_of_a_device(cli, option):
+    assert f"{option}: of a device only" in cli("new", "system", option, "1").complaint()
