@@ -16,6 +16,7 @@ from mems_impact.continuation.arclength import (
     Continuation,
     ContinuationProblem,
     Corrector,
+    E,
     LocatedEvents,
     PredictorStep,
     StepControl,
@@ -155,7 +156,9 @@ def follow_equilibrium(
         first = equations.evaluate(equilibrium.balance.unknowns, value)
         along = tangent(first)
         along = along if direction > 0.0 else -along
-        problem = _EquilibriumProblem(branch, equations, first, along, low, high, steps, functions)
+        problem = _EquilibriumBranchProblem(
+            branch, equations, first, along, low, high, steps, functions
+        )
         for found in Continuation(problem, first, along, low=low, high=high, steps=steps):
             if progress is not None:
                 progress(found.family.value(parameter))
@@ -164,10 +167,30 @@ def follow_equilibrium(
     return branch
 
 
-class _EquilibriumProblem(
-    ContinuationProblem[EquilibriumEvaluation, EquilibriumState, EquilibriumEvent]
-):
-    """Equilibria in one mode."""
+class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumState, E]):
+    """Equilibria in one mode, along a branch or a curve."""
+
+    equations: EquilibriumEquations
+
+    def begin(self, first: EquilibriumEvaluation, along: Floats) -> None:
+        """Set the first point and its tangent."""
+        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
+
+    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+        """Append an equilibrium to the branch or curve."""
+        self.branch.points.append(make_equilibrium(self.equations, point))
+
+    def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
+        """Return the position in a step of a return to the first point and tangent, or None."""
+        place = float((self.first - step.start) @ step.along)
+        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
+            return None
+        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
+        return place if near and step.along @ self.at_first > 0.5 else None
+
+
+class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
+    """Equilibria in one parameter."""
 
     def __init__(
         self,
@@ -183,7 +206,7 @@ class _EquilibriumProblem(
         self.functions = FunctionZeros[EquilibriumEvaluation](equations, functions)
         self.branch, self.equations, self.family = branch, equations, equations.family
         self.parameters, self.low, self.high = (branch.parameter,), low, high
-        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
+        self.begin(first, along)
         self.bifurcations = Bifurcations(
             equations,
             IMAGINARY_AXIS,
@@ -199,18 +222,6 @@ class _EquilibriumProblem(
         """Correct a guess at its value of the parameter."""
         reason, remedy = "the correction at the bound did not converge", "take shorter steps"
         return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
-
-    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
-        """Append an equilibrium to the branch."""
-        self.branch.points.append(make_equilibrium(self.equations, point))
-
-    def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
-        """Return the position in a step of a return to the first point and tangent, or None."""
-        place = float((self.first - step.start) @ step.along)
-        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
-            return None
-        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
-        return place if near and step.along @ self.at_first > 0.5 else None
 
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
         """Append the special points of a step, also to the points of the branch."""

@@ -20,10 +20,8 @@ from scipy.linalg import schur, solve_sylvester
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
-    PREDICTOR_POINTS,
     SHORTER_STEP_REMEDY,
     Continuation,
-    ContinuationProblem,
     Corrector,
     LocatedEvents,
     PredictorStep,
@@ -42,8 +40,8 @@ from mems_impact.continuation.equilibrium_branch import (
     BOUNDARY,
     HOPF,
     MIN_IMAGINARY_RATIO,
-    SAME_EQUILIBRIUM_DISTANCE,
     EquilibriumEvent,
+    EquilibriumProblem,
 )
 from mems_impact.continuation.multilinear_forms import MultilinearForms, lyapunov_coefficient
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, MULTIPLIER_TOLERANCE
@@ -626,9 +624,7 @@ def follow_equilibrium_curve(
     return curve
 
 
-class _EquilibriumCurveProblem(
-    ContinuationProblem[EquilibriumEvaluation, EquilibriumState, EquilibriumCurveEvent]
-):
+class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
     """Equilibria at which one condition holds, in two parameters."""
 
     noun = "curve"
@@ -654,10 +650,6 @@ class _EquilibriumCurveProblem(
             ),
         ]
 
-    def begin(self, first: EquilibriumEvaluation, along: Floats) -> None:
-        """Set the first point and its tangent."""
-        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
-
     def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
         """Return the corrector of a step."""
         return partial(correct_condition, self.equations, self.condition, self._gradient(point))
@@ -681,18 +673,6 @@ class _EquilibriumCurveProblem(
         """Return the unit tangent of the curve, in the direction of `along`."""
         direction = null_vector(point, self._gradient(point))
         return direction if direction @ along >= 0.0 else -direction
-
-    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
-        """Append an equilibrium to the curve."""
-        self.branch.points.append(make_equilibrium(self.equations, point))
-
-    def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
-        """Return the position in a step of a return to the first point and tangent, or None."""
-        place = float((self.first - step.start) @ step.along)
-        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
-            return None
-        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
-        return place if near and step.along @ self.at_first > 0.5 else None
 
     def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[CodimensionTwoTest, float]:
         """Return the test functions for points of codimension two."""
