@@ -30,7 +30,7 @@ from mems_impact.analysis.special_points import (
     SpecialPoint,
     check_kind,
 )
-from mems_impact.analysis.symmetry import Symmetry, broken_symmetry, nearest_beside
+from mems_impact.analysis.symmetry import Symmetry, symmetry_of_halves
 from mems_impact.continuation.arclength import CLOSED, StepControl
 from mems_impact.continuation.branch_point_curve import follow_branch_points
 from mems_impact.continuation.branch_switching import (
@@ -234,14 +234,8 @@ class Branch(ContinuationResult):
 
         The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
         """
-        for special in self.special_points:
-            if special.kind == BRANCH_POINT:
-                point = special.found.orbit.point
-                beside = nearest_beside(point, [each.found.point for each in self.orbits])
-                found = broken_symmetry(special.orbit, self.orbits[beside])
-                if found is not None:
-                    return found
-        return None
+        points = [s.orbit for s in self.special_points if s.kind == BRANCH_POINT]
+        return symmetry_of_halves(points, self.orbits, lambda orbit: orbit.found.point)
 
     @cached_property
     def homoclinic(self) -> HomoclinicEnd | None:
@@ -1056,14 +1050,8 @@ class EquilibriumBranch(ContinuationResult):
 
         The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
         """
-        for special in self.special_points:
-            if special.kind == BRANCH_POINT:
-                point = special.found.equilibrium.balance
-                beside = nearest_beside(point, [each.found.balance for each in self.equilibria])
-                found = broken_symmetry(special.equilibrium, self.equilibria[beside])
-                if found is not None:
-                    return found
-        return None
+        points = [s.equilibrium for s in self.special_points if s.kind == BRANCH_POINT]
+        return symmetry_of_halves(points, self.equilibria, lambda each: each.found.balance)
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import overload
+from typing import TypeVar, overload
 
 import numpy as np
 
@@ -208,11 +208,36 @@ def symmetry_of(system: HybridSystem, found: SignSymmetry) -> Symmetry:
     return Symmetry(signs=signs, half_period=found.half_period, found=found)
 
 
+S = TypeVar("S", Orbit, Equilibrium)
+
+
 def broken_symmetry(special: Orbit | Equilibrium, beside: Orbit | Equilibrium) -> Symmetry | None:
     """Return a symmetry that keeps a branch point and not a solution beside it; else None."""
     for each in symmetries(special):
         if each.keeps(special) and not each.keeps(beside):
             return each
+    return None
+
+
+def symmetry_of_halves(
+    specials: Sequence[S], solutions: Sequence[S], evaluation: Callable[[S], Linearised]
+) -> Symmetry | None:
+    """Return the symmetry that maps the halves of a branch to each other; else None.
+
+    Parameters
+    ----------
+    specials : sequence of Orbit or Equilibrium
+        Solutions at the branch points of the branch.
+    solutions : sequence of Orbit or Equilibrium
+        All solutions of the branch.
+    evaluation : callable
+        Returns the evaluation of the equations at a solution.
+    """
+    for special in specials:
+        beside = nearest_beside(evaluation(special), [evaluation(each) for each in solutions])
+        found = broken_symmetry(special, solutions[beside])
+        if found is not None:
+            return found
     return None
 
 
