@@ -162,7 +162,10 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
     parts = tuple(
         kind.term.contribution(at, kind.shape) for kind, at in zip(kinds, places.terms, strict=True)
     )
-    ends = tuple(electrode_of(kinds, own) for own in places.electrodes)
+    ends = tuple(
+        electrode_of(kinds, own, side)
+        for own, side in zip(places.electrodes, (1, -1), strict=False)
+    )
     normal = product_of([part.normal for part in parts if part.normal])
     return Model(
         layout=places,
@@ -250,8 +253,10 @@ def friction_of(coefficient: Function, normal: Function) -> Function:
     return sliding_friction
 
 
-def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]) -> Electrode:
-    """Return an electrode as modified by all terms."""
+def electrode_of(
+    kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices], side: int
+) -> Electrode:
+    """Return the electrode on `side` as modified by all terms."""
 
     def node(v, x, y, p):  # type: ignore[no-untyped-def]
         return v
@@ -259,7 +264,7 @@ def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]
     def offset(y, p):  # type: ignore[no-untyped-def]
         return 0.0
 
-    electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset)
+    electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset, side)
     ordered = sorted(zip(kinds, places, strict=True), key=lambda each: each[0].term.layer)
     for kind, at in ordered:
         electrode = kind.term.electrode(at, kind.shape, electrode)
@@ -268,7 +273,7 @@ def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]
 
 def attraction_of(electrode: Electrode) -> Function:
     """Return the attractive force of an electrode."""
-    _, slope, node, offset = electrode
+    slope, node, offset = electrode.slope, electrode.node, electrode.offset
 
     def attraction(v, x, y, p):  # type: ignore[no-untyped-def]
         across = node(v, x, y, p) - offset(y, p)

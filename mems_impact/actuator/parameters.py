@@ -143,8 +143,8 @@ class Actuator(Checked):
                 both = f"{type(other).__name__} and {type(term).__name__}"
                 if term.name() == other.name():
                     problem = f"{both} have the same class; give one of them"
-                elif term.instead and term.instead == other.instead:
-                    problem = f"{both} both determine the {term.instead}; give one of them"
+                elif shared := [rule for rule in term.replaced if rule in other.replaced]:
+                    problem = f"{both} both determine the {shared[0]}; give one of them"
                 else:
                     continue
                 raise InvalidParameter("terms", self.terms, "", problem=problem)

@@ -13,6 +13,7 @@ a2 that of the block relative to it. Only the voltage of the drive depends on ti
 
 from __future__ import annotations
 
+import math
 import warnings
 from abc import ABC
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -67,12 +68,15 @@ class Electrode(NamedTuple):
         a term is between them.
     offset : callable
         ``offset(y, p)``, the part of this voltage that does not act on the block; 0 by default.
+    side : int
+        1 for the right electrode, -1 for the left one.
     """
 
     capacitance: Function
     slope: Function
     node: Function
     offset: Function
+    side: int
 
 
 class Limit(NamedTuple):
@@ -85,13 +89,24 @@ class Limit(NamedTuple):
     value : callable
         ``value(y, p)`` in plain arithmetic: it is called with the states of many events at once, y
         of shape (n, k).
-    most : float
-        The largest valid value.
+    most : float or callable
+        The largest valid value, or ``most(p)``.
+    least : callable, optional
+        ``least(p)``, the smallest valid value.
+    unit : str, optional
+        The SI unit of the value.
     """
 
     what: str
     value: Function
-    most: float
+    most: float | Function
+    least: Function | None = None
+    unit: str = ""
+
+    def bounds(self, p: Floats) -> tuple[float, float]:
+        """Return the smallest and the largest valid value."""
+        least = -math.inf if self.least is None else self.least(p)
+        return least, self.most(p) if callable(self.most) else self.most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +222,9 @@ class Term(Checked, ABC):
         The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
         and derived units).
     instead : str
-        The rule of the paper that it replaces, if any: "stopper", "restitution", "friction". An
-        actuator has at most one term for each.
+        The rule of the paper that it replaces, if any: "stopper", "restitution", "friction",
+        "electrode" (the capacitance of a parallel plate; a field `sides`, if any, says of which
+        electrodes). An actuator has at most one term for each.
     layer : int
         Terms modify an electrode in ascending order: 0 for terms in the gap, 1 for terms in series
         with it. The latter transmit a constant voltage.
@@ -249,6 +265,14 @@ class Term(Checked, ABC):
         """Names of the numbers that can be varied."""
         fields = type(self).model_fields
         return tuple(name for name in fields if isinstance(getattr(self, name), float))
+
+    @property
+    def replaced(self) -> tuple[str, ...]:
+        """The rules of the paper that it replaces, those of electrodes by side."""
+        if self.instead != "electrode":
+            return (self.instead,) if self.instead else ()
+        sides = getattr(self, "sides", "both")
+        return tuple(f"{side} electrode" for side in ("right", "left") if sides in (side, "both"))
 
     @property
     def shape(self) -> Shape:
@@ -404,7 +428,8 @@ class Validity:
         self, limits: Sequence[Limit], problem: Problem, start: HybridState, scales: Scales
     ) -> None:
         self.limits, self.problem, self.scales = limits, problem, scales
-        self.worst = [(0.0, 0.0)] * len(limits)  # value and time
+        self.bounds = [limit.bounds(problem.parameters) for limit in limits]
+        self.worst = [(0.0, 0.0, 0.0)] * len(limits)  # excess over the bounds, value and time
         self._look(start.y[None], np.array([self._time(start)]))
 
     def __call__(self, events: Events) -> None:
@@ -417,19 +442,33 @@ class Validity:
     def warn(self, final: HybridState) -> None:
         """Warn, once for each limit that the run has exceeded."""
         self._look(final.y[None], np.array([self._time(final)]))
-        for limit, (value, time) in zip(self.limits, self.worst, strict=True):
-            if value > limit.most:
+        for limit, bounds, (excess, value, time) in zip(
+            self.limits, self.bounds, self.worst, strict=True
+        ):
+            if excess > 0.0:
                 when = float(self.scales.out(time, "s"))
-                message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
-                text = f"{message}, and the model is valid up to {limit.most:g}"
-                warnings.warn(text, ValidityWarning, stacklevel=5)
+                message = f"{limit.what} is {self._amount(value, limit, '.3g')} at t = {when:.6g}"
+                least, most = (self._amount(each, limit, "g") for each in bounds)
+                valid = f"up to {most}" if limit.least is None else f"from {least} to {most}"
+                warnings.warn(
+                    f"{message}, and the model is valid {valid}", ValidityWarning, stacklevel=5
+                )
+
+    def _amount(self, value: float, limit: Limit, form: str) -> str:
+        """Return a value, or a bound, in the units of the device."""
+        if not limit.unit:
+            return f"{value:{form}}"
+        unit = limit.unit if self.scales.named else ""
+        return f"{self.scales.out(value, limit.unit):.6g} {unit}".rstrip()
 
     def _look(self, states: Floats, times: Floats) -> None:
         for i, limit in enumerate(self.limits):
             values = np.asarray(limit.value(states.T, self.problem.parameters))
-            row = int(np.argmax(values))
-            if values[row] > self.worst[i][0]:
-                self.worst[i] = float(values[row]), float(times[row])
+            least, most = self.bounds[i]
+            excess = np.maximum(values - most, least - values)
+            row = int(np.argmax(excess))
+            if excess[row] > self.worst[i][0]:
+                self.worst[i] = float(excess[row]), float(values[row]), float(times[row])
 
     def _time(self, instant: HybridState) -> float:
         return float(instant.cycle * self.problem.period + instant.time)

@@ -58,6 +58,7 @@ class Fringing(Term):
     length: Positive | None = Field(default=None, description="a finite number > 0")
 
     units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
+    instead = "electrode"
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the widest gap is too wide for the electrodes."""
