@@ -328,10 +328,12 @@ class RunError(MemsImpactError, RuntimeError):
         The state, by name.
     trajectory : object, optional
         The trajectory up to the failure.
+    period : float, optional
+        The forcing period; of an autonomous system the time that `cycle` counts.
 
     Attributes
     ----------
-    reason, remedy, cycle, phase_time, mode, state, trajectory
+    reason, remedy, cycle, phase_time, mode, state, trajectory, period
         As given; `state` is a dict.
 
     See Also
@@ -360,10 +362,13 @@ class RunError(MemsImpactError, RuntimeError):
         mode: str,
         state: Mapping[str, float],
         trajectory: object = None,
+        period: float = 1.0,
     ) -> None:
         self.reason = reason
         self.remedy = remedy
         self.cycle = cycle
+        self.period = period
+        self._forced = True
         self.phase_time = phase_time
         self.mode = mode
         self.state = dict(state)
@@ -371,12 +376,17 @@ class RunError(MemsImpactError, RuntimeError):
         self._units: Mapping[str, str] | None = None
         super().__init__(self._message())
 
-    def convert(self, out: Callable[[str, float], float], units: Mapping[str, str]) -> None:
+    def convert(
+        self, out: Callable[[str, float], float], units: Mapping[str, str], *, forced: bool
+    ) -> None:
         """Convert time and state to the units of the user; later calls have no effect.
 
-        `out` converts a value by the name of its quantity, `units` holds the unit of each name.
+        `out` converts a value by the name of its quantity, `units` holds the unit of each name;
+        the message counts periods if the system is `forced`.
         """
         if self._units is None:
+            self._forced = forced
+            self.period = float(out("time", self.period))
             self.phase_time = float(out("time", self.phase_time))
             self.state = {name: float(out(name, value)) for name, value in self.state.items()}
             self._units = units
@@ -386,7 +396,10 @@ class RunError(MemsImpactError, RuntimeError):
         def amount(name: str, value: float) -> str:
             return f"{value:.9g} {(self._units or {}).get(name, '')}".rstrip()
 
-        where = [f"cycle {self.cycle}", f"phase time {amount('time', self.phase_time)}"]
+        if self._forced:
+            where = [f"cycle {self.cycle}", f"phase time {amount('time', self.phase_time)}"]
+        else:
+            where = [f"time {amount('time', self.cycle * self.period + self.phase_time)}"]
         where += [f"mode {self.mode}"]
         first = islice(self.state.items(), _MOST_STATES)
         where += [f"{name} = {amount(name, number)}" for name, number in first]

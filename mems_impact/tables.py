@@ -327,10 +327,11 @@ def special_points(
     parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per special point of a branch; `rows` with its names as well."""
-    names = ("label", "kind", "criticality", "type")
+    names = ("kind", "criticality", "type")
     columns = {
-        **{name: [row[name] for row in rows] for name in names},
+        "label": [row["label"] for row in rows],
         parameter: np.array([row["value"] for row in rows], dtype=float),
+        **{name: [row[name] for row in rows] for name in names},
     }
     return _table(columns, rows, labels)
 

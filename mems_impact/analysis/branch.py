@@ -32,7 +32,7 @@ from mems_impact.analysis.special_points import (
 )
 from mems_impact.analysis.symmetry import Symmetry, symmetry_of_halves
 from mems_impact.continuation.arclength import CLOSED, StepControl
-from mems_impact.continuation.branch_point_curve import follow_branch_points
+from mems_impact.continuation.branch_point_curve import BranchPointCurve
 from mems_impact.continuation.branch_switching import (
     switch_at_branch_point,
     switch_at_hopf,
@@ -222,8 +222,8 @@ class Branch(ContinuationResult):
     def special_table(self) -> pd.DataFrame:
         """One row per special point.
 
-        Columns: label, kind, criticality (see `NormalForm`), type (see `SlidingType`), the
-        parameter, then those of `table`.
+        Columns: label, the parameter, kind, criticality (see `NormalForm`), type (see
+        `SlidingType`), then those of `table`.
         """
         rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
         return orbit_tables.special_points(self.parameter, rows, self.system)
@@ -925,8 +925,7 @@ def continue_curve(
             )
         else:
             assert start is not None
-            follow_special = follow_branch_points if kind == BRANCH_POINT else follow_curve
-            found = follow_special(
+            found = follow_curve(
                 start,
                 first,
                 parameter,
@@ -935,6 +934,7 @@ def continue_curve(
                 direction=direction,
                 steps=steps,
                 progress=report,
+                problem=BranchPointCurve if kind == BRANCH_POINT else None,
             )
     return curve_of(system, found)
 
@@ -1069,8 +1069,8 @@ class EquilibriumBranch(ContinuationResult):
     def special_table(self) -> pd.DataFrame:
         """One row per special point.
 
-        Columns: label, kind, criticality (see `NormalForm`), type (see `BoundaryType`), the
-        parameter, then those of `table`.
+        Columns: label, the parameter, kind, criticality (see `NormalForm`), type (see
+        `BoundaryType`), then those of `table`.
         """
         rows = [
             {

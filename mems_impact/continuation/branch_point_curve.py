@@ -8,30 +8,23 @@ unfolds the crossing, and beta leaves zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
-    CONTINUATION_ERRORS,
     SHORTER_STEP_REMEDY,
-    Continuation,
     Corrector,
-    StepControl,
-    reason_of,
 )
 from mems_impact.continuation.branch_points import extended_equations, null_vectors
 from mems_impact.continuation.codim1_curve import (
     MARGIN_TESTS,
     MAX_CURVE_ITERATIONS,
     CurveProblem,
-    OrbitCurve,
     Tests,
 )
 from mems_impact.continuation.orbit_branch import oriented
-from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     MINUS,
@@ -46,7 +39,7 @@ from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED, ShootingEvaluation
 
-__all__ = ["follow_branch_points"]
+__all__ = ["BranchPointCurve"]
 
 UNFOLDS = "the branch point unfolds"
 
@@ -101,47 +94,11 @@ def curve_tangent(equations: Solvable[P], point: P) -> Floats:
     return np.asarray(direction / np.linalg.norm(direction))
 
 
-def follow_branch_points(
-    special: BranchEvent,
-    parameter: str,
-    second: str,
-    *,
-    low: float,
-    high: float,
-    direction: float = 1.0,
-    steps: StepControl | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> OrbitCurve:
-    """Continue a branch point of a branch of orbits in a second parameter.
-
-    Parameters are those of `follow_curve`.
-
-    Returns
-    -------
-    OrbitCurve
-    """
-    curve = OrbitCurve(special.kind, (parameter, second))
-    orbit, steps = special.orbit, steps or StepControl()
-    try:
-        shooting = orbit.equations(curve.parameters)
-        values = np.array([orbit.family.values[name] for name in curve.parameters])
-        near = shooting.evaluate(orbit.point.unknowns, values)
-        along = curve_tangent(shooting, near)
-        along = along if along[-1] * direction >= 0.0 else -along
-        start = np.concatenate([near.unknowns, values])
-        point = correct_branch_point(shooting, near, start, along, start).point
-        condition = DefiningSystem(shooting, special.monitor)
-        problem = _BranchPointCurve(curve, special, condition, point, along, (low, high))
-        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
-            if progress is not None:
-                progress(found.values[1])
-    except CONTINUATION_ERRORS as error:
-        curve.ended = reason_of(error, orbit.family)
-    return curve
-
-
-class _BranchPointCurve(CurveProblem):
+class BranchPointCurve(CurveProblem):
     """Orbits at which another branch crosses, in two parameters."""
+
+    def _defining_system(self) -> DefiningSystem:
+        return DefiningSystem(self.shooting, self.monitor)
 
     def restarted_cycle(
         self, point: ShootingEvaluation, along: Floats

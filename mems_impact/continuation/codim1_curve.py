@@ -47,9 +47,9 @@ from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.shooting import ShootingEvaluation
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
-__all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
+__all__ = ["CurveEvent", "CurvePoint", "CurveProblem", "OrbitCurve", "follow_curve"]
 
 MAX_CURVE_ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses count as one
@@ -123,6 +123,7 @@ def follow_curve(
     direction: float = 1.0,
     steps: StepControl | None = None,
     progress: Callable[[float], None] | None = None,
+    problem: type[CurveProblem] | None = None,
 ) -> OrbitCurve:
     """Continue a special point of a branch in a second parameter.
 
@@ -141,6 +142,8 @@ def follow_curve(
     steps : StepControl, optional
     progress : callable, optional
         Called with every value of the second parameter.
+    problem : type, optional
+        Of the curve, by default `CurveProblem`.
 
     Returns
     -------
@@ -152,20 +155,18 @@ def follow_curve(
     orbit, steps = special.orbit, steps or StepControl()
     try:
         shooting = orbit.equations(curve.parameters)
-        condition = special.monitor.equation(shooting)
+        curve_problem = (problem or CurveProblem)(curve, special, shooting, (low, high))
         values = np.array([orbit.family.values[name] for name in curve.parameters])
         near = shooting.evaluate(orbit.point.unknowns, values)
-        gradient = condition.gradient(near)
-        along = null_vector(near, gradient)
-        along = along if along[-1] * direction >= 0.0 else -along
+        along = curve_problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
         start = np.concatenate([near.unknowns, values])
-        point = correct_condition(shooting, condition, gradient, start, along, start).point
+        point = curve_problem.corrector(near)(start, along, start).point
+        curve_problem.begin(point, along)
     except CONTINUATION_ERRORS as error:
         curve.ended = f"the first point could not be corrected: {reason_of(error, orbit.family)}"
         return curve
     try:
-        problem = CurveProblem(curve, special, condition, point, along, (low, high))
-        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
+        for found in Continuation(curve_problem, point, along, low=low, high=high, steps=steps):
             if progress is not None:
                 progress(found.values[1])
     except CONTINUATION_ERRORS as error:
@@ -182,20 +183,26 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self,
         curve: OrbitCurve,
         special: BranchEvent,
-        condition: DefiningSystem,
-        point: ShootingEvaluation,
-        along: Floats,
+        shooting: Shooting,
         bounds: tuple[float, float],
     ) -> None:
-        super().__init__(condition.shooting, point, along)
+        super().__init__(shooting)
         self.branch, self.monitor, self.bounds = curve, special.monitor, bounds
-        self.condition = condition
+        self.condition = self._defining_system()
         self._linear: tuple[ShootingEvaluation, Floats] | None = None  # the condition's gradient
+        # The guard of the orbit's impacts, or else the one that it approaches most closely.
+        self.guard = self._main_guard(special.orbit)
+
+    def _defining_system(self) -> DefiningSystem:
+        """Return the equation that the special point adds."""
+        return self.monitor.equation(self.shooting)
+
+    def begin(self, point: ShootingEvaluation, along: Floats) -> None:
+        """Set the first orbit, the tangent there, and the test functions that mark no point."""
+        super().begin(point, along)
         # Test functions that are zero along the whole curve mark no point of codimension two.
         touched = orbit_tests(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
-        # The guard of the orbit's impacts, or else the one that it approaches most closely.
-        self.guard = self._main_guard(special.orbit)
 
     def _main_guard(self, orbit: PeriodicOrbit) -> int:
         if orbit.impacts:

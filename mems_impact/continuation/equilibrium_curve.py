@@ -122,7 +122,7 @@ class EquilibriumCurve:
 
 
 class EquilibriumCondition(ABC):
-    """The equation that a special point of equilibria adds, with its gradient.
+    """The equation that a special point of equilibria adds.
 
     Parameters
     ----------
@@ -131,7 +131,6 @@ class EquilibriumCondition(ABC):
     """
 
     kind: ClassVar[str]
-    derived = False
 
     def __init__(self, equations: EquilibriumEquations) -> None:
         self.equations = equations
@@ -139,6 +138,12 @@ class EquilibriumCondition(ABC):
     @abstractmethod
     def value(self, point: EquilibriumEvaluation) -> float:
         """Return the value of the equation, zero on the curve."""
+
+
+class ScalarCondition(EquilibriumCondition):
+    """One equation with its gradient."""
+
+    derived = False
 
     @abstractmethod
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
@@ -160,7 +165,7 @@ class EquilibriumCondition(ABC):
         return central_difference(there, step) * length
 
 
-class EquilibriumFoldCondition(EquilibriumCondition):
+class EquilibriumFoldCondition(ScalarCondition):
     """A singular Jacobian: the last unknown of the equations bordered by null vectors."""
 
     kind = FOLD
@@ -209,7 +214,7 @@ class EquilibriumFoldCondition(EquilibriumCondition):
         return left[:size] * self._rows, right[:size], float(right[size])
 
 
-class HopfCondition(EquilibriumCondition):
+class HopfCondition(ScalarCondition):
     """A pair of eigenvalues with sum zero: the trace of the Jacobian on its invariant plane.
 
     The pair is the one whose product is nearest to that at the last point. Trace and product are
@@ -283,7 +288,7 @@ class HopfCondition(EquilibriumCondition):
         return lyapunov_coefficient(forms, point.jacobian, right, left, omega)
 
 
-class BoundaryCondition(EquilibriumCondition):
+class BoundaryCondition(ScalarCondition):
     """The margin of a guard."""
 
     kind = BOUNDARY
@@ -321,13 +326,6 @@ class BranchPointCondition(EquilibriumCondition):
     def value(self, point: EquilibriumEvaluation) -> float:
         """Return by how much a solution fails to be a branch point."""
         return unfolding(point)
-
-    def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Raise: the derivatives are those of the extended equations."""
-        raise NotImplementedError
-
-    def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Do nothing: each correction has borders of its own."""
 
 
 def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> EquilibriumCondition:
@@ -604,9 +602,10 @@ def follow_equilibrium_curve(
     values = np.array([family.value(name) for name in curve.parameters])
     try:
         near = equations.evaluate(equilibrium.balance.unknowns, values)
-        crossing = isinstance(condition, BranchPointCondition)
-        problem = (_BranchPointCurve if crossing else _EquilibriumCurveProblem)(
-            curve, condition, (low, high)
+        problem = (
+            _ScalarConditionCurve(curve, condition, (low, high))
+            if isinstance(condition, ScalarCondition)
+            else _BranchPointCurve(curve, condition, (low, high))
         )
         along = problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
         start = np.concatenate([near.unknowns, values])
@@ -638,7 +637,6 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         self.branch, self.condition, self.bounds = curve, condition, bounds
         self.equations = condition.equations
         self.family, self.parameters = self.equations.family, curve.parameters
-        self._linear: tuple[EquilibriumEvaluation, Floats] | None = None
         own = condition.guard if isinstance(condition, BoundaryCondition) else -1
         name = BOUNDARY_NAMES[condition.kind]
         self._tests = [
@@ -649,30 +647,6 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
                 if j != own and not guard.records
             ),
         ]
-
-    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
-        """Return the corrector of a step."""
-        return partial(correct_condition, self.equations, self.condition, self._gradient(point))
-
-    def _gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the gradient of the condition, whose reference becomes this point."""
-        if self._linear is None or self._linear[0] is not point:
-            self.condition.set_reference(point)
-            self._linear = point, self.condition.gradient(point)
-        return self._linear[1]
-
-    def solve(self, guess: Floats) -> EquilibriumEvaluation:
-        """Correct a guess at its value of the second parameter."""
-        point = self.equations.evaluate(guess[:-2], guess[-2:])
-        gradient, fixed = self._gradient(point), np.eye(guess.size)[-1]
-        return correct_condition(
-            self.equations, self.condition, gradient, guess, fixed, guess
-        ).point
-
-    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
-        """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = null_vector(point, self._gradient(point))
-        return direction if direction @ along >= 0.0 else -direction
 
     def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[CodimensionTwoTest, float]:
         """Return the test functions for points of codimension two."""
@@ -747,6 +721,41 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         equilibrium = make_equilibrium(self.equations, point)
         values = float(point.values[0]), float(point.values[1])
         return position, EquilibriumCurveEvent(test.name, values, equilibrium)
+
+
+class _ScalarConditionCurve(_EquilibriumCurveProblem):
+    """Equilibria at which one equation holds, in two parameters."""
+
+    def __init__(
+        self, curve: EquilibriumCurve, condition: ScalarCondition, bounds: tuple[float, float]
+    ) -> None:
+        super().__init__(curve, condition, bounds)
+        self._condition = condition
+        self._linear: tuple[EquilibriumEvaluation, Floats] | None = None
+
+    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
+        """Return the corrector of a step."""
+        return partial(correct_condition, self.equations, self._condition, self._gradient(point))
+
+    def _gradient(self, point: EquilibriumEvaluation) -> Floats:
+        """Return the gradient of the condition, whose reference becomes this point."""
+        if self._linear is None or self._linear[0] is not point:
+            self._condition.set_reference(point)
+            self._linear = point, self._condition.gradient(point)
+        return self._linear[1]
+
+    def solve(self, guess: Floats) -> EquilibriumEvaluation:
+        """Correct a guess at its value of the second parameter."""
+        point = self.equations.evaluate(guess[:-2], guess[-2:])
+        gradient, fixed = self._gradient(point), np.eye(guess.size)[-1]
+        return correct_condition(
+            self.equations, self._condition, gradient, guess, fixed, guess
+        ).point
+
+    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
+        """Return the unit tangent of the curve, in the direction of `along`."""
+        direction = null_vector(point, self._gradient(point))
+        return direction if direction @ along >= 0.0 else -direction
 
 
 class _BranchPointCurve(_EquilibriumCurveProblem):

@@ -124,15 +124,14 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     Parameters
     ----------
     shooting : Shooting
-    point : ShootingEvaluation
-        The first orbit.
-    along : float array
-        The tangent there.
     """
 
-    def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
+    def __init__(self, shooting: Shooting) -> None:
         self.shooting, self.family, self.parameters = shooting, shooting.family, shooting.active
-        self._beginning = ClosureDetector(shooting, point, along)
+
+    def begin(self, point: ShootingEvaluation, along: Floats) -> None:
+        """Set the first orbit and the tangent there."""
+        self._beginning = ClosureDetector(self.shooting, point, along)
 
     def check(self, point: ShootingEvaluation, following: ShootingEvaluation) -> None:
         """Raise an OrbitError if an orbit has shrunk to a point."""
@@ -311,9 +310,8 @@ def points_of(
         along = -along
     steps = steps or StepControl()
     try:
-        problem = _BranchProblem(
-            branch, shooting, point, along, low, high, steps, reconnecting, functions
-        )
+        problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)
+        problem.begin(point, along)
         yield from Continuation(problem, point, along, low=low, high=high, steps=steps)
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, orbit.family)
@@ -328,15 +326,13 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self,
         branch: OrbitBranch,
         shooting: Shooting,
-        point: ShootingEvaluation,
-        along: Floats,
         low: float,
         high: float,
         steps: StepControl,
         reconnecting: bool,
         functions: Sequence[FunctionTest] = (),
     ) -> None:
-        super().__init__(shooting, point, along)
+        super().__init__(shooting)
         self.functions = FunctionZeros[ShootingEvaluation](shooting, functions)
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting

@@ -679,4 +679,5 @@ class Simulation:
             mode=automaton.modes[final.mode],
             state=dict(zip(automaton.states, final.y.tolist(), strict=True)),
             trajectory=trajectory,
+            period=self.problem.period,
         )

@@ -292,7 +292,7 @@ class HybridSystem(Result, ABC):
 
     def convert(self, error: RunError) -> None:
         """Convert the numbers in an error of a run to the system's units."""
-        error.convert(self.out, self.units)
+        error.convert(self.out, self.units, forced=self.forced)
 
     def label(self, name: str) -> str:
         """Return a name with its unit."""

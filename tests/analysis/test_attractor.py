@@ -369,3 +369,23 @@ def test_rates_of_an_autonomous_system_are_per_unit_of_its_time():
     assert run["window last"] == pytest.approx(0.05, rel=1e-15)
     for name in ("impacts per time", "zero per time", "energy"):
         assert found.measures[name] == pytest.approx(run[name], rel=1e-6), name
+
+
+def spiral(mode, t, y, p):
+    return y.v, -y.x - 0.1 * y.v
+
+
+@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
+def test_motion_without_returns_is_unsettled(engine):
+    system = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
+    recurrence = RecurrenceOptions(transient=20.0, periods=10.0, exponents="none")
+    options = mi.Options(engine=engine, method="dop853")
+    (found,) = map_attractors([InitialCondition(system, None)], recurrence, options)
+    assert found.motion == "unsettled"
+
+
+def test_run_error_of_an_autonomous_system_has_the_time():
+    system = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
+    with pytest.raises(mi.RunError, match=r"\(time 0\.\d+, mode ") as caught:
+        mi.simulate(system, duration=50, options=mi.Options(max_steps=20, engine="interpreted"))
+    assert caught.value.phase_time + caught.value.cycle * caught.value.period < 50.0

@@ -564,6 +564,8 @@ def extend_approach(s: Any, w: Any) -> bool:
             left = -math.expm1(-rate * after)  # relative decrease from one difference to the next
             steps = math.log(latest / (w.tolerance * left)) / rate
             arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
+    if math.isinf(arrives):
+        return False
     # Add a tenth, since the rate is approximate. An aperiodic motion may approach by chance, but
     # not repeatedly: extend by at most the length so far, then check again.
     needed = done * 1.1 * max(1.0, arrives / w.returns)

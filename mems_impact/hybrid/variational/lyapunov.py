@@ -244,6 +244,7 @@ class LyapunovIntegrator:
             phase_time=float(clock["t"]),
             mode=self.problem.automaton.modes[int(clock["mode"])],
             state={},
+            period=self.problem.period,
         )
 
     def _slopes(self) -> Floats:
