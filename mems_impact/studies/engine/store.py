@@ -4,8 +4,8 @@
     lock                                held by the process that computes
     points/000000064-000000128.parquet  points 64 to 127
 
-Files are written atomically and never changed. So readers need no lock, and a killed process leaves
-at most a hidden temporary file.
+Files are written atomically and never changed; those of failed points may be deleted. So readers
+need no lock, and a killed process leaves at most a hidden temporary file.
 """
 
 from __future__ import annotations
@@ -641,6 +641,34 @@ class StoredStudy(SummaryRepr):
         files = [path_of(directory, part) for part in self._parts]
         chunks = [columns(file, self._schema) for file in files]
         return frame(chunks, self._schema, self.attrs)
+
+    def discard_failed(self) -> int:
+        """Delete the stored chunks with failed points, so that the same call computes them again.
+
+        A point depends on its number alone, so that repetition helps where the machine failed: a
+        lost worker, lack of memory. In a chain the chunks after a deleted one are deleted too.
+
+        Returns
+        -------
+        int
+            The number of points to compute again.
+
+        Raises
+        ------
+        InvalidFile
+            If the study runs.
+        """
+        directory, points, deleted = Path(self.path), 0, False
+        with locked(directory / LOCK):
+            for part in self._parts:
+                footer = read_footer(path_of(directory, part))
+                deleted = footer is not None and (
+                    footer["failed"] > 0 or (deleted and part.follows)
+                )
+                if deleted:
+                    path_of(directory, part).unlink()
+                    points += part.points
+        return points
 
     def summary(self) -> dict[str, Any]:
         """Return the progress of the study."""

@@ -83,6 +83,17 @@ def test_an_interrupted_study_goes_on(store, study):
     assert len(chunks(store)) == (11 if study is CHAINED else 10)
 
 
+@pytest.mark.parametrize(("chained", "again"), [((), 3), ((12, 18), 6)])
+def test_failed_points_are_computed_again(store, chained, again):
+    sound = Toy(size=30, chained=chained)
+    run_study(replace(sound, failing=(7,)), store=store, chunk=3)
+    assert mi.read_study(store).failed == 1
+    assert mi.read_study(store).discard_failed() == again
+    assert mi.read_study(store).done == 30 - again
+    assert bits(run_study(sound, store=store)) == bits(run_study(sound))
+    assert mi.read_study(store).discard_failed() == 0
+
+
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_study_that_is_killed_goes_on(forking, store, chained, kills):
