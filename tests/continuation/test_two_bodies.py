@@ -1,7 +1,7 @@
 """The Neimark-Sacker curve of a body on a spring that carries another body, and strikes a wall.
 
-Between impacts the system is linear, and a wall at the position of rest leaves the drive's amplitude
-without influence on the multipliers: they are those of a matrix in closed form.
+Between impacts the system is linear, and with a wall at the position of rest the multipliers do not
+depend on the amplitude of the drive: they are those of a matrix in closed form.
 """
 
 import math
