@@ -25,6 +25,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
     "relief_valve": {"run", "orbit", "branch", "curves"},
+    "resonant_grazing": {"curves"},
     "tolerances": {"spread"},
 }
 
