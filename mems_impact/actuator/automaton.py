@@ -35,6 +35,7 @@ GUARDS = (
 )
 MARGIN_UNITS = {
     "right impact": "m", "left impact": "m", "release": "N", "slip end": "m/s", "break-away": "N",
+    "current limit": "A", "left current limit": "A",
 }  # fmt: skip
 COUNT = len(GUARDS)
 
@@ -57,7 +58,7 @@ def direction_of(mode: int) -> int:
 
 def side_of(mode: int) -> int:
     """Return +1 where the block rests on the right stopper, -1 on the left one, 0 if free."""
-    contact = mode // 3
+    contact = mode // 3 % 3
     return 1 if contact == RIGHT else (-1 if contact == LEFT else 0)
 
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import accumulate
-from typing import Any
+from itertools import accumulate, product
+from typing import Any, NamedTuple
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import (
@@ -43,10 +43,11 @@ from mems_impact.actuator.terms.base import (
     Electrode,
     Function,
     ParameterIndices,
+    RateLimit,
     TermContribution,
     TermKind,
 )
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.automaton import Automaton, Guard
 
 __all__ = ["Model", "compose", "composed_automaton", "layout"]
 
@@ -132,6 +133,8 @@ class Model:
         ``stopper_slopes(depth, rate, p)``, its derivatives by depth and rate.
     rates : callable
         ``rates(v, w, y, p, dy)`` writes the derivatives of the states of the terms.
+    limits : tuple of LimitedState
+        States at electrodes whose rates are limited.
     sticks : bool
     cyclic : tuple of int
         Indices of the states that no function reads.
@@ -151,8 +154,27 @@ class Model:
     stopper: Function | None
     stopper_slopes: Callable[..., tuple[float, float]]
     rates: Function
+    limits: tuple[LimitedState, ...]
     sticks: bool
     cyclic: tuple[int, ...]
+
+
+class LimitedState(NamedTuple):
+    """A state at an electrode with a limited rate.
+
+    Attributes
+    ----------
+    place : int
+        Index of the state.
+    side : str
+        "" for the right electrode, "left " for the left one.
+    limit : RateLimit
+        With ``rate(v, w, y, p)``.
+    """
+
+    place: int
+    side: str
+    limit: RateLimit
 
 
 @cache
@@ -182,6 +204,7 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
         stopper=override(parts, "stopper"),
         stopper_slopes=override(parts, "stopper_slopes") or eq.no_slopes,
         rates=all_rates(kinds, places, parts, ends),
+        limits=rate_limits(kinds, places, ends),
         sticks=all(part.sticks for part in parts),
         cyclic=cyclic_of(parts, places),
     )
@@ -315,6 +338,21 @@ def all_rates(
             sided = [at_left(rate) if side else at_right(rate) for rate in rates]
             found += zip(at.y.values(), sided, strict=True)
     return rate_writer(found)
+
+
+def rate_limits(
+    kinds: Sequence[TermKind], places: ArrayLayout, electrodes: Sequence[Electrode]
+) -> tuple[LimitedState, ...]:
+    """Return the limited states of all electrodes."""
+    found = []
+    for side, (electrode, own) in enumerate(zip(electrodes, places.electrodes, strict=True)):
+        for kind, at in zip(kinds, own, strict=True):
+            limit = kind.term.rate_limit(at, kind.shape, electrode)
+            if limit is not None:
+                rate = at_left(limit.rate) if side else at_right(limit.rate)
+                place, prefix = at.y[limit.state], ("", "left ")[side]
+                found.append(LimitedState(place, prefix, limit._replace(rate=rate)))
+    return tuple(found)
 
 
 def voltage_independent(rate: Function) -> Function:
@@ -587,7 +625,7 @@ def composed_automaton(
             return mode_of(friction_towards(moved(mode, v, w, y, p)), mode // 3)
         return mode_under(mode // 3, v, w, y, p)
 
-    return Automaton(
+    automaton = Automaton(
         states=model.layout.states,
         modes=MODES,
         guards=GUARDS if rigid else tuple(replace(guard, impact=False) for guard in GUARDS),
@@ -600,6 +638,107 @@ def composed_automaton(
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )
+    return limited(automaton, model, volts, volt_rates) if model.limits else automaton
+
+
+def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> Automaton:
+    """Return the automaton with further modes in which limited rates have their largest values.
+
+    A mode is that of `automaton`, plus the number of its modes times a number to base three: a
+    digit 0 for each rate within its limit, 1 at the largest and 2 at the smallest one.
+    """
+    base, m, count = len(automaton.modes), len(automaton.guards), len(model.limits)
+    n, scratch, total = len(automaton.states), model.layout.scratch, m + count
+    places = tuple(each.place for each in model.limits)
+    right, left = model.limits[0].limit, model.limits[-1].limit
+    right_rate, right_most, left_rate, left_most = right.rate, right.most, left.rate, left.most
+    move, base_margins, base_transition = automaton.flow, automaton.margins, automaton.transition
+
+    def rate(i, v, w, y, p):  # type: ignore[no-untyped-def]
+        return right_rate(v, w, y, p) if i == 0 else left_rate(v, w, y, p)
+
+    def most(i, p):  # type: ignore[no-untyped-def]
+        return right_most(p) if i == 0 else left_most(p)
+
+    def digit(i, mode):  # type: ignore[no-untyped-def]
+        return (mode // base if i == 0 else mode // base // 3) % 3
+
+    def with_digit(i, mode, value):  # type: ignore[no-untyped-def]
+        weight = base if i == 0 else 3 * base
+        return mode + (value - digit(i, mode)) * weight
+
+    def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        move(mode % base, t, y, p, dy)
+        v, w = volts(t, p)
+        for i in range(count):
+            own = digit(i, mode)
+            if own == 0:
+                dy[places[i]] = rate(i, v, w, y, p)
+            else:
+                dy[places[i]] = most(i, p) if own == 1 else -most(i, p)
+
+    def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
+        base_margins(mode % base, t, y, p, g, r)
+        v, w = volts(t, p)
+        dv, dw = volt_rates(t, p)
+        h = LOAD_RATE_STEP * (p[eq.M2] / p[eq.K]) ** 0.5
+        slope = p[scratch : scratch + n]
+        x = p[scratch + n : scratch + 2 * n]
+        flow(mode, t, y, p, slope)
+        for i in range(count):
+            change = 0.0
+            for point in range(4):
+                size = 1 + point // 2
+                s = (1.0 - 2.0 * (point % 2)) * size * h
+                for k in range(n):
+                    x[k] = y[k] + s * slope[k]
+                found = rate(i, v + s * dv, w + s * dw, x, p)
+                change += (8.0 if size == 1 else -1.0) * found * s / size
+            change /= 12.0 * h * h
+            own, now, limit = digit(i, mode), rate(i, v, w, y, p), most(i, p)
+            if own == 0:
+                g[m + i], r[m + i] = static_reserve(limit, now, change)
+            else:
+                sign = 1.0 if own == 1 else -1.0
+                g[m + i] = sign * now - limit
+                r[m + i] = sign * change
+
+    def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
+        v, w = volts(t, p)
+        if m <= code < total:
+            # The rate is at its limit up to rounding, and continuous.
+            i = code - m
+            beyond = 1 if rate(i, v, w, y, p) > 0.0 else 2
+            return with_digit(i, mode, beyond if digit(i, mode) == 0 else 0)
+        own = code - 2 * count if code >= 2 * total else (code - count if code > m else code)
+        found = mode - mode % base + base_transition(mode % base, own, t, y, p)
+        if code == 2 * total:
+            for i in range(count):
+                now = rate(i, v, w, y, p)
+                beyond = 1 if now > 0.0 else 2
+                found = with_digit(i, found, beyond if abs(now) > most(i, p) else 0)
+        return found
+
+    suffixes = [
+        ("", *(f"-{each.side.replace(' ', '-')}{name}" for name in each.limit.modes))
+        for each in model.limits
+    ]
+    return replace(
+        automaton,
+        modes=tuple(
+            f"{mode}{''.join(reversed(added))}"
+            for added in product(*reversed(suffixes))
+            for mode in automaton.modes
+        ),
+        guards=(
+            *automaton.guards,
+            *(Guard(f"{each.side}{each.limit.event}", order=m + i)
+              for i, each in enumerate(model.limits)),
+        ),
+        flow=flow,
+        margins=margins,
+        transition=transition,
+    )  # fmt: skip
 
 
 def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float]:

@@ -19,7 +19,6 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.systems.window_statistics import Moments
 
 __all__ = [
-    "SLIPPING",
     "BlowCounter",
     "RestDetector",
     "blow_of",
@@ -31,13 +30,19 @@ __all__ = [
     "frame_steps",
     "is_impact",
     "is_release",
+    "is_slipping",
     "yields",
 ]
 
 # --- Impacts and steps of the frame
 
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
-"""Whether the frame slips, by mode."""
+"""Whether the frame slips, by mode; further modes repeat these."""
+
+
+def is_slipping(modes: Any) -> Any:
+    """Return whether the frame slips, by number of the mode."""
+    return SLIPPING[modes % SLIPPING.size]
 
 
 def is_impact(events: Events) -> NDArray[np.bool_]:
@@ -95,8 +100,8 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     impact = is_impact(events)
     rows = np.flatnonzero(impact)
     # A compliant contact that starts with the frame at rest may still move it.
-    comes = SLIPPING[events.mode_before] | np.isin(events.guard, (RELEASE, SLIP_END))
-    rests = ~SLIPPING[events.mode_after] & events.starts_arc & comes
+    comes = is_slipping(events.mode_before) | np.isin(events.guard, (RELEASE, SLIP_END))
+    rests = ~is_slipping(events.mode_after) & events.starts_arc & comes
     ends = np.flatnonzero(impact | rests)
     x1 = events.after[:, X1]
     # An impact that leaves the frame at rest ends its own step, of length zero.
@@ -105,7 +110,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     ended = place < ends.size
     steps[ended] = x1[ends[place[ended]]] - x1[rows[ended]]
     struck = events.before[rows, V2] != events.after[rows, V2]  # else a contact begins
-    steps[struck & ~SLIPPING[events.mode_after[rows]]] = 0.0
+    steps[struck & ~is_slipping(events.mode_after[rows])] = 0.0
     return rows, steps
 
 

@@ -58,7 +58,7 @@ COLUMN_UNITS = {
     **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
     **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
     **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
-    "voltage": "V",
+    **dict.fromkeys(["voltage", "node voltage", "left node voltage"], "V"),
     "load": "N",
     "power": "W",
 }
@@ -95,6 +95,7 @@ def impacts(
         "v2 after": rows.after[:, V2],
         "energy lost": energy,
         "x1": rows.after[:, X1],
+        **labels.derived_columns(rows.time, rows.after),
         "step": steps,
     }
     return table(columns, labels)

@@ -205,10 +205,14 @@ class Accumulator(StatisticsAccumulator):
     start : HybridState
         Initial state of the run.
     window : TimeWindow
+    modes : int, optional
+        Number of modes; a multiple of that of an actuator without terms.
     """
 
-    def __init__(self, actuator: Actuator, start: HybridState, window: TimeWindow) -> None:
-        super().__init__(window, start, len(MODES), len(GUARDS))
+    def __init__(
+        self, actuator: Actuator, start: HybridState, window: TimeWindow, modes: int = len(MODES)
+    ) -> None:
+        super().__init__(window, start, modes, len(GUARDS))
         self._actuator = actuator
         self._waiting: Events | None = None  # events since an impact whose step has not ended
         self._speeds, self._steps, self._energies = Moments(), Moments(), Moments()

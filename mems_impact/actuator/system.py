@@ -49,7 +49,7 @@ from mems_impact.actuator.statistics import (
     standstill_period,
 )
 from mems_impact.actuator.terms.base import Term, TermKind, Validity
-from mems_impact.actuator.units import PARAMETER_UNITS, scaled_fields
+from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -98,6 +98,28 @@ class ActuatorNumerics(HybridSystem):
         return self._signed and self.drive.changes_sign
 
     @cached_property
+    def source(self) -> Drive:
+        """The output of the source: the drive, unless a term limits its rate."""
+        return _source(self.actuator.terms, self.drive)
+
+    @cached_property
+    def drive_unit(self) -> str:
+        """The SI unit of the values of the drive: "V", or "C" if it sets a charge."""
+        units = {kind.term.drive_unit for kind in self._kinds} - {"V"}
+        return units.pop() if units else "V"
+
+    def into_drive(self, values: Any) -> Any:
+        """Convert values of the drive to scaled units."""
+        return self._scales.into(values, self.drive_unit)
+
+    @cached_property
+    def _drive_scales(self) -> Scales:
+        """The scales, with that of the values of the drive as voltage."""
+        if self.drive_unit == "V" or self._scales is DIMENSIONLESS:
+            return self._scales
+        return DeviceScales.of_drive(self._scales.unit(self.drive_unit), self._scales.unit("s"))
+
+    @cached_property
     def _signed(self) -> bool:
         return any(kind.term.signed for kind in self._kinds)
 
@@ -131,7 +153,9 @@ class ActuatorNumerics(HybridSystem):
         """SI units of parameters and columns; empty for a dimensionless device."""
         if self._scales is DIMENSIONLESS:
             return {}
+        kinds = {"V": self.drive_unit}
         of_drive = {name: self.drive.unit(name) for name in self.drive.names}
+        of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
         return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
 
     def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
@@ -260,7 +284,13 @@ class ActuatorNumerics(HybridSystem):
             device[PARAMETER_NAMES.index(name)] = inner
         for name, value in of_terms.items():
             device[self._term_places[name]] = self.into(name, value)
-        q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
+        if self.source is self.drive:
+            q, period, switches, scale = self.drive.numbers(of_drive, self._drive_scales)
+        else:
+            drive = self.drive.varied(of_drive, checked=False) if of_drive else self.drive
+            terms = self._terms(of_terms, checked=False) if of_terms else self.actuator.terms
+            numbers = _source(terms, drive).numbers({}, self._drive_scales)
+            q, period, switches, scale = numbers
         unfolded = self._uses_full_voltage_period
         if of_drive and self._signed:
             unfolded = self.drive.varied(of_drive, checked=False).changes_sign
@@ -303,6 +333,12 @@ class ActuatorNumerics(HybridSystem):
     @cached_property
     def _drive_names(self) -> tuple[str, ...]:
         return self.drive.names
+
+
+def _source(terms: Sequence[Term], drive: Drive) -> Drive:
+    for term in terms:
+        drive = term.source(drive)
+    return drive
 
 
 # --- The system of an actuator under a drive
@@ -365,8 +401,9 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
         self._put(actuator, drive, scales or actuator.scales)
-        if self._signed:
+        if self._signed or self.source is not drive:
             drive.check_signed()
+            self.source.check()
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         super()._put(actuator, drive, scales)
@@ -399,7 +436,7 @@ class ActuatorSystem(ActuatorNumerics):
     @property
     def automaton(self) -> Automaton:
         """The actuator's modes and guards, under the drive's waveform."""
-        drive = self.drive
+        drive = self.source
         waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
         kinds = self._kinds
         if not kinds:
@@ -485,6 +522,29 @@ class ActuatorSystem(ActuatorNumerics):
         """The paper's f for the amplitude where it has no unit."""
         return {} if self.units else SYMBOLS
 
+    @cached_property
+    def shows_node(self) -> bool:
+        """Whether the voltages at the electrodes differ from those of the drive."""
+        return any(kind.term.in_series for kind in self._kinds)
+
+    def derived_columns(self, time: Floats, y: Floats) -> Mapping[str, Floats]:
+        """Return the voltages at the electrodes, if they differ from those of the drive."""
+        return self.node_voltages(time, y) if self.shows_node else {}
+
+    def node_voltages(self, time: Floats, y: Floats) -> dict[str, Floats]:
+        """Return the voltage at each electrode for times within a period and states, scaled."""
+        source, p = self.source, self.numbers().parameters
+        q = p[p.size - source.parameters().size :]
+        sides = [(source.voltage, "node voltage", 1.0)]
+        if source.left_voltage is not None:
+            sides.append((source.left_voltage, "left node voltage", -1.0))
+        model, found = compose(self._kinds, len(sides)), {}
+        for electrode, (waveform, name, side) in zip(model.electrodes, sides, strict=True):
+            rows = zip(time.tolist(), y, strict=True)
+            values = [electrode.node(waveform(t, q), side * at[X2], at, p) for t, at in rows]
+            found[name] = np.array(values, dtype=np.float64)
+        return found
+
     def with_energy(self) -> ActuatorSystem:
         """Return the system with energy accounting of the drive's input.
 
@@ -565,7 +625,7 @@ class ActuatorSystem(ActuatorNumerics):
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
         """Return the accumulator of the statistics of a run."""
-        return Accumulator(self.inner_actuator, start, window)
+        return Accumulator(self.inner_actuator, start, window, len(problem.automaton.modes))
 
     def validity(self, problem: Problem, start: HybridState) -> Validity | None:
         """Return an observer that warns if a run leaves the range of validity of its terms."""
@@ -664,7 +724,7 @@ class EnergyAccountingSystem(ActuatorSystem):
     @property
     def automaton(self) -> Automaton:
         """The automaton of the actuator, with integrals of works and losses."""
-        drive = self.drive
+        drive = self.source
         waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
         return summing_automaton(self._kinds, *waveform, self._bounds)
 

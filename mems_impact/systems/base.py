@@ -400,6 +400,17 @@ class HybridSystem(Result, ABC):
         """Symbols of parameters in figures, where they differ from the names."""
         return {}
 
+    def derived_columns(self, time: Floats, y: Floats) -> Mapping[str, Floats]:
+        """Return further columns of tables of states, in scaled units.
+
+        Parameters
+        ----------
+        time : float array, shape (k,)
+            Times since the starts of the periods.
+        y : float array, shape (k, n)
+        """
+        return {}
+
     def start_of(self, direction: str) -> State:
         """Return the default initial state of a sweep "up" or "down"."""
         return self.initial

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mems_impact.actuator import results
-from mems_impact.actuator.automaton import MODES, direction_of, side_of
+from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import Actuator
@@ -125,15 +125,16 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     else:
         raise InvalidParameter("motion", motion, "a run or an orbit of an actuator")
     first, last = window
-    lasted = np.zeros(len(MODES))
+    modes = motion.system.modes
+    lasted = np.zeros(len(modes))
     for arc in arcs:
         begin = arc.begin.cycle + arc.begin.time / period
         end = begin + arc.length / period
         lasted[arc.begin.mode] += max(0.0, min(end, last) - max(begin, first))
     shares = lasted / (last - first)
-    slips, sides = np.array([[direction_of(mode), side_of(mode)] for mode in range(len(MODES))]).T
+    slips, sides = np.array([[direction_of(mode), side_of(mode)] for mode in range(len(modes))]).T
     there = np.flatnonzero(shares)
-    table = results.duty([MODES[mode] for mode in there], shares[there], period, motion.system)
+    table = results.duty([modes[mode] for mode in there], shares[there], period, motion.system)
     return DutyCycle(
         flying=float(shares[sides == 0].sum()),
         in_contact=float(shares[sides != 0].sum()),

@@ -173,7 +173,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     problem = system.problem(replace(options, engine="interpreted"))
     if problem.options.method == "adams":
         problem = replace(problem, options=replace(problem.options, method="dop853"))
-    drive, kinds = system.drive, tuple(term.kind for term in system.actuator.terms)
+    drive, kinds = system.source, tuple(term.kind for term in system.actuator.terms)
     automaton = accounted_automaton(
         kinds, drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate,
         not system.is_data_only,
@@ -189,7 +189,7 @@ class ArcNotes:
     """Records work and losses during the integration of arcs."""
 
     def __init__(self, system: ActuatorSystem, problem: Problem) -> None:
-        own, drive = accounts_of(system), system.drive
+        own, drive = accounts_of(system), system.source
         self.problem, self.n = problem, len(system.states)
         self.stored = tuple(own.stored.values())
         first = problem.parameters.size - drive.parameters().size

@@ -15,7 +15,7 @@ from mems_impact.actuator import results
 from mems_impact.actuator.automaton import V1, V2, X2
 from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.impact_statistics import SLIPPING, is_impact, is_release, yields
+from mems_impact.actuator.impact_statistics import is_impact, is_release, is_slipping, yields
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.run import Run
@@ -320,9 +320,9 @@ def free_from(trajectory: Trajectory, sticks: bool) -> float:
     log, final = trajectory.events, trajectory.final
     disturbed = is_impact(log) | (log.kind == workspace.ACCUMULATION)
     if sticks:
-        if SLIPPING[final.mode]:
+        if is_slipping(final.mode):
             return final.cycle * trajectory.period + final.time
-        disturbed |= SLIPPING[log.mode_before]
+        disturbed |= is_slipping(log.mode_before)
     rows = np.flatnonzero(disturbed)
     return float(log.cycle[rows[-1]] * trajectory.period + log.time[rows[-1]]) if rows.size else 0.0
 

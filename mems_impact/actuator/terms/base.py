@@ -18,7 +18,7 @@ import warnings
 from abc import ABC
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -32,16 +32,21 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 
+if TYPE_CHECKING:
+    from mems_impact.actuator.drives.base import Drive
+
 __all__ = [
     "Device",
     "Electrode",
     "Function",
     "Limit",
     "ParameterIndices",
+    "RateLimit",
     "Term",
     "TermContribution",
     "TermKind",
     "Validity",
+    "field_energy",
 ]
 
 # --- Interface of terms
@@ -77,6 +82,30 @@ class Electrode(NamedTuple):
     node: Function
     offset: Function
     side: int
+
+
+class RateLimit(NamedTuple):
+    """A limit of the rate of a state at an electrode, whose crossing is an event.
+
+    Attributes
+    ----------
+    event : str
+        Name of the event.
+    state : str
+        Name of the state.
+    modes : tuple of str
+        Suffixes of the names of the modes with the largest and with the smallest rate.
+    rate : callable
+        ``rate(v, x, speed, y, p)``, the rate without the limit.
+    most : callable
+        ``most(p)``, the largest absolute rate, > 0.
+    """
+
+    event: str
+    state: str
+    modes: tuple[str, str]
+    rate: Function
+    most: Function
 
 
 class Limit(NamedTuple):
@@ -234,6 +263,11 @@ class Term(Checked, ABC):
     stiff : bool
         Whether its states may decay much faster than the motion, as the gas of a thin film does:
         method "auto" is then the default.
+    in_series : bool
+        Whether it makes the voltage at the electrode differ from the drive's. Tables then have a
+        column for it.
+    drive_unit : str
+        SI unit of the values of the drive: "V", or "C" for a drive that sets the charge.
 
     See Also
     --------
@@ -254,6 +288,8 @@ class Term(Checked, ABC):
     layer: ClassVar[int] = 0
     signed: ClassVar[bool] = False
     stiff: ClassVar[bool] = False
+    in_series: ClassVar[bool] = False
+    drive_unit: ClassVar[str] = "V"
 
     @classmethod
     def name(cls) -> str:
@@ -356,6 +392,17 @@ class Term(Checked, ABC):
         return ()
 
     @classmethod
+    def rate_limit(
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> RateLimit | None:
+        """Return the limit of a rate at a complete electrode, if the term has one."""
+        return None
+
+    def source(self, drive: Drive) -> Drive:
+        """Return the waveform that the source supplies if `drive` is demanded."""
+        return drive
+
+    @classmethod
     def electrode_energy(
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function | None:
@@ -404,6 +451,18 @@ class Device(Protocol):
     @property
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
+
+
+def field_energy(electrode: Electrode, parasitic: int) -> Function:
+    """Return the energy of the fields of an electrode and a parasitic capacitance at an index."""
+    node, offset, capacitance = electrode.node, electrode.offset, electrode.capacitance
+
+    def energy(v, x, y, p):  # type: ignore[no-untyped-def]
+        own = node(v, x, y, p)
+        across = own - offset(y, p)
+        return 0.5 * (capacitance(x, p) * across * across + p[parasitic] * own * own)
+
+    return energy
 
 
 def _shape(value: Any) -> Hashable:

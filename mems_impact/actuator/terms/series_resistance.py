@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from pydantic import Field
+
 from mems_impact.actuator.parameter_base import NonNegative, Positive
-from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
+from mems_impact.actuator.terms.base import (
+    Electrode,
+    Function,
+    ParameterIndices,
+    RateLimit,
+    Shape,
+    Term,
+    field_energy,
+)
 
 __all__ = ["SeriesResistance"]
 
@@ -17,6 +27,9 @@ class SeriesResistance(Term):
         Between drive and electrode [ohm], > 0.
     parasitic : float, optional
         Parasitic capacitance to ground, parallel to the electrode [F], >= 0.
+    current_limit : float, optional
+        Largest current of the source to each electrode, in either direction [A]; by default it is
+        unlimited.
 
     Raises
     ------
@@ -25,7 +38,7 @@ class SeriesResistance(Term):
 
     See Also
     --------
-    DielectricCharging, Fringing, Actuator
+    SlewRate, ChargeDrive, DielectricCharging, Actuator
 
     Notes
     -----
@@ -40,6 +53,10 @@ class SeriesResistance(Term):
     Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the voltage: if the sign
     alternates, the forcing period is that of the voltage, not of its square.
 
+    A current (v - node)/resistance above the limit is replaced by the limit. The modes of the motion
+    then have the suffix "source", for a current to the electrode, or "sink", and tables of events
+    list each crossing as "current limit".
+
     A time constant far below the forcing period makes the equations stiff, so the default method of
     runs is ``"auto"``.
 
@@ -51,11 +68,15 @@ class SeriesResistance(Term):
 
     resistance: Positive
     parasitic: NonNegative = 0.0
+    current_limit: Positive | None = Field(default=None, description="a finite number > 0")
 
-    units = {"resistance": "ohm", "parasitic": "F", "charge": "C"}  # noqa: RUF012 - ClassVar above
+    units = {  # noqa: RUF012 - ClassVar above
+        "resistance": "ohm", "parasitic": "F", "current_limit": "A", "charge": "C",
+    }  # fmt: skip
     layer = 1
     signed = True
     stiff = True
+    in_series = True
 
     @classmethod
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
@@ -79,33 +100,51 @@ class SeriesResistance(Term):
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the current."""
-        node, resistance = electrode.node, at.p["resistance"]
+        unlimited, limit = current_of(at, electrode), at.p.get("current_limit", -1)
+        if limit < 0:
+            return (unlimited,)
 
         def current(v, x, speed, y, p):  # type: ignore[no-untyped-def]
-            return (v - node(v, x, y, p)) / p[resistance]
+            return min(max(unlimited(v, x, speed, y, p), -p[limit]), p[limit])
 
         return (current,)
 
     @classmethod
+    def rate_limit(
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> RateLimit | None:
+        """Return the limit of the current."""
+        limit = at.p.get("current_limit", -1)
+        if limit < 0:
+            return None
+
+        def most(p):  # type: ignore[no-untyped-def]
+            return p[limit]
+
+        current = current_of(at, electrode)
+        return RateLimit("current limit", "charge", ("source", "sink"), current, most)
+
+    @classmethod
     def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
-        node, offset, capacitance = electrode.node, electrode.offset, electrode.capacitance
-        parasitic = at.p["parasitic"]
-
-        def energy(v, x, y, p):  # type: ignore[no-untyped-def]
-            own = node(v, x, y, p)
-            across = own - offset(y, p)
-            return 0.5 * (capacitance(x, p) * across * across + p[parasitic] * own * own)
-
-        return energy
+        return field_energy(electrode, at.p["parasitic"])
 
     @classmethod
     def electrode_lost(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
-        """Return the power dissipated in the resistance."""
-        node, resistance = electrode.node, at.p["resistance"]
+        """Return the power dissipated in the source and its resistance."""
+        node, (current,) = electrode.node, cls.electrode_rates(at, shape, electrode)
 
         def lost(v, x, y, p):  # type: ignore[no-untyped-def]
-            drop = v - node(v, x, y, p)
-            return drop * drop / p[resistance]
+            return (v - node(v, x, y, p)) * current(v, x, 0.0, y, p)
 
         return lost
+
+
+def current_of(at: ParameterIndices, electrode: Electrode) -> Function:
+    """Return the current without a limit."""
+    node, resistance = electrode.node, at.p["resistance"]
+
+    def current(v, x, speed, y, p):  # type: ignore[no-untyped-def]
+        return (v - node(v, x, y, p)) / p[resistance]
+
+    return current

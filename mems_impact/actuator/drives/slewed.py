@@ -1,0 +1,348 @@
+"""The output of a source whose rate of change is limited.
+
+The source follows the demanded voltage while its rate is within the limit, and changes at the limit
+until it reaches the demanded voltage again. Since this does not depend on the actuator, the times
+of all transitions are known in advance: they are switching times of the output.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache, lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.optimize import brentq, minimize_scalar
+
+from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
+from mems_impact.actuator.parameter_base import Positive
+
+__all__ = ["SlewedDrive"]
+
+PIECE_NUMBERS = 4  # of a piece in q: start, whether it is a ramp, value at the start, rate
+POINTS_PER_TIME_SCALE = 256  # at which voltage and rate are compared with the ramp
+POINTS_PER_NUMBER = 2  # at least, per number of the waveform: a piece of a record has five
+MIN_POINTS, MAX_POINTS = 32, 20_000
+EQUAL_RTOL = 1e-13  # of the range of the voltage
+RATE_RTOL = 1e-9  # by which a rate must exceed the limit
+PERIODS = 3  # of iteration before the periodic output is solved for
+FIRST_POINTS = 24  # halvings of the distance of two points, after the start of a ramp
+
+
+class OutputPiece(NamedTuple):
+    """A piece of the output: a ramp, or the demanded voltage."""
+
+    start: float
+    ramp: bool
+    value: float = 0.0
+    rate: float = 0.0
+
+
+class SlewedDrive(Drive):
+    """The periodic output of a source with a slew rate.
+
+    Parameters
+    ----------
+    wave : Drive
+        The demanded voltage.
+    rate : float
+        Largest absolute rate of the output [V/s].
+    """
+
+    wave: Drive = Field(description="a drive")
+    rate: Positive
+
+    units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar in Drive
+
+    @property
+    def period(self) -> float:
+        """Forcing period of the demanded voltage."""
+        return self.wave.period
+
+    @property
+    def time_scale(self) -> float:
+        """That of the demanded voltage."""
+        return self.wave.time_scale
+
+    @property
+    def changes_sign(self) -> bool:
+        """Whether the demanded voltage changes its sign."""
+        return self.wave.changes_sign
+
+    @property
+    def switches(self) -> tuple[float, ...]:
+        """Times of jumps of voltage or rate of either side."""
+        return _output(self).switches
+
+    def parameters(self) -> NDArray[np.float64]:
+        """Return the pieces of each side, headed by their size, and the array of the wave."""
+        return _output(self).q.copy()
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same output in other units of voltage and time."""
+        return self.replace_unchecked(
+            wave=self.wave.scaled(voltage, time), rate=self.rate / voltage * time
+        )
+
+    @property
+    def voltage(self) -> Waveform:  # type: ignore[override]
+        """The output at the right electrode."""
+        return with_ramps(self.wave.voltage, 0, False)
+
+    @property
+    def voltage_rate(self) -> Waveform:  # type: ignore[override]
+        """Its rate."""
+        return with_ramps(self.wave.voltage_rate, 0, True)
+
+    @property
+    def left_voltage(self) -> Waveform | None:
+        """The output at the left electrode, if there is one."""
+        within = self.wave.left_voltage
+        return None if within is None else with_ramps(within, 1, False)
+
+    @property
+    def left_rate(self) -> Waveform | None:
+        """Its rate."""
+        within = self.wave.left_rate
+        return None if within is None else with_ramps(within, 1, True)
+
+
+@cache
+def with_ramps(within: Waveform, side: int, is_rate: bool) -> Waveform:
+    """Return a waveform, or its rate, with the ramps of a side."""
+
+    def waveform(t, q):  # type: ignore[no-untyped-def]
+        at = side * (1 + int(q[0]))
+        own = q[at + 1 :]
+        u = fold(t, own[PERIOD])
+        i = piece_at(u, own, PIECE_NUMBERS)
+        if own[i + 1] > 0.0:
+            if is_rate:
+                return own[i + 3]
+            return own[i + 2] + own[i + 3] * (u - own[i])
+        second = 1 + int(q[0])
+        return within(u, q[second + 1 + int(q[second]) :])
+
+    return waveform
+
+
+# --- The pieces of the output
+
+
+class Output(NamedTuple):
+    """Parameter array and switching times of an output."""
+
+    q: NDArray[np.float64]
+    switches: tuple[float, ...]
+
+
+@lru_cache(maxsize=64)
+def _output(drive: SlewedDrive) -> Output:
+    wave, period = drive.wave, drive.period
+    sign = -1.0 if wave.changes_sign else 1.0
+    turn = 2.0 * period if wave.changes_sign else period
+    blocks: list[NDArray[np.float64]] = []
+    times: set[float] = set()
+    sides = ((wave.voltage, wave.voltage_rate), (wave.left_voltage, wave.left_rate))
+    for voltage, rate in sides:
+        if voltage is None or rate is None:
+            blocks.append(np.zeros(1))
+            continue
+        side = SlewedSide(voltage, rate, wave, drive.rate, sign)
+        pieces = side.pieces()
+        times |= side.switches(pieces)
+        rows = [tuple(map(float, piece)) for piece in pieces]
+        if turn > period:
+            rows += [(period + a, ramp, -value, -slope) for a, ramp, value, slope in rows]
+        block = np.concatenate([[turn, len(rows)], np.ravel(rows)])
+        blocks += [np.array([float(block.size)]), block]
+    assert PERIOD == 0
+    assert COUNT == 1
+    assert FIRST == 2
+    return Output(np.concatenate([*blocks, wave.parameters()]), tuple(sorted(times)))
+
+
+class SlewedSide:
+    """The output of one side over a forcing period.
+
+    Parameters
+    ----------
+    voltage, rate : callable
+        The demanded voltage and its rate, functions of t and q.
+    wave : Drive
+    limit : float
+        The slew rate.
+    sign : float
+        -1 if the voltage changes its sign from each forcing period to the next, else 1.
+    """
+
+    def __init__(
+        self, voltage: Waveform, rate: Waveform, wave: Drive, limit: float, sign: float
+    ) -> None:
+        q = wave.parameters()
+        self.period, self.limit, self.sign = wave.period, limit, sign
+        self.wave_switches = wave.switches
+        inner = [time for time in wave.switches if 0.0 < time < self.period]
+        self.intervals = list(pairwise([0.0, *inner, self.period]))
+        self.density = max(
+            POINTS_PER_TIME_SCALE / wave.time_scale, POINTS_PER_NUMBER * q.size / self.period
+        )
+        numbers: Any = q.tolist()  # faster than an array, element by element
+        self.value: Callable[[float], float] = lambda t: float(voltage(t, numbers))
+        self.slope: Callable[[float], float] = lambda t: float(rate(t, numbers))
+        shown = [self.value(t) for begin, end in self.intervals for t in self._grid(begin, end)]
+        self.scale = max(max(map(abs, shown)), 1e-300)
+
+    def pieces(self) -> list[OutputPiece]:
+        """Return the pieces of the periodic output.
+
+        If there are several, it is the one that a source reaches from 0.
+        """
+        before = 0.0
+        for _ in range(PERIODS):
+            after = self.sign * self._end(before)
+            if abs(after - before) <= EQUAL_RTOL * self.scale:
+                return self._pass(before)[0]
+            before = after
+        # The value at the end grows with that at the start, by no more than it.
+        tolerance = EQUAL_RTOL * self.scale
+
+        def gain(value: float) -> float:
+            return self.sign * self._end(value) - value
+
+        if self.sign < 0.0:  # a single solution
+            before = float(brentq(gain, -self.scale, self.scale, xtol=tolerance))
+            return self._pass(before)[0]
+        upwards = gain(before) > 0.0
+        near, far = before, self.scale if upwards else -self.scale
+        while abs(far - near) > tolerance:
+            middle = 0.5 * (near + far)
+            change = gain(middle)
+            if abs(change) > tolerance and (change > 0.0) == upwards:
+                near = middle
+            else:
+                far = middle
+        return self._pass(far)[0]
+
+    def switches(self, pieces: list[OutputPiece]) -> set[float]:
+        """Return the switching times of these pieces."""
+        ends = [piece.start for piece in pieces[1:]] + [self.period]
+        found = {piece.start for piece in pieces if piece.start > 0.0}
+        for piece, end in zip(pieces, ends, strict=True):
+            if not piece.ramp:
+                found |= {time for time in self.wave_switches if piece.start < time < end}
+        first, last = pieces[0], pieces[-1]
+        closes = first.ramp != last.ramp or (
+            self.wave_switches[-1:] == (self.period,)
+            if not first.ramp
+            else first.rate != self.sign * last.rate
+        )
+        return found | {self.period} if closes else found
+
+    def _end(self, start: float) -> float:
+        return self._pass(start)[1]
+
+    def _pass(self, start: float) -> tuple[list[OutputPiece], float]:
+        """Return the pieces from an output `start` at time 0, and the output at the end."""
+        output, pieces = start, []
+        ramping = math.nan  # rate of the current ramp; NaN while following
+        following = False
+        for begin, end in self.intervals:
+            time = begin
+            apart = self.value(begin) - output
+            if abs(apart) <= EQUAL_RTOL * self.scale:
+                if not following:
+                    pieces.append(OutputPiece(begin, False))
+                following, ramping = True, math.nan
+            else:
+                rate = math.copysign(self.limit, apart)
+                if following or rate != ramping:
+                    pieces.append(OutputPiece(begin, True, output, rate))
+                following, ramping = False, rate
+            while time < end:
+                if following:
+                    time = self._exceeded(time, end)
+                    if time < end:
+                        output = self.value(time)
+                        ramping = math.copysign(self.limit, self.slope(time))
+                        pieces = _added(pieces, OutputPiece(time, True, output, ramping))
+                        following = False
+                    else:
+                        output = self.value(math.nextafter(end, 0.0))
+                else:
+                    piece = pieces[-1]
+                    time = self._reached(piece, time, end)
+                    if time < end:
+                        output, slope = self.value(time), self.slope(time)
+                        if abs(slope) <= self.limit:
+                            pieces = _added(pieces, OutputPiece(time, False))
+                            following, ramping = True, math.nan
+                        else:
+                            ramping = math.copysign(self.limit, slope)
+                            pieces = _added(pieces, OutputPiece(time, True, output, ramping))
+                    else:
+                        output = piece.value + piece.rate * (end - piece.start)
+        return pieces, output
+
+    def _grid(self, begin: float, end: float) -> list[float]:
+        """Return times from `begin` to just before `end`."""
+        count = min(max(round(self.density * (end - begin)), MIN_POINTS), MAX_POINTS)
+        return np.linspace(begin, math.nextafter(end, 0.0), count).tolist()
+
+    def _exceeded(self, begin: float, end: float) -> float:
+        """Return the first time at which the demanded rate exceeds the limit; `end` if none."""
+        most = self.limit * (1.0 + RATE_RTOL)
+        found = _first_positive(lambda t: abs(self.slope(t)) - most, self._grid(begin, end))
+        return end if found is None else found
+
+    def _reached(self, piece: OutputPiece, begin: float, end: float) -> float:
+        """Return the first time at which a ramp reaches the demanded voltage; `end` if none."""
+        sign = math.copysign(1.0, piece.rate)
+
+        def past(t: float) -> float:
+            return sign * (piece.value + piece.rate * (t - piece.start) - self.value(t))
+
+        times = self._grid(begin, end)
+        tolerance = EQUAL_RTOL * self.scale
+        if piece.start == begin and past(begin) >= -tolerance:
+            # The ramp starts from the demanded voltage, perhaps for a short time.
+            first = [begin + (times[1] - begin) * 0.5**k for k in range(FIRST_POINTS, 0, -1)]
+            below = next((t for t in [*first, times[1]] if past(t) < -tolerance), None)
+            if below is None:
+                return times[1]
+            times = [t for t in [*first, *times[1:]] if t >= below]
+        found = _first_positive(past, times)
+        return end if found is None else found
+
+
+def _added(pieces: list[OutputPiece], piece: OutputPiece) -> list[OutputPiece]:
+    """Return the pieces with another one, in place of a last one that starts with it."""
+    return [each for each in pieces if each.start < piece.start] + [piece]
+
+
+def _first_positive(function: Callable[[float], float], times: list[float]) -> float | None:
+    """Return the first time at which a function becomes positive; None if it stays negative.
+
+    Maxima between the times are located.
+    """
+    values = [function(t) for t in times]
+    if values[0] > 0.0:
+        return times[0]
+    for i in range(1, len(times)):
+        top = values[i] > 0.0
+        high = times[i]
+        if not top and i + 1 < len(times) and values[i - 1] < values[i] >= values[i + 1]:
+            found = minimize_scalar(
+                lambda t: -function(t), bounds=(times[i - 1], times[i + 1]), method="bounded",
+                options={"xatol": 1e-9 * (times[i + 1] - times[i - 1])},
+            )  # fmt: skip
+            top, high = -float(found.fun) > 0.0, float(found.x)
+        if top:
+            low = times[i - 1]
+            return float(brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
+    return None

@@ -1,0 +1,95 @@
+"""A drive that sets the charge of each electrode."""
+
+from __future__ import annotations
+
+from mems_impact._util.formatting import shown
+from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.terms.base import (
+    Device,
+    Electrode,
+    Function,
+    ParameterIndices,
+    Shape,
+    Term,
+    field_energy,
+)
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["ChargeDrive"]
+
+
+class ChargeDrive(Term):
+    """A source that sets the charge of each electrode instead of its voltage.
+
+    The values of the drive, such as its amplitude, are charges [C].
+
+    Parameters
+    ----------
+    parasitic : float, optional
+        Parasitic capacitance to ground, parallel to the electrode [F], >= 0. It takes a part of the
+        charge.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range, or the actuator has a `SeriesResistance` or `SlewRate`, which
+        limit a voltage.
+
+    See Also
+    --------
+    pull_in_charge, SeriesResistance, Actuator
+
+    Notes
+    -----
+    The charge determines the voltage at the electrode,
+
+        charge = C(x) (node - offset) + parasitic node,
+
+    with the capacitance C(x) of the electrode and terms in its gap. Without a parasitic capacitance,
+    the force charge^2/(4 alpha) of parallel plates does not depend on the gap, so that there is no
+    pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d parasitic)), which is beyond
+    the gap if the parasitic capacitance is below half of that of the electrodes (J. I. Seeger, B. E.
+    Boser, J. Microelectromech. Syst. 12, 656 (2003)).
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> charged = mi.load_actuator("zhao2004").adding(mi.ChargeDrive(parasitic=0.5))
+    >>> drive = mi.Sine(amplitude=0.6, omega=0.5)
+    >>> run = mi.simulate(charged, drive, periods=20)
+    >>> "node voltage" in run.samples()
+    True
+    """
+
+    parasitic: NonNegative = 0.0
+
+    units = {"parasitic": "F"}  # noqa: RUF012 - ClassVar above
+    layer = 1
+    in_series = True
+    drive_unit = "C"
+
+    def check_on(self, actuator: Device) -> None:
+        """Raise InvalidParameter if another term limits the voltage of the source."""
+        for term in actuator.terms:
+            if term.in_series and term is not self:
+                problem = (
+                    f"{type(term).__name__} limits the voltage of a source, and ChargeDrive has "
+                    "none; give one of them"
+                )
+                raise InvalidParameter("terms", shown(actuator.terms), "", problem=problem)
+
+    @classmethod
+    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+        """Return the electrode with the voltage determined by the charge of the drive."""
+        capacitance, offset, parasitic = electrode.capacitance, electrode.offset, at.p["parasitic"]
+
+        def node(v, x, y, p):  # type: ignore[no-untyped-def]
+            own = capacitance(x, p)
+            return (v + own * offset(y, p)) / (own + p[parasitic])
+
+        return electrode._replace(node=node)
+
+    @classmethod
+    def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
+        """Return the energy of the fields, in the gap and in the parasitic capacitance."""
+        return field_energy(electrode, at.p["parasitic"])

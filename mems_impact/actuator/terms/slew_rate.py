@@ -1,0 +1,52 @@
+"""A limited rate of the voltage of the source."""
+
+from __future__ import annotations
+
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.slewed import SlewedDrive
+from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.terms.base import Term
+
+__all__ = ["SlewRate"]
+
+
+class SlewRate(Term):
+    """A limit of the rate at which the voltage of the source changes.
+
+    Parameters
+    ----------
+    rate : float
+        Largest absolute rate of the voltage [V/s], > 0.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    See Also
+    --------
+    SeriesResistance, ChargeDrive, Actuator
+
+    Notes
+    -----
+    The output of the source equals the voltage of the drive while that changes at less than the
+    rate. Otherwise it changes at the rate until it equals the drive again. Both instants, and the
+    ramps between them, are computed before a run from the drive alone; they are switching times.
+    The output is that of a source in its periodic regime, from the start of a run on.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> slow = mi.load_actuator("mita2003").adding(mi.SlewRate(rate="0.1 V/us"))
+    >>> slow.terms[0].rate
+    100000.0
+    """
+
+    rate: Positive
+
+    units = {"rate": "V/s"}  # noqa: RUF012 - ClassVar above
+    in_series = True
+
+    def source(self, drive: Drive) -> Drive:
+        """Return the output of the source for the voltage of a drive."""
+        return SlewedDrive(wave=drive, rate=self.rate)
