@@ -12,6 +12,7 @@ from .actuator.design.characteristics import speed_over_voltage as speed_over_vo
 from .actuator.design.data_sheet import DataSheet as DataSheet
 from .actuator.design.energy import Energy as Energy
 from .actuator.design.energy import energy as energy
+from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import resting_voltage as resting_voltage
 from .actuator.design.estimates import step_length as step_length
@@ -49,6 +50,7 @@ from .actuator.system_files import load_study as load_study
 from .actuator.system_files import load_system as load_system
 from .actuator.terms.adhesion import Adhesion as Adhesion
 from .actuator.terms.base import Term as Term
+from .actuator.terms.charge_drive import ChargeDrive as ChargeDrive
 from .actuator.terms.compliant_stopper import CompliantStopper as CompliantStopper
 from .actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
 from .actuator.terms.dielectric_charging import DielectricCharging as DielectricCharging
@@ -58,6 +60,7 @@ from .actuator.terms.fringing import Fringing as Fringing
 from .actuator.terms.power_law_restitution import PowerLawRestitution as PowerLawRestitution
 from .actuator.terms.regularized_friction import RegularizedFriction as RegularizedFriction
 from .actuator.terms.series_resistance import SeriesResistance as SeriesResistance
+from .actuator.terms.slew_rate import SlewRate as SlewRate
 from .actuator.terms.squeeze_film import SqueezeFilm as SqueezeFilm
 from .actuator.terms.stribeck_friction import StribeckFriction as StribeckFriction
 from .actuator.terms.tabulated_restitution import TabulatedRestitution as TabulatedRestitution

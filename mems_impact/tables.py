@@ -109,8 +109,10 @@ class Labels(Protocol):
     def symbols(self) -> Mapping[str, str]:
         """Symbols of parameters that do not follow from their names."""
 
-    def derived_columns(self, time: Floats, y: Floats) -> Mapping[str, Floats]:
-        """Return further columns that depend on times within a period and states, scaled."""
+    def derived_columns(
+        self, cycle: NDArray[np.int64], time: Floats, y: Floats
+    ) -> Mapping[str, Floats]:
+        """Return further columns that depend on period, time within it and state, scaled."""
 
 
 def table(
@@ -399,7 +401,7 @@ def events(
         "mode before": words(automaton.modes, log.mode_before),
         "mode after": words(automaton.modes, log.mode_after),
         **states(automaton.states, log.after),
-        **labels.derived_columns(log.time, log.after),
+        **labels.derived_columns(log.cycle, log.time, log.after),
         **{name: values[shown] for name, values in observed.items()},
     }
     return table(columns, labels)
@@ -463,7 +465,7 @@ def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
     columns = {
         **when(grid.cycle, grid.time, period, labels),
         **states(labels.automaton.states, grid.y),
-        **labels.derived_columns(grid.time, grid.y),
+        **labels.derived_columns(grid.cycle, grid.time, grid.y),
         "mode": words(labels.automaton.modes, grid.mode),
     }
     return table(columns, labels)

@@ -138,8 +138,13 @@ class Checked(BaseModel, metaclass=_Kind):
         for name, value in values.items():
             if name in cls.model_fields and has_unit(value) and _is_numeric(cls.model_fields[name]):
                 cls._check_takes_units(name, value, values)
-                found[name] = quantity(name, value, cls.unit_of(name))
+                found[name] = cls._magnitude(name, value)
         return found
+
+    @classmethod
+    def _magnitude(cls, name: str, value: Any) -> float:
+        """Return the number of a text with a unit for a field."""
+        return quantity(name, value, cls.unit_of(name))
 
     @classmethod
     def _check_takes_units(cls, name: str, value: object, values: Mapping[str, Any]) -> None:

@@ -31,6 +31,7 @@ class Range(NamedTuple):
 MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
 ELECTRODE_AREA = Range(1e-7, 1e-4, 1e-1)  # of electrodes
 STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
+CAPACITANCE = Range(1e-19, 1e-12, 1e-6)
 SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)
 DEVICE = {
     "m1": MASS,
@@ -46,6 +47,7 @@ DEVICE = {
 }
 TERM_RANGES = {
     "adhesion.force": FORCE,
+    "charge_drive.parasitic": CAPACITANCE,
     "compliant_stopper.stiffness": Range(1e-2, 1e5, 1e11),
     "compliant_stopper.damping": PER_SPEED,
     "compliant_stopper.depth": Range(1e-13, 1e-8, 1e-3),
@@ -58,7 +60,9 @@ TERM_RANGES = {
     "power_law_restitution.speed": SPEED,
     "regularized_friction.width": SPEED,
     "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
-    "series_resistance.parasitic": Range(1e-19, 1e-12, 1e-6),
+    "series_resistance.parasitic": CAPACITANCE,
+    "series_resistance.current_limit": Range(1e-15, 1e-6, 10.0),
+    "slew_rate.rate": Range(1e-6, 1e5, 1e12),
     "squeeze_film.length": ELECTRODE_AREA,
     "squeeze_film.width": ELECTRODE_AREA,
     "squeeze_film.pressure": Range(1e-4, 1e5, 1e8),
@@ -71,7 +75,7 @@ TERM_RANGES = {
 }
 """Ranges of the parameters of terms."""
 
-VOLTAGE = Range(0.0, 30.0, 1e4)
+VOLTAGE, CHARGE = Range(1e-9, 30.0, 1e4), Range(1e-19, 1e-12, 1e-7)
 PERIOD = Range(1e-8, 1e-3, 300.0)
 TARGETS = {
     "m": Range(1e-13, 1e-7, 1e-3),
@@ -86,6 +90,9 @@ ALTERNATIVE_UNITS = {
     "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "rad": {"deg": math.pi / 180.0},
     "ohm": {"kohm": 1e3, "Mohm": 1e6, "Gohm": 1e9},
+    "V/s": {"V/ms": 1e3, "V/us": 1e6},
+    "A": {"uA": 1e-6, "nA": 1e-9},
+    "C": {"nC": 1e-9, "pC": 1e-12, "fC": 1e-15},
     "F": {"uF": 1e-6, "nF": 1e-9, "pF": 1e-12, "fF": 1e-15},
     "": {"%": 1e-2},
 }
@@ -119,9 +126,11 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
     """Warn once of voltages and times that seem to be given in other units."""
     if actuator.units != "SI":
         return
+    charge = any(term.drive_unit == "C" for term in actuator.terms)
     for name in drive.names:
         if drive.unit(name) == "V":
-            _check(name, drive.number(name), "V", VOLTAGE)
+            unit, within = ("C", CHARGE) if charge else ("V", VOLTAGE)
+            _check(name, drive.number(name), unit, within)
     _check_times(actuator, drive, "")
 
 
@@ -131,7 +140,8 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
-    near = resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
+    near = all(term.drive_unit == "V" for term in actuator.terms)
+    near = near and resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
     if (
         near
         and frequency * QUASI_STATIC_RATIO < resonance

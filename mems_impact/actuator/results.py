@@ -95,7 +95,7 @@ def impacts(
         "v2 after": rows.after[:, V2],
         "energy lost": energy,
         "x1": rows.after[:, X1],
-        **labels.derived_columns(rows.time, rows.after),
+        **labels.derived_columns(rows.cycle, rows.time, rows.after),
         "step": steps,
     }
     return table(columns, labels)

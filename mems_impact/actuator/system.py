@@ -13,6 +13,7 @@ from functools import cache, cached_property, partial
 from typing import Any, NoReturn, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
@@ -29,7 +30,7 @@ from mems_impact.actuator.automaton import (
 )
 from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, compose, composed_automaton
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.impact_statistics import yields
@@ -527,15 +528,20 @@ class ActuatorSystem(ActuatorNumerics):
         """Whether the voltages at the electrodes differ from those of the drive."""
         return any(kind.term.in_series for kind in self._kinds)
 
-    def derived_columns(self, time: Floats, y: Floats) -> Mapping[str, Floats]:
+    def derived_columns(
+        self, cycle: NDArray[np.int64], time: Floats, y: Floats
+    ) -> Mapping[str, Floats]:
         """Return the voltages at the electrodes, if they differ from those of the drive."""
-        return self.node_voltages(time, y) if self.shows_node else {}
+        return self.node_voltages(cycle, time, y) if self.shows_node else {}
 
-    def node_voltages(self, time: Floats, y: Floats) -> dict[str, Floats]:
-        """Return the voltage at each electrode for times within a period and states, scaled."""
+    def node_voltages(self, cycle: NDArray[np.int64], time: Floats, y: Floats) -> dict[str, Floats]:
+        """Return the voltage at each electrode, scaled; arguments as for `derived_columns`."""
+        if self.drive.changes_sign and not self._uses_full_voltage_period:
+            # Two forcing periods are one of the voltage.
+            time = time + self.numbers().period * (cycle % 2)
         source, p = self.source, self.numbers().parameters
         q = p[p.size - source.parameters().size :]
-        sides = [(source.voltage, "node voltage", 1.0)]
+        sides: list[tuple[Waveform, str, float]] = [(source.voltage, "node voltage", 1.0)]
         if source.left_voltage is not None:
             sides.append((source.left_voltage, "left node voltage", -1.0))
         model, found = compose(self._kinds, len(sides)), {}

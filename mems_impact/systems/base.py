@@ -12,6 +12,7 @@ from operator import itemgetter
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import Scales
@@ -400,11 +401,15 @@ class HybridSystem(Result, ABC):
         """Symbols of parameters in figures, where they differ from the names."""
         return {}
 
-    def derived_columns(self, time: Floats, y: Floats) -> Mapping[str, Floats]:
+    def derived_columns(
+        self, cycle: NDArray[np.int64], time: Floats, y: Floats
+    ) -> Mapping[str, Floats]:
         """Return further columns of tables of states, in scaled units.
 
         Parameters
         ----------
+        cycle : int array, shape (k,)
+            Numbers of the periods.
         time : float array, shape (k,)
             Times since the starts of the periods.
         y : float array, shape (k, n)

@@ -36,6 +36,7 @@ WARNINGS: tuple[type[Warning], ...] = (
 def devices() -> tuple[mi.Actuator, mi.Drive]:
     terms: tuple[mi.Term, ...] = (
         mi.Adhesion(force=1e-6),
+        mi.ChargeDrive(parasitic=1e-13),
         mi.CompliantStopper(stiffness=1e3),
         mi.CubicStiffness(k3=1e9),
         mi.DielectricCharging(share=0.1, time=1.0),
@@ -45,6 +46,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.PowerLawRestitution(speed=1.0),
         mi.RegularizedFriction(width=1e-6),
         mi.SeriesResistance(resistance=1e6),
+        mi.SlewRate(rate=1e6),
         mi.SqueezeFilm(
             length=1e-4, width=1e-4, viscosity=1.8e-5, pressure=1e5, free_path_pressure=7e-3
         ),
@@ -66,6 +68,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.load_drive("wave.toml"),
     ]
     assert_type(mi.pull_in_voltage(actuator), float)
+    assert_type(mi.pull_in_charge(actuator.adding(terms[1])), float)
     assert_type(actuator.datasheet, mi.DataSheet)
     assert_type(mi.resting_voltage(actuator), float)
     mi.step_length(actuator, 0.1)

@@ -113,6 +113,7 @@ DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     "frame_spring": lambda rng, p: {"k1": decades(rng, -2.0, 0.5)},
     "squeeze_film": _film,
     "series_resistance": _resistance,
+    "charge_drive": lambda rng, p: {"parasitic": _resistance(rng, p)["parasitic"]},
     "fringing": _fringing,
     "dielectric_charging": lambda rng, p: {
         "share": rng.uniform(-0.5, 0.9),

@@ -32,15 +32,15 @@ NAMES = (
     *("resistance", "parasitic", "trapped", "trapping"),
     *("stopper", "exponent", "stopper damping", "stopper depth"),
     *("films", "ambient", "face", "viscosity", "path"),
-    *("yielding", "yielding exponent", "stribeck", "viscous", "creeping"),
+    *("yielding", "yielding exponent", "stribeck", "viscous", "creeping", "charged"),
 )
 PLACE = {name: place for place, name in enumerate(NAMES)}
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
 ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(11, 18)
 OHM, PARASITIC, TRAPPED, TRAPPING = range(18, 22)
 STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(22, 31)
-YIELDING, FALL, STRIBECK, VISCOUS, CREEPING = range(31, 36)
-RIGHT_SOURCE, LEFT_SOURCE, END = (36 + i * len(Source._fields) for i in range(3))
+YIELDING, FALL, STRIBECK, VISCOUS, CREEPING, CHARGED = range(31, 37)
+RIGHT_SOURCE, LEFT_SOURCE, END = (37 + i * len(Source._fields) for i in range(3))
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
 
@@ -74,6 +74,8 @@ def _electrode(p, voltage, gap, charge, offset):  # type: ignore[no-untyped-def]
     if p[OHM] > 0.0:
         node = (charge + capacitance * offset) / (capacitance + p[PARASITIC])
         current = (voltage - node) / p[OHM]
+    if p[CHARGED] > 0.0:
+        node = (voltage + capacitance * offset) / (capacitance + p[PARASITIC])
     if p[TRAPPING] > 0.0:
         trapping = (p[TRAPPED] * node - offset) / p[TRAPPING]
     return 0.5 * growth * (node - offset) ** 2, current, trapping
@@ -235,6 +237,8 @@ class Device:
                 self.shares, self.sizes = compartments(**values)
                 p[FACE] = values["length"] * values["width"]
                 p[FILMS] = 2.0 if values["sides"] == "both" else 1.0
+            if name == "charge_drive":
+                p[CHARGED] = 1.0
             if name == "tabulated_restitution":
                 self.table = table(**values)
             for field, place in KNOWN[name].items():
@@ -343,6 +347,7 @@ KNOWN: dict[str, dict[str, str]] = {
         "free_path_pressure": "path",
     },
     "series_resistance": {"resistance": "resistance", "parasitic": "parasitic"},
+    "charge_drive": {"parasitic": "parasitic"},
     "fringing": {"width": "fringe width", "length": "fringe length"},
     "dielectric_charging": {"share": "trapped", "time": "trapping"},
     "adhesion": {"force": "adhesion"},

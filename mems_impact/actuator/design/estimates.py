@@ -23,6 +23,7 @@ from mems_impact.actuator.automaton_with_terms import Model, compose
 from mems_impact.actuator.impact_statistics import frame_steps
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
     from mems_impact.actuator.results import ActuatorRun
 
-__all__ = ["pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
+__all__ = ["pull_in_charge", "pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
 
 # --- Forces on the block
 
@@ -56,6 +57,8 @@ class StaticForces:
     def __init__(self, actuator: Actuator) -> None:
         self.actuator = actuator.to_dimensionless()
         terms = [term for term in self.actuator.terms if term.layer == 0]
+        charged = [term for term in self.actuator.terms if isinstance(term, ChargeDrive)]
+        self._parasitic = [term.numbers(self.actuator.scales)[0] for term in charged]
         self._terms = terms
         self.model = compose(tuple(term.kind for term in terms), 1)
         self.p = parameters_of(self.actuator, terms)
@@ -69,7 +72,12 @@ class StaticForces:
     def needed(self, x2: float) -> float:
         """Return the squared voltage that holds the block at `x2`; negative if there is none."""
         own: float = self.model.electrodes[0].slope(x2, self.p)
-        return -2.0 * self.force(x2) / own
+        return -2.0 * self.force(x2) / own * self._squared_drive(x2)
+
+    def _squared_drive(self, x2: float) -> float:
+        """Return the squared value of the drive at the unit of voltage: 1, or with a charge."""
+        total: float = self.model.electrodes[0].capacitance(x2, self.p)
+        return (total + self._parasitic[0]) ** 2 if self._parasitic else 1.0
 
     def pull_in(self) -> float:
         """Return the pull-in voltage for a slowly rising voltage.
@@ -99,7 +107,7 @@ class StaticForces:
     def _adhesion(self, x2: float) -> float:
         """Return the squared voltage whose force equals the adhesion at `x2`."""
         own: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
-        return 2.0 * own
+        return 2.0 * own * self._squared_drive(x2)
 
     @cached_property
     def _start(self) -> float:
@@ -249,6 +257,7 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
     >>> f"{mi.pull_in_voltage(mi.load_actuator('mita2003')):.2f} V"
     '31.57 V'
     """
+    _check_voltage(actuator)
     if dynamic:
         return _dynamic_pull_in(actuator)
     if actuator.terms:
@@ -256,6 +265,53 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
     if actuator.delta <= actuator.d / 3.0:
         return resting_voltage(actuator)
     return math.sqrt(4.0 * actuator.k * actuator.d / (27.0 * actuator.alpha)) * actuator.d
+
+
+def pull_in_charge(actuator: Actuator) -> float:
+    """Compute the charge of a `ChargeDrive` at which the block reaches the right stopper.
+
+    With a parasitic capacitance Cp, the block of parallel plates is stable up to
+    (d/3) (1 + 2 alpha/(d Cp)) (J. I. Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656
+    (2003)); it snaps from there, or is pulled as far as a closer stopper. With other terms, the
+    largest charge of an equilibrium is computed numerically, as in `pull_in_voltage`.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        With a `ChargeDrive`.
+
+    Returns
+    -------
+    float
+        [C]; 0 if the block is on the stopper without charge.
+
+    Raises
+    ------
+    InvalidParameter
+        If the actuator has no `ChargeDrive`, or the equilibrium of the states of a term is unknown.
+
+    See Also
+    --------
+    ChargeDrive, pull_in_voltage
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> charged = mi.load_actuator("mita2003").adding(mi.ChargeDrive())
+    >>> f"{1e12 * mi.pull_in_charge(charged):.2f} pC"
+    '2.05 pC'
+    """
+    if all(term.drive_unit != "C" for term in actuator.terms):
+        problem = "the drive sets a voltage; use pull_in_voltage, or add ChargeDrive"
+        raise InvalidParameter("terms", actuator.terms, "", problem=problem)
+    return float(actuator.scales.out(StaticForces(actuator).pull_in(), "C"))
+
+
+def _check_voltage(actuator: Actuator) -> None:
+    """Raise InvalidParameter if the drive sets a charge."""
+    if any(term.drive_unit == "C" for term in actuator.terms):
+        problem = "ChargeDrive sets a charge instead of a voltage; use pull_in_charge"
+        raise InvalidParameter("terms", actuator.terms, "", problem=problem)
 
 
 def _dynamic_pull_in(actuator: Actuator) -> float:
@@ -319,6 +375,7 @@ def resting_voltage(actuator: Actuator) -> float:
     >>> f"{mi.resting_voltage(mi.load_actuator('mita2003')):.2f} V"
     '29.00 V'
     """
+    _check_voltage(actuator)
     if actuator.terms:
         return float(actuator.scales.out(StaticForces(actuator).resting(), "V"))
     return math.sqrt(actuator.k * actuator.delta / actuator.alpha) * (actuator.d - actuator.delta)
@@ -434,7 +491,8 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
         raise InvalidParameter("run", None, "", problem=problem)
     hits, steps = hits[chosen], steps[chosen]
     scales = run.system.scales
-    volts = run.drive.value(scales.out(hits.time, "s"))
+    volts = run.system.node_voltages(hits.cycle, hits.time, hits.after)["node voltage"]
+    volts = scales.out(volts, "V")
     speed = scales.out(hits.before[:, V2], "m/s")
     if run.actuator.terms:
         formula = scales.out(_steps_after(run, hits), "m")
@@ -470,8 +528,6 @@ def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
     left = system.drive.left_voltage is not None
     model = compose(tuple(term.kind for term in system.actuator.terms), 2 if left else 1)
     times = system.scales.out(hits.time, "s")
-    volts = [
-        system.scales.into(system.drive.value(times, left=side), "V") for side in (False, True)
-    ]
+    volts = [system.into_drive(system.source.value(times, left=side)) for side in (False, True)]
     rows = zip(hits.after, *volts, strict=True)
     return np.array([coasting(model, y, v, w, numbers.parameters) for y, v, w in rows])

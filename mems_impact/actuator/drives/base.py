@@ -62,7 +62,8 @@ class Drive(Checked, ABC):
     left_voltage, left_rate : callable or None
         Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
     units : mapping of str to str
-        The SI unit of every field that is not dimensionless: "V", "s", "rad/s" or "Hz" (see
+        The SI unit of every field that is not dimensionless: "V" (a charge in C if the actuator has
+        a `ChargeDrive`), "s", "rad/s" or "Hz" (see
         `mems_impact.actuator.units.KNOWN_UNITS`). It determines `scaled`, and the heading of the
         field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that
         unit.
@@ -119,6 +120,19 @@ class Drive(Checked, ABC):
     else:
         left_voltage: ClassVar = None
         left_rate: ClassVar = None
+
+    @classmethod
+    def _magnitude(cls, name: str, value: Any) -> float:
+        try:
+            return super()._magnitude(name, value)
+        except InvalidParameter:
+            if cls.unit_of(name) != "V":
+                raise
+            try:
+                return quantity(name, value, "C")  # the drive may set a charge
+            except InvalidParameter:
+                pass
+            raise
 
     @model_validator(mode="before")
     @classmethod

@@ -252,6 +252,7 @@ class Term(Checked, ABC):
         and derived units).
     instead : str
         The rule of the paper that it replaces, if any: "stopper", "restitution", "friction",
+        "source" (an ideal voltage),
         "electrode" (the capacitance of a parallel plate; a field `sides`, if any, says of which
         electrodes). An actuator has at most one term for each.
     layer : int

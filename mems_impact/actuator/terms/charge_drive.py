@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mems_impact._util.formatting import shown
 from mems_impact.actuator.parameter_base import NonNegative
 from mems_impact.actuator.terms.base import (
     Device,
@@ -45,11 +44,11 @@ class ChargeDrive(Term):
 
         charge = C(x) (node - offset) + parasitic node,
 
-    with the capacitance C(x) of the electrode and terms in its gap. Without a parasitic capacitance,
-    the force charge^2/(4 alpha) of parallel plates does not depend on the gap, so that there is no
-    pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d parasitic)), which is beyond
-    the gap if the parasitic capacitance is below half of that of the electrodes (J. I. Seeger, B. E.
-    Boser, J. Microelectromech. Syst. 12, 656 (2003)).
+    with the capacitance C(x) of the electrode and terms in its gap. Without a parasitic
+    capacitance, the force charge^2/(4 alpha) of parallel plates does not depend on the gap, so that
+    there is no pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d parasitic)), which
+    is beyond the gap if the parasitic capacitance is below half of that of the electrodes (J. I.
+    Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)).
 
     Examples
     --------
@@ -64,6 +63,7 @@ class ChargeDrive(Term):
     parasitic: NonNegative = 0.0
 
     units = {"parasitic": "F"}  # noqa: RUF012 - ClassVar above
+    instead = "source"
     layer = 1
     in_series = True
     drive_unit = "C"
@@ -71,12 +71,9 @@ class ChargeDrive(Term):
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if another term limits the voltage of the source."""
         for term in actuator.terms:
-            if term.in_series and term is not self:
-                problem = (
-                    f"{type(term).__name__} limits the voltage of a source, and ChargeDrive has "
-                    "none; give one of them"
-                )
-                raise InvalidParameter("terms", shown(actuator.terms), "", problem=problem)
+            if term.name() == "slew_rate":
+                problem = "SlewRate limits a voltage, and ChargeDrive sets none; give one of them"
+                raise InvalidParameter("terms", actuator.terms, "", problem=problem)
 
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:

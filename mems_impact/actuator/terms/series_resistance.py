@@ -53,9 +53,9 @@ class SeriesResistance(Term):
     Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the voltage: if the sign
     alternates, the forcing period is that of the voltage, not of its square.
 
-    A current (v - node)/resistance above the limit is replaced by the limit. The modes of the motion
-    then have the suffix "source", for a current to the electrode, or "sink", and tables of events
-    list each crossing as "current limit".
+    A current (v - node)/resistance above the limit is replaced by the limit. The modes of the
+    motion then have the suffix "source", for a current to the electrode, or "sink", and tables of
+    events list each crossing as "current limit".
 
     A time constant far below the forcing period makes the equations stiff, so the default method of
     runs is ``"auto"``.
@@ -73,6 +73,7 @@ class SeriesResistance(Term):
     units = {  # noqa: RUF012 - ClassVar above
         "resistance": "ohm", "parasitic": "F", "current_limit": "A", "charge": "C",
     }  # fmt: skip
+    instead = "source"
     layer = 1
     signed = True
     stiff = True

@@ -110,6 +110,111 @@ def test_tends_to_the_model_without_resistance():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.01)
 
 
+def test_a_limited_current_makes_a_ramp():
+    # The current is 0.05 until the drop over 0.5 is 0.025, and then decays exponentially.
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3, current_limit=0.05))
+    dc = mi.Sine(amplitude=0.0, omega=2.0 * math.pi, bias=0.1)
+    run = mi.simulate(device, dc, periods=5, options=INTERPRETED)
+    end = 2.3 * 0.075 / 0.05
+    (event,) = run.events.to_dict("records")
+    assert event["event"] == "current limit"
+    assert event["mode before"] == "stuck-free-source"
+    assert event["t"] == pytest.approx(end, abs=1e-9)
+    samples = run.samples(20)
+    t = samples["t"].to_numpy()
+    decay = 0.1 - 0.025 * np.exp(-(t - end) / (0.5 * 2.3))
+    node = np.where(t < end, 0.05 * t / 2.3, decay)
+    np.testing.assert_allclose(samples["node voltage"], node, rtol=0, atol=1e-9)
+    assert run.statistics["share slipping"] == 0.0
+
+
+def limited_flow(resistance, limit, parasitic, volts):
+    """Block and charge, with the current as a piecewise function."""
+
+    def rates(t, y):
+        x, v, q = y
+        node = q / (2.0 / (1.0 - x) + parasitic)
+        current = min(max((volts(t) - node) / resistance, -limit), limit)
+        return [v, node**2 / (1.0 - x) ** 2 - x - 0.04 * v, current]
+
+    return rates
+
+
+def test_orbit_with_a_limited_current_is_that_of_scipy():
+    omega, turn = 0.9, 2.0 * math.pi / 0.9
+    term = mi.SeriesResistance(resistance=0.4, parasitic=0.2, current_limit=0.25)
+    drive = mi.Sine(amplitude=0.2, omega=omega)
+    orbit = mi.find_orbit(FIRM.adding(term), drive, options=INTERPRETED, transient=3, periods=1)
+    assert (orbit.events["event"] == "current limit").sum() == 4
+    rates = limited_flow(0.4, 0.25, 0.2, lambda t: 0.2 * math.cos(omega * t))
+
+    def after(y):
+        return solve_ivp(
+            rates, (0, turn), y, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.05
+        ).y[:, -1]
+
+    start = np.array([orbit.state.x2, orbit.state.v2, orbit.state.charge])
+    np.testing.assert_allclose(after(start), start, rtol=0, atol=2e-9)
+    h = 1e-4
+    columns = [(after(start + h * e) - after(start - h * e)) / (2 * h) for e in np.eye(3)]
+    expected = np.linalg.eigvals(np.array(columns).T)
+    found = orbit.multipliers
+    np.testing.assert_allclose(
+        np.sort_complex(found[np.abs(found) > 1e-7]), np.sort_complex(expected), atol=1e-6
+    )
+
+
+def test_impacts_under_a_limited_current_are_those_of_scipy():
+    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
+        mi.SeriesResistance(resistance=0.3, parasitic=0.2, current_limit=0.3)
+    )
+    drive = mi.Square(amplitude=0.5, omega=0.7)
+    run = mi.simulate(
+        device, drive, periods=2, initial=mi.State(v2=0.6),
+        options=mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13),
+    )  # fmt: skip
+    assert {"stuck-free-source", "stuck-free-sink"} <= set(run.events["mode before"])
+    period = drive.period
+    rates = limited_flow(0.3, 0.3, 0.2, lambda t: 0.5 if t % period < period / 2 else 0.0)
+
+    def right(t, y):
+        return 0.5 - y[0]
+
+    def left(t, y):
+        return 0.5 + y[0]
+
+    for event in (right, left):
+        event.terminal, event.direction = True, -1
+    t, y, hits = 0.0, [0.0, 0.6, 0.0], []
+    for corner in (0.5, 1.0, 1.5, 2.0):
+        while t < corner * period:
+            arc = solve_ivp(
+                rates, (t, corner * period - 1e-13), y, method="DOP853", rtol=1e-10, atol=1e-12,
+                max_step=0.05, events=(right, left),
+            )  # fmt: skip
+            t, y = arc.t[-1], arc.y[:, -1]
+            if arc.status == 1:
+                hits.append(t)
+                y = [math.copysign(0.5, y[0]), -0.8 * y[1], y[2]]
+            else:
+                t = corner * period
+    assert len(hits) >= 2
+    np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=1e-7)
+    assert run.final.charge == pytest.approx(y[2], abs=1e-7)
+    # The source gives the heat in it and its resistance, the work on the block and the fields.
+    energy = mi.energy(mi.simulate(
+        device, drive, periods=2, initial=mi.State(v2=0.6), window=(0.0, 2.0),
+        options=mi.Options(engine="interpreted", method="dop853"),
+    ))  # fmt: skip
+    assert energy.given > 0.01
+    assert energy.imbalance == pytest.approx(0.0, abs=5e-9)
+    samples = run.samples(4000)
+    volts = np.where(samples["t"] % period < period / 2, 0.5, 0.0)
+    current = np.clip((volts - samples["node voltage"]) / 0.3, -0.3, 0.3)
+    given = np.trapezoid(volts * current, samples["t"])
+    assert energy.given == pytest.approx(given, abs=2e-4)
+
+
 def test_energy_is_accounted_for():
     # Block against a heavy frame: kinetic energy is the block's, and impacts lose theirs.
     device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(

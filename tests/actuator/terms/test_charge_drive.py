@@ -1,0 +1,136 @@
+"""A source that sets the charge, against closed forms and SciPy's integration."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+FIRM = ZHAO.replace(mu_s=5.0)  # a frame that nothing moves
+MITA = mi.load_actuator("mita2003")
+INTERPRETED = mi.Options(engine="interpreted")
+
+
+def test_pull_in_is_that_of_seeger_and_boser():
+    # x = (d/3) (1 + C0/Cp) is the limit of stability, C0 = 2 alpha/d = 2 here.
+    wide = ZHAO.replace(delta=0.9)
+    for parasitic in (1.25, 2.0, 10.0):
+        place = (1.0 + 2.0 / parasitic) / 3.0
+        assert place < 0.9
+        charge = math.sqrt(place) * (2.0 + parasitic * (1.0 - place))
+        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic=parasitic)))
+        assert found == pytest.approx(charge, rel=1e-9)
+    # Below half of C0 the block is stable in the whole gap, so that the stopper is the limit.
+    for parasitic in (0.0, 0.9):
+        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic=parasitic)))
+        assert found == pytest.approx(math.sqrt(0.9) * (2.0 + 0.1 * parasitic), rel=1e-12)
+
+
+def test_constant_charge_shifts_the_swing_without_softening():
+    # The force charge^2/(4 alpha) does not depend on the gap: a swing about it has the frequency
+    # of the spring alone, beyond a third of the gap.
+    device = FIRM.replace(c=0.0).adding(mi.ChargeDrive())
+    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=math.sqrt(4.0 * 0.42))
+    run = mi.simulate(device, dc, periods=2, initial=mi.State(x2=0.45), options=INTERPRETED)
+    samples = run.samples(20)
+    np.testing.assert_allclose(samples["x2"], 0.42 + 0.03 * np.cos(samples["t"]), atol=2e-9)
+    node = math.sqrt(4.0 * 0.42) * (1.0 - samples["x2"]) / 2.0
+    np.testing.assert_allclose(samples["node voltage"], node, rtol=1e-12)
+    # A source of constant charge has no current, hence no input.
+    energy = mi.energy(mi.simulate(device, dc, periods=1.3, initial=mi.State(x2=0.45),
+                                   options=INTERPRETED, window=(0.0, 1.3)))  # fmt: skip
+    assert energy.given == pytest.approx(0.0, abs=1e-11)
+    assert energy.imbalance == pytest.approx(0.0, abs=1e-11)
+
+
+def test_motion_with_impacts_is_that_of_scipy():
+    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(mi.ChargeDrive(parasitic=0.5))
+    drive = mi.Sine(amplitude=1.4, omega=0.6)
+    run = mi.simulate(
+        device, drive, periods=3, initial=mi.State(v2=0.75),
+        options=mi.Options(engine="interpreted", rtol=1e-11, atol=1e-13),
+    )  # fmt: skip
+    assert run.system.forcing_period == pytest.approx(math.pi / 0.6, rel=1e-15)
+
+    def node(t, x):
+        return 1.4 * math.cos(0.6 * t) / (2.0 / (1.0 - x) + 0.5)
+
+    def rates(t, y):
+        return [y[1], node(t, y[0]) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
+
+    def right(t, y):
+        return 0.5 - y[0]
+
+    def left(t, y):
+        return 0.5 + y[0]
+
+    for event in (right, left):
+        event.terminal, event.direction = True, -1
+    t, y, hits, end = 0.0, [0.0, 0.75], [], 3.0 * math.pi / 0.6
+    while t < end:
+        arc = solve_ivp(
+            rates,
+            (t, end),
+            y,
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+            max_step=0.05,
+            events=(right, left),
+        )
+        t, y = arc.t[-1], arc.y[:, -1]
+        if arc.status == 1:
+            hits.append(t)
+            y = [math.copysign(0.5, y[0]), -0.8 * y[1]]
+    assert len(hits) >= 2
+    np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=5e-8)
+    samples = run.samples(20)
+    expected = [node(*row) for row in zip(samples["t"], samples["x2"], strict=True)]
+    np.testing.assert_allclose(samples["node voltage"], expected, rtol=0, atol=1e-9)
+
+
+def test_charges_of_a_device_in_si():
+    device = MITA.adding(mi.ChargeDrive(parasitic="10 fF"))
+    drive = mi.Sine(amplitude="1.5 pC", omega=600.0)
+    assert drive.amplitude == 1.5e-12
+    system = device.under(drive)
+    assert system.unit("amplitude") == "C"
+    assert system.units["node voltage"] == "V"
+    run = mi.simulate(system, periods=1, options=INTERPRETED)
+    samples = run.samples(10)
+    own = 2.0 * MITA.alpha / (MITA.d - samples["x2"])
+    node = 1.5e-12 * np.cos(600.0 * samples["t"]) / (own + 1e-14)
+    np.testing.assert_allclose(samples["node voltage"], node, rtol=1e-9, atol=1e-9)
+    assert samples.attrs["units"]["node voltage"] == "V"
+    table = mi.sweep(device, drive, "amplitude", [1e-12], transient=0, periods=1,
+                     options=INTERPRETED)  # fmt: skip
+    assert table.attrs["units"]["amplitude"] == "C"
+
+
+def test_refusals_name_the_remedy():
+    device = ZHAO.adding(mi.ChargeDrive())
+    for refused in (mi.pull_in_voltage, mi.resting_voltage):
+        with pytest.raises(mi.InvalidParameter, match=r"sets a charge.*use pull_in_charge"):
+            refused(device)
+    with pytest.raises(mi.InvalidParameter, match="use pull_in_voltage, or add ChargeDrive"):
+        mi.pull_in_charge(ZHAO)
+    with pytest.raises(mi.InvalidParameter, match="both determine the source"):
+        device.adding(mi.SeriesResistance(resistance=1.0))
+    with pytest.raises(mi.InvalidParameter, match="SlewRate limits a voltage, and ChargeDrive"):
+        device.adding(mi.SlewRate(rate=1.0))
+    with pytest.raises(mi.InvalidParameter, match='with a unit of that kind, such as "70 V"'):
+        mi.Sine(amplitude="1 A", omega=1.0)
+
+
+def test_implausible_charges_and_voltages():
+    with pytest.warns(mi.UnitsWarning, match="amplitude = 30 C, outside the range.*30 pC"):
+        MITA.adding(mi.ChargeDrive()).under(mi.Sine(amplitude=30.0, omega=600.0))
+    with pytest.warns(mi.UnitsWarning, match="amplitude = 2e-12 V, outside the range"):
+        MITA.under(mi.Sine(amplitude="2 pC", omega=600.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MITA.adding(mi.ChargeDrive()).under(mi.Sine(amplitude="2 pC", omega=600.0))

@@ -1,0 +1,164 @@
+"""A source with a slew rate, against closed forms and SciPy's integration."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+from mems_impact.actuator.drives.slewed import SlewedDrive
+
+ZHAO = mi.load_actuator("zhao2004")
+INTERPRETED = mi.Options(engine="interpreted")
+
+
+def test_ramps_between_the_levels_of_a_square_wave():
+    output = SlewedDrive(wave=mi.Square(amplitude=1.0, omega=2.0 * math.pi, duty=0.6), rate=4.0)
+    assert output.switches == pytest.approx((0.25, 0.6, 0.85, 1.0), rel=1e-15)
+    times = [0.1, 0.25, 0.5, 0.7, 0.85, 0.9]
+    np.testing.assert_allclose(output.value(times), [0.4, 1, 1, 0.6, 0, 0], rtol=0, atol=1e-15)
+
+
+def test_follows_a_sine_up_to_its_rate():
+    # v' = -sin t exceeds 0.9 from asin 0.9 on; the ramp meets the sine after its steepest point.
+    assert SlewedDrive(wave=mi.Sine(amplitude=1.0, omega=1.0), rate=1.0).switches == ()
+    output = SlewedDrive(wave=mi.Sine(amplitude=1.0, omega=1.0), rate=0.9)
+    first, last = output.switches
+    assert first == pytest.approx(math.asin(0.9), rel=1e-8)
+    ramp = math.cos(first) - 0.9 * (last - first)
+    assert ramp == pytest.approx(math.cos(last), abs=1e-12)
+    # The output changes its sign after each forcing period, as the sine does.
+    times = np.linspace(0.0, math.pi, 50)
+    np.testing.assert_allclose(output.value(times + math.pi), -output.value(times), atol=1e-15)
+
+
+def test_a_slow_source_makes_a_triangle():
+    # The output crosses the sine where its ramps turn: at the height rate*period/4 of a triangle.
+    output = SlewedDrive(wave=mi.Sine(amplitude=1.0, omega=1.0), rate=0.5)
+    (turn,) = output.switches
+    assert turn == pytest.approx(math.acos(0.25 * math.pi), abs=1e-12)
+    assert output.value(turn) == pytest.approx(0.25 * math.pi, abs=1e-12)
+    # The sine with a bias has the output of the sine plus the bias.
+    biased = SlewedDrive(wave=mi.Sine(amplitude=1.0, omega=1.0, bias=0.3), rate=0.5)
+    times = np.linspace(0.0, 6.0, 40)
+    np.testing.assert_allclose(biased.value(times), output.value(times) + 0.3, atol=1e-11)
+
+
+def test_a_square_wave_that_is_never_reached():
+    # Between equally long ramps any offset is periodic; a source starts from 0.
+    output = SlewedDrive(wave=mi.Square(amplitude=1.0, omega=1.0), rate=0.1)
+    assert output.value(math.pi) == pytest.approx(0.1 * math.pi, abs=1e-12)
+    assert output.value(0.0) == 0.0
+
+
+def relaxed(drive, rate, steps):
+    """The output by steps of time from 0 over many periods, as a source computes it."""
+    times, dt = np.linspace(0.0, drive.period, steps, endpoint=False, retstep=True)
+    values, now, found = drive.value(times), 0.0, np.empty(steps)
+    for _ in range(60):
+        for i, value in enumerate(values):
+            now += min(max(value - now, -rate * dt), rate * dt)
+            found[i] = now
+    return times, found, dt
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        mi.Pulse(amplitude=0.35, period=12.0, width=3.8, rise=0.5, phase=2.0),
+        mi.Trapezoid(amplitude=0.3, omega=0.5, bias=0.1),
+        mi.Burst(wave=mi.Square(amplitude=0.3, omega=0.5, rise=1.0), on=2, off=1),
+        mi.Sampled(times=np.arange(8.0), voltages=[0.0, 0.1, 0.5, 0.4, 0.45, 0.2, -0.1, 0.0]),
+    ],
+)
+def test_agrees_with_small_steps(drive):
+    for rate in (0.03, 0.15, 0.4):
+        output = SlewedDrive(wave=drive, rate=rate)
+        times, expected, dt = relaxed(drive, rate, 800)
+        np.testing.assert_allclose(output.value(times), expected, rtol=0, atol=3.0 * rate * dt)
+        steps = np.diff(output.value(times)) / dt
+        assert np.abs(steps).max() <= rate * (1.0 + 1e-9)
+        assert output.switches == tuple(sorted(set(output.switches)))
+
+
+def test_motion_with_impacts_is_that_of_scipy():
+    firm = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3)
+    device = firm.adding(mi.SlewRate(rate=0.2))
+    drive = mi.Square(amplitude=0.5, omega=0.7)
+    run = mi.simulate(
+        device, drive, periods=3, initial=mi.State(v2=0.6),
+        options=mi.Options(engine="interpreted", rtol=1e-11, atol=1e-13),
+    )  # fmt: skip
+    half, ramp = drive.period / 2.0, 2.5
+
+    def volts(t):
+        u = t % drive.period
+        return min(0.2 * u, 0.5) if u < half else max(0.5 - 0.2 * (u - half), 0.0)
+
+    def rates(t, y):
+        return [y[1], volts(t) ** 2 / (1.0 - y[0]) ** 2 - y[0] - 0.04 * y[1]]
+
+    def right(t, y):
+        return 0.5 - y[0]
+
+    def left(t, y):
+        return 0.5 + y[0]
+
+    for event in (right, left):
+        event.terminal, event.direction = True, -1
+    corners = [k * drive.period + c for k in range(3) for c in (ramp, half, half + ramp)]
+    corners = [*corners, *(k * drive.period for k in (1, 2, 3))]
+    t, y, hits = 0.0, [0.0, 0.6], []
+    for corner in sorted(corners):
+        while t < corner:
+            arc = solve_ivp(
+                rates,
+                (t, corner),
+                y,
+                method="DOP853",
+                rtol=1e-11,
+                atol=1e-13,
+                max_step=0.1,
+                events=(right, left),
+            )
+            t, y = arc.t[-1], arc.y[:, -1]
+            if arc.status == 1:
+                hits.append(t)
+                y = [math.copysign(0.5, y[0]), -0.8 * y[1]]
+    assert len(hits) >= 3
+    np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=1e-8)
+    assert run.final.x2 == pytest.approx(y[0], abs=1e-8)
+    samples = run.samples(100)
+    np.testing.assert_allclose(
+        samples["node voltage"], [volts(t) for t in samples["t"]], rtol=0, atol=1e-12
+    )
+    assert (run.impacts["node voltage"] <= 0.5).all()
+
+
+def test_refuses_a_voltage_whose_sign_is_unknown():
+    def wave(t, q):
+        return 0.3 * math.cos(0.5 * t)
+
+    def rate(t, q):
+        return -0.15 * math.sin(0.5 * t)
+
+    drive = mi.Custom(function=wave, rate=rate, period=2.0 * math.pi, switches=(math.pi,))
+    with pytest.raises(mi.InvalidParameter, match="changes its sign from one forcing period"):
+        ZHAO.adding(mi.SlewRate(rate=0.1)).under(drive)
+
+
+def test_is_a_parameter_of_orbits():
+    drive = mi.Square(amplitude=0.25, omega=0.7, rise=0.3)
+    system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.3)).under(drive)
+    numbers = system.numbers({"slew_rate.rate": 0.4})
+    changed = system.changed(**{"slew_rate.rate": 0.4})
+    assert numbers.switches == changed.numbers().switches
+    assert numbers.parameters.tolist() == changed.numbers().parameters.tolist()
+    assert changed.automaton is system.automaton
+    orbit = mi.find_orbit(system, options=INTERPRETED, transient=40, periods=1)
+    branch = mi.continue_orbit(orbit, "slew_rate.rate", stop=0.28)
+    last = branch.orbits[-1]
+    there = mi.find_orbit(last.system, options=INTERPRETED, guess=last.state, periods=1)
+    assert last.system.value("slew_rate.rate") < 0.3
+    assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
