@@ -253,8 +253,8 @@ class Term(Checked, ABC):
     instead : str
         The rule of the paper that it replaces, if any: "stopper", "restitution", "friction",
         "source" (an ideal voltage),
-        "electrode" (the capacitance of a parallel plate; a field `sides`, if any, says of which
-        electrodes). An actuator has at most one term for each.
+        "electrode" (the capacitance of a parallel plate, on the sides of a field `sides`). An
+        actuator has at most one term for each.
     layer : int
         Terms modify an electrode in ascending order: 0 for terms in the gap, 1 for terms in series
         with it. The latter transmit a constant voltage.
