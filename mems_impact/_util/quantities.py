@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 
-__all__ = ["QuantityError", "has_unit", "magnitude"]
+__all__ = ["QuantityError", "has_unit", "magnitude", "percentage"]
 
 
 class QuantityError(ValueError):
@@ -51,6 +51,7 @@ BASE = {
 }
 OTHERS = {
     "%": Unit(1e-2),
+    "cm": Unit(1e-2, (0, 1, 0, 0, 0)),
     "deg": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
     "°": Unit(math.pi / 180.0, (0, 0, 0, 0, 1)),
     "rpm": Unit(2.0 * math.pi / 60.0, (0, 0, -1, 0, 1)),
@@ -117,6 +118,17 @@ def magnitude(value: Any, unit: str) -> float:
     if math.isclose(ratio, 10.0**power, rel_tol=1e-12):
         return float(number.scaleb(power))  # rounded once: 0.2 mg are 2e-7 kg to the last digit
     return float(number) * ratio
+
+
+def percentage(text: Any) -> float | None:
+    """Return a text such as "5 %" as a fraction >= 0; None for anything else."""
+    if not isinstance(text, str) or not text.rstrip().endswith("%"):
+        return None
+    try:
+        part = float(text.rstrip().removesuffix("%")) / 100.0
+    except ValueError:
+        return None
+    return part if math.isfinite(part) and part >= 0.0 else None
 
 
 def _expected(unit: str) -> str:

@@ -6,7 +6,7 @@ the value and the allowed range.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from difflib import get_close_matches
 from functools import reduce
 from inspect import Parameter, Signature
@@ -37,10 +37,14 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact._util.formatting import html_table
-from mems_impact._util.quantities import QuantityError, has_unit, magnitude
+from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
+from mems_impact.systems.quantities import quantity
 
-__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "quantity", "unknown"]
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
+
+TEXTS = "_texts"  # attribute that holds the values given with units
+ANGLES = ("", "rad")  # units of numbers that are the same in a dimensionless device
 
 _KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
 
@@ -105,6 +109,30 @@ class Checked(BaseModel, metaclass=_Kind):
         except OverflowError:
             problem = "its numbers are too large, or too small, to calculate with"
             raise InvalidParameter(type(self).__name__, None, "", problem=problem) from None
+        kind = type(self)
+        texts = {n: v for n, v in values.items() if has_unit(v) and kind.unit_of(n) not in ANGLES}
+        if texts:
+            self._note_texts(texts)
+
+    def _note_texts(self, texts: Mapping[str, Any]) -> None:
+        """Keep the values that were given with units, which dimensionless devices refuse."""
+        vars(self)[TEXTS] = dict(texts)  # no field, so that equality ignores it
+
+    def _with_texts(self, changed: Self, changes: Container[str]) -> Self:
+        """Return a changed copy with the texts of its unchanged values."""
+        texts = vars(self).get(TEXTS, {})
+        kept = {name: text for name, text in texts.items() if name not in changes}
+        if kept:
+            changed._note_texts({**kept, **vars(changed).get(TEXTS, {})})
+        return changed
+
+    def check_without_units(self) -> None:
+        """Raise InvalidParameter if a value was given with a unit, here or in a nested object."""
+        for name, value in vars(self).get(TEXTS, {}).items():
+            quantity(name, value, None, "device")
+        for name in type(self).model_fields:
+            if isinstance(inner := getattr(self, name), Checked):
+                inner.check_without_units()
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
@@ -172,7 +200,7 @@ class Checked(BaseModel, metaclass=_Kind):
         InvalidParameter
             If the changed set is not allowed, or a name is unknown.
         """
-        return type(self)(**{**dict(self), **changes})
+        return self._with_texts(type(self)(**{**dict(self), **changes}), changes)
 
     def replace_unchecked(self, /, **changes: Any) -> Self:
         """Return a copy with some parameters changed, without validation."""
@@ -189,14 +217,6 @@ def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, 
     call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
     example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
     return TypeError(f"{kind.__name__} takes its parameters by name: {example}")
-
-
-def quantity(name: str, value: Any, unit: str) -> float:
-    """Return the text with a unit that was given for `name` as a number in `unit`."""
-    try:
-        return magnitude(value, unit)
-    except QuantityError as error:
-        raise InvalidParameter(name, value, str(error)) from None
 
 
 def _is_numeric(field: FieldInfo) -> bool:

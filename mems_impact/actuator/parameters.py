@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from mems_impact._util.formatting import html_table, shown
 from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive, unknown
 from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
 from mems_impact.actuator.terms.base import Term
@@ -27,6 +28,7 @@ from mems_impact.actuator.units import (
     unscaled_fields,
 )
 from mems_impact.errors import InvalidParameter, UnitsWarning
+from mems_impact.systems.quantities import quantities
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.data_sheet import DataSheet
@@ -38,6 +40,8 @@ __all__ = [
     "PARAMETER_NAMES",
     "Actuator",
     "load_actuator",
+    "numbers_for",
+    "parameter_named",
     "preset_names",
 ]
 
@@ -139,6 +143,8 @@ class Actuator(Checked):
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
         for i, term in enumerate(self.terms):
+            if self.units == "dimensionless":
+                term.check_without_units()
             for other in self.terms[:i]:
                 both = f"{type(other).__name__} and {type(term).__name__}"
                 if term.name() == other.name():
@@ -217,7 +223,7 @@ class Actuator(Checked):
         ----------
         values : mapping of str to float
             New values by name, those of a term as ``tilt.angle``. A term that the device does not
-            have is added.
+            have is added. Parameters may have their names in data sheets (see `DataSheet`).
 
         Raises
         ------
@@ -236,7 +242,7 @@ class Actuator(Checked):
             if dot:
                 of_terms.setdefault(owner, {})[number] = value
             else:
-                own[name] = value
+                own[parameter_named(name)] = value
         device = self.replace(**own) if own else self
         terms = [term_with(name, self.term(name), given) for name, given in of_terms.items()]
         return device.adding(*terms) if terms else device
@@ -381,6 +387,27 @@ PARAMETER_NAMES: tuple[str, ...] = tuple(
 """The parameters' names, in the order of `Actuator.to_array`."""
 
 
+def parameter_named(name: str, field: str = "") -> str:
+    """Return the parameter that a data sheet calls so: k for "stiffness"; others unchanged.
+
+    Raises
+    ------
+    InvalidParameter
+        If the quantity is derived from several parameters.
+    """
+    entry = QUANTITIES.get(name)
+    if entry is None or name in PARAMETER_NAMES:
+        return name
+    if not entry.parameter:
+        names = ", ".join(f"{each.parameter} ({own})" for own, each in PARAMETERS_OF_DATA_SHEETS)
+        problem = f"a quantity derived from parameters; give one of {names}"
+        raise InvalidParameter(field or name, name if field else None, "", problem=problem)
+    return entry.parameter
+
+
+PARAMETERS_OF_DATA_SHEETS = [each for each in QUANTITIES.items() if each[1].parameter]
+
+
 class _DeviceFile(Checked):
     """Top-level content of a device file."""
 
@@ -410,6 +437,17 @@ class _DeviceFile(Checked):
         if "design" in content and content.setdefault("units", "SI") != "SI":
             raise InvalidParameter("units", content["units"], '"SI" with a table [design]')
         return content
+
+
+def numbers_for(actuator: Actuator, field: str, values: Any, unit: str) -> Any:
+    """Return arguments in the units of a device, with texts such as "70 V" as numbers.
+
+    Raises
+    ------
+    InvalidParameter
+        If a text has a unit of another kind, or the device is dimensionless.
+    """
+    return quantities(field, values, unit if actuator.units == "SI" else None, "device")
 
 
 def preset_names() -> tuple[str, ...]:

@@ -186,7 +186,10 @@ class ActuatorNumerics(HybridSystem):
 
     def changed(self, /, **values: float) -> Self:
         """Return the system at other, validated values of some parameters."""
-        drive_values, actuator_values, term_values = self._sorted(values)
+        for name in values:
+            self.check_parameter(name)
+        numbers = {name: self.without_unit(name, value) for name, value in values.items()}
+        drive_values, actuator_values, term_values = self._sorted(numbers)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
         if term_values:
             actuator_values["terms"] = self._terms(term_values)
@@ -400,6 +403,8 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
+        if actuator.units == "dimensionless":
+            drive.check_without_units()
         drive.check()
         self._put(actuator, drive, scales or actuator.scales)
         if self._signed or self.source is not drive:

@@ -324,6 +324,7 @@ def continue_orbit(
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
+    stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
     kinds = {
         *ORBIT_LABELS,
@@ -445,6 +446,7 @@ def switch_branch(
         raise InvalidParameter("special", special.kind, allowed)
     parameter, system = special.parameter, special.system
     low, high = special.bounds if bounds is None else bounds
+    low, high = (system.without_unit(parameter, each, "bounds") for each in (low, high))
     check_value(system, parameter, "bounds", low)
     check_value(system, parameter, "bounds", high)
     if not low < special.value < high:
@@ -630,6 +632,14 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
         **orbit.observables,
         "states": orbit.shown_states,
     }
+
+
+def _ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[Any, Any]:
+    """Return the two arguments of a continuation as numbers, if they are texts with units."""
+    system.check_parameter(parameter)
+    ends = {"stop": stop, "back": back}
+    stop, back = (system.without_unit(parameter, value, name) for name, value in ends.items())
+    return stop, back
 
 
 def check_bounds(
@@ -901,6 +911,7 @@ def continue_curve(
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
     if kind == UNEXPLAINED:
         raise InvalidParameter("special", kind, "a point of known kind")
+    stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
@@ -1151,6 +1162,7 @@ def continue_equilibrium(
     system = equilibrium.system
     if equilibrium.neutral:
         raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
+    stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
     kinds = {*EQUILIBRIUM_LABELS, *EQUILIBRIUM_LABELS.values()}
     tests = EquilibriumFunction.tests(events, equilibrium, parameter, kinds)

@@ -19,7 +19,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 
-__all__ = ["Equilibrium", "equilibrium_of", "find_equilibria"]
+__all__ = ["Equilibrium", "checked_box", "equilibrium_of", "find_equilibria"]
 
 SAME_STATE_RTOL = 1e-6  # relative difference below which two states are one equilibrium
 SEED = 1  # of the starting points of Newton's method between bounds
@@ -181,7 +181,8 @@ def find_equilibria(
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
     inner = system.problem(ORBIT_OPTIONS)
     start = system.hybrid_state(guess, inner, field="guess")
-    guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
+    box = checked_box(system, bounds or {})
+    guesses = [start.y, *_between(system, start.y, box, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
     family = system.family(ORBIT_OPTIONS)
@@ -195,7 +196,7 @@ def find_equilibria(
             except OrbitError as error:
                 failed = failed or error
                 continue
-            if not _inside(system, state.state, bounds or {}) and y is not start.y:
+            if not _inside(system, state.state, box) and y is not start.y:
                 continue
             # A contact that holds leaves the position open: the state has to be admissible in its
             # mode.
@@ -219,6 +220,23 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME_STATE_RTOL * size
 
 
+def checked_box(
+    system: HybridSystem, bounds: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return bounds of states as numbers; InvalidParameter if they are none."""
+    found = {}
+    for name, pair in bounds.items():
+        if name not in system.states:
+            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
+        field = f"bounds[{name!r}]"
+        ends = system.without_unit(name, pair, field)
+        two = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
+        if not two or not ends[0] < ends[1]:
+            raise InvalidParameter(field, pair, "a lower and a higher number")
+        found[name] = float(ends[0]), float(ends[1])
+    return found
+
+
 def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
     """Return whether a state lies within the bounds of the search."""
     values = dict(zip(system.states, y.tolist(), strict=True))
@@ -235,16 +253,8 @@ def _between(
         return []
     from scipy.stats import qmc
 
-    places, low, high = [], [], []
-    for name, range_ in bounds.items():
-        if name not in system.states:
-            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
-        pair = isinstance(range_, tuple | list) and len(range_) == 2
-        if not (pair and all(map(is_number, range_)) and range_[0] < range_[1]):
-            raise InvalidParameter(f"bounds[{name!r}]", range_, "a lower and a higher number")
-        places.append(system.states.index(name))
-        low.append(system.into(name, range_[0]))
-        high.append(system.into(name, range_[1]))
+    places = [system.states.index(name) for name in bounds]
+    low, high = ([system.into(name, ends[i]) for name, ends in bounds.items()] for i in (0, 1))
     sobol = qmc.Sobol(len(places), scramble=False, seed=SEED)
     # Sobol sequences need a power of two; the first point is a corner.
     drawn = sobol.random(1 << (samples - 1).bit_length())[:samples]

@@ -139,6 +139,8 @@ class EventFunction(ABC):
             return function
         where = f"events[{name!r}]"
         pair = isinstance(event, tuple | list) and len(event) == 2
+        if pair and isinstance(event[0], str):
+            event = event[0], solution.system.without_unit(*event, where)
         if not (pair and isinstance(event[0], str) and is_number(event[1])):
             allowed = 'a function of the orbit, or a column of the table and its value: ("v", 0.3)'
             raise InvalidParameter(where, event, allowed)

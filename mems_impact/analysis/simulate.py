@@ -226,6 +226,7 @@ def _length(
     period: float,
 ) -> float:
     """Return the length of a run in periods of the problem."""
+    duration = system.without_unit("time", duration, "duration")
     for field, value in (("periods", periods), ("duration", duration)):
         if value is not None and not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.options import (
+    QuantityType,
     actuator_from,
     device_options,
     orbit_integrator_options,
@@ -38,7 +39,11 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
     defaults=("0.88 of half the resonance", "1.02 of half the resonance"),
 )
 @click.option(
-    "--bias", type=float, default=0, show_default=True, help="Constant part of the voltage [V]."
+    "--bias",
+    type=QuantityType("V"),
+    default=0,
+    show_default=True,
+    help="Constant part of the voltage [V].",
 )
 @click.option(
     "--crises",

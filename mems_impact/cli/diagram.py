@@ -10,6 +10,7 @@ import click
 from mems_impact.cli.inputs import load_subject
 from mems_impact.cli.options import (
     Initial,
+    QuantityType,
     device_options,
     drive_options,
     initial_option,
@@ -31,8 +32,8 @@ SHOWN_SPECIAL_POINTS = 10
 @click.command(short_help="Compute a bifurcation diagram.")
 @device_options
 @click.argument("parameter")
-@click.argument("low", type=float)
-@click.argument("high", type=float)
+@click.argument("low", type=QuantityType())
+@click.argument("high", type=QuantityType())
 @drive_options
 @initial_option
 @click.option(

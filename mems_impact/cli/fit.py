@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from mems_impact._util.quantities import has_unit
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -35,12 +36,12 @@ TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
 @device_options
 @click.option(
     "--target", "targets", multiple=True, required=True, metavar=TARGET,
-    help="A measured value, such as 'displacement per blow=20e-9' [m], 'mean speed' [m/s], "
-    "'pull-in voltage' [V], 'resonance' [rad/s] (2 pi times that in Hz). May be repeated.",
+    help="A measured value, such as 'displacement per blow=20 nm+-5%', 'mean speed' [m/s], "
+    "'pull-in voltage' [V], 'resonance' [rad/s]; '1.2 kHz' is a resonance, too. May be repeated.",
 )  # fmt: skip
 @click.option(
     "--free", multiple=True, required=True, metavar="NAME",
-    help="A parameter of the device to fit. May be repeated.",
+    help="A parameter of the device to fit, such as k or stiffness. May be repeated.",
 )  # fmt: skip
 @ranges_option(
     "--bounds", "k=1:10", "Bounds of a fitted parameter.",
@@ -90,6 +91,7 @@ def command(
     if a residual exceeds three tolerances or the data do not determine a parameter.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.parameters import parameter_named
     from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
@@ -112,7 +114,8 @@ def command(
         show(filled(f"{found.verdict}: {found.note}") + "\n")
         show_table("parameters", found.parameters, 6)
         show_table("residuals", found.residuals, 6)
-        fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
+        names = map(parameter_named, free)
+        fitted = {**changes, **{name: getattr(found.actuator, name) for name in names}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {settings}\n")
         files.show()
@@ -127,8 +130,14 @@ def _target(text: str) -> mi.Target:
     what, _, under = text.partition(" at ")
     quantity, _, number = (part.strip() for part in what.partition("="))
     middle, _, scatter = number.partition("+-")
+    value: Any
+    tolerance: Any
     try:
-        value, tolerance = float(middle), float(scatter) if scatter else None
+        value, tolerance = (
+            each if has_unit(each) else float(each) if each else None for each in (middle, scatter)
+        )
+        if value is None:
+            raise ValueError
     except ValueError:
         raise click.UsageError(f"--target {text!r} must be {TARGET}") from None
     if quantity not in OF_RUN:

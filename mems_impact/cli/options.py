@@ -13,6 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mems_impact._util.quantities import QuantityError, has_unit, magnitude
+from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import Output
 from mems_impact.cli.runtime import quiet
@@ -45,11 +46,16 @@ def apply_decorators(*decorators: Decorator) -> Decorator:
     return decorate
 
 
-def assignment(text: str) -> tuple[str, float]:
+def assignment(text: str) -> tuple[str, Any]:
     """Return name and number of a text such as e=0.7."""
     name, _, number = (part.strip() for part in text.partition("="))
+    unit = parameter_unit(name)
     try:
-        value = number_of(number, parameter_unit(name))
+        value = number_of(number, unit)
+    except QuantityError as error:
+        if unit or not name:
+            raise click.BadParameter(f"{text!r}: {name} must be {error}") from None
+        return name, number  # a parameter of a system, whose unit is known later
     except ValueError:
         name = ""
     if not name:
@@ -79,6 +85,8 @@ def parameter_unit(name: str) -> str:
     owner, dot, own = name.partition(".")
     if dot and owner in term_names():
         return term_type(owner).units.get(own, "")
+    if name in QUANTITIES:
+        return QUANTITIES[name].unit
     states = {"x1": "m", "x2": "m", "v1": "m/s", "v2": "m/s", "time": "s"}
     units = {**states, **PARAMETER_UNITS, **NUMBER_UNITS}
     return units.get(own if dot else name, "")
@@ -147,8 +155,8 @@ changes_option = click.option(
     multiple=True,
     metavar="NAME=NUMBER",
     callback=_assignments,
-    help="Set a parameter of the device, such as e=0.7, or of a term, such as tilt.angle=0.1; "
-    "the term is added if the device lacks it. May be repeated.",
+    help="Set a parameter of the device, such as e=0.7 or k='11 N/m', or of a term, such as "
+    "tilt.angle=0.1; the term is added if the device lacks it. May be repeated.",
 )
 
 device_options = apply_decorators(device_argument(), changes_option)
@@ -709,7 +717,7 @@ def _of_file(
 
 # --- Bounds of parameters and quantities
 
-Pairs = dict[str, tuple[float | None, float | None]]
+Pairs = dict[str, tuple[float | str | None, float | str | None]]
 
 
 def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
@@ -723,7 +731,9 @@ def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
         Whether one bound may be omitted.
     """
 
-    def number(text: str) -> float | None:
+    def number(text: str) -> float | str | None:
+        if has_unit(text):
+            return text  # the unit of the parameter is known later
         return None if half_open and not text else float(text)
 
     def read(_ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]) -> Pairs:

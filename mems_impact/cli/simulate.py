@@ -10,6 +10,7 @@ import click
 from mems_impact.cli.inputs import load_subject
 from mems_impact.cli.options import (
     Initial,
+    QuantityType,
     device_options,
     drive_options,
     initial_option,
@@ -44,7 +45,7 @@ FIRST_ROWS = 6
 @periods_option("Forcing periods to simulate.", 300, float)
 @click.option(
     "--duration",
-    type=float,
+    type=QuantityType(),
     help="Time to simulate [s], instead of --periods, for an autonomous system.",
 )
 @initial_option

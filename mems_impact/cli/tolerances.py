@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from mems_impact._util.quantities import has_unit
 from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
     device_options,
@@ -32,12 +33,14 @@ def _distributions(
     found: dict[str, list[Any] | str] = {}
     for text in texts:
         name, _, words = text.partition("=")
-        if name.strip() and words.rstrip().endswith("%"):
+        kind, *numbers = (part.strip() for part in words.split(":"))
+        width = numbers[-1] if numbers else kind
+        if name.strip() and len(numbers) <= 1 and has_unit(width):
             found[name.strip()] = words
             continue
-        kind, *numbers = words.split(":")
         try:
-            found[name.strip()] = [kind.strip(), *map(float, numbers)]
+            amounts = [each if has_unit(each) else float(each) for each in numbers]
+            found[name.strip()] = [kind, *amounts]
         except ValueError:
             found = {}
         if not (found.get(name.strip()) and name.strip() and kind and numbers):
@@ -55,9 +58,9 @@ def _distributions(
     metavar="NAME=DISTRIBUTION",
     callback=_distributions,
     help="A parameter and its distribution, by its name in scipy.stats and the arguments: "
-    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. Relative to the device's value: d=5% is normal with "
-    "a standard deviation of 5 %, d=uniform:5% is uniform within plus or minus 5 %. May be "
-    "repeated.",
+    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. About the device's value: d=5% or d='0.1 um' is "
+    "normal with this standard deviation, d=uniform:5% is uniform within plus or minus 5 %. May "
+    "be repeated.",
 )
 @ranges_option(
     "--specification",

@@ -473,7 +473,7 @@ def continue_attractors(
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system = basins.system
     system.check_parameter(parameter)
-    over = axis("values", (parameter, values), (parameter,))
+    over = axis("values", (parameter, values), (parameter,), system)
     names = tuple(basins.attractors[ATTRACTOR])
     if not names:
         raise InvalidParameter("basins", None, "", problem="holds no attractor: all points failed")

@@ -444,14 +444,14 @@ def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, A
             problem = "give a grid (x=…, y=…) or a box to sample, not both"
             raise InvalidParameter("box", None, "", problem=problem)
         count = check_sample(*sample)
-        return Sample(box_of(box, system.states), count, sample[1], int(sample[2]))
+        return Sample(box_of(box, system), count, sample[1], int(sample[2]))
     if x is None and y is None:
         problem = f'give a grid, x=("{system.states[0]}", values), or a box to sample'
         raise InvalidParameter("x", None, "", problem=problem)
-    first = axis("x" if x is not None else "y", x if x is not None else y, system.states)
+    first = axis("x" if x is not None else "y", x if x is not None else y, system.states, system)
     if x is None or y is None:
         return Grid(first)
-    second = axis("y", y, system.states)
+    second = axis("y", y, system.states, system)
     if second.name == first.name:
         raise InvalidParameter("y", second.name, "another component than x")
     return Grid(first, second)

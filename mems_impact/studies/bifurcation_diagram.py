@@ -34,7 +34,7 @@ from mems_impact.analysis.branch import (
     joined_branch,
     switch_branch,
 )
-from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
+from mems_impact.analysis.equilibrium import Equilibrium, checked_box, find_equilibria
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit, orbit_of
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special_points import EquilibriumPoint, SpecialPoint
@@ -59,7 +59,7 @@ from mems_impact.studies.sweep import SweepStudy
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.state import State, is_number, state_from, whole
+from mems_impact.systems.state import State, state_from, whole
 from mems_impact.systems.statistics import (
     CHAOTIC,
     FAILED,
@@ -954,6 +954,8 @@ def bifurcation_diagram(
     0: period 1, amplitude 0.16 to 0.24, G 0.227178, CF 0.176515
     """
     system.check_continued(parameter)
+    low = system.without_unit(parameter, low, "low")
+    high = system.without_unit(parameter, high, "high")
     for name, value in (("low", low), ("high", high)):
         check_value(system, parameter, name, value)
     if not low < high:
@@ -962,7 +964,7 @@ def bifurcation_diagram(
     values, longest = whole("values", values, 2), whole("longest", longest, 1)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    _check_box(system, bounds or {})
+    bounds = checked_box(system, bounds or {})
     chosen = ORBIT_OPTIONS if options is None else options
     runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
     first = [system.start_of("up"), system.start_of("down")]
@@ -976,7 +978,7 @@ def bifurcation_diagram(
         parameter,
         np.linspace(low, high, values).tolist(),
         starts,
-        bounds or {},
+        bounds,
         first,
         replace(recurrence, longest=min(recurrence.longest, longest)),
         runs,
@@ -995,15 +997,6 @@ def bifurcation_diagram(
             diagram = builder.diagram()
             raise DiagramInterrupted(diagram, len(diagram.branches)) from None
     return builder.diagram()
-
-
-def _check_box(system: HybridSystem, bounds: Mapping[str, tuple[float, float]]) -> None:
-    for name, pair in bounds.items():
-        if name not in system.states:
-            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
-        two = isinstance(pair, tuple | list) and len(pair) == 2 and all(map(is_number, pair))
-        if not two or not pair[0] < pair[1]:
-            raise InvalidParameter(f"bounds[{name!r}]", pair, "a lower and a higher number")
 
 
 def _check_resumed(

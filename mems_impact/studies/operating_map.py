@@ -242,7 +242,7 @@ def operating_map(
     (2, 4)
     """
     names = tuple(system.parameters)
-    across, up = axis("x", x, names), axis("y", y, names)
+    across, up = axis("x", x, names, system), axis("y", y, names, system)
     check_apart(across, up, system)
     start = initial
     if start is not None and not isinstance(start, State):

@@ -27,6 +27,7 @@ from mems_impact.studies.sensitivity import (
 from mems_impact.studies.trust_region import CONSTRAINT_TOLERANCE, Iterate, LocalModel, search
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
+from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number, whole
 from mems_impact.tables import unit_of
@@ -104,7 +105,11 @@ def limits_of(
         given[CLOSEST_APPROACH] = (0.0, None)
     found = []
     for name, pair in {**given, **subject_to}.items():
-        low, high = _checked_pair(name, pair)
+        unit = known[name].unit if name in known else ""
+        field = f"subject_to {name}"
+        low, high = _checked_pair(
+            name, quantities(field, pair, unit if orbit.system.units else None)
+        )
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
         if size == 0.0 and name in known:
             size = abs(known[name](orbit))
@@ -505,7 +510,9 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
     for name, pair in over.items():
         system.check_continued(name)
         try:
-            low, high = pair
+            low, high = system.without_unit(name, pair, f"over {name}")
+        except InvalidParameter:
+            raise
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
         here = system.value(name)

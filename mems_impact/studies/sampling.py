@@ -16,16 +16,19 @@ from numpy.typing import ArrayLike
 from scipy.stats import binomtest, qmc
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import has_unit, percentage
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number, whole
 
 __all__ = [
+    "DISTRIBUTIONS_ALLOWED",
     "FIRST",
     "SECOND",
     "Axis",
     "Grid",
     "InitialConditions",
+    "Interval",
     "Making",
     "ParameterSample",
     "Sample",
@@ -34,6 +37,7 @@ __all__ = [
     "box_of",
     "check_sample",
     "deviations",
+    "distribution_named",
     "distributions",
     "draw",
     "matrices",
@@ -51,8 +55,21 @@ class Axis(NamedTuple):
     values: tuple[float, ...]
 
 
-def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Axis:
-    """Return an axis from a pair of name and values.
+class Interval(NamedTuple):
+    """Evenly spaced values, whose ends may be texts with units."""
+
+    start: float | str
+    stop: float | str
+    points: int
+
+
+def axis(
+    field: str,
+    given: tuple[str, ArrayLike | Interval],
+    names: tuple[str, ...],
+    system: HybridSystem,
+) -> Axis:
+    """Return an axis from a pair of name and values, which may be texts with units.
 
     Raises
     ------
@@ -62,11 +79,19 @@ def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Ax
     allowed = 'a name and its values: ("amplitude", [0.2, 0.21])'
     try:
         name, values = given
-        numbers = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError):
         raise InvalidParameter(field, given, allowed) from None
     if not isinstance(name, str) or name not in names:
         raise InvalidParameter(field, name, f"one of {', '.join(names)}")
+    if isinstance(values, Interval):
+        low, high = (float(system.without_unit(name, end, field)) for end in values[:2])
+        values = np.linspace(low, high, values.points)
+    try:
+        numbers = np.atleast_1d(np.asarray(system.without_unit(name, values, field), dtype=float))
+    except InvalidParameter:
+        raise
+    except (TypeError, ValueError):
+        raise InvalidParameter(field, given, allowed) from None
     fine = numbers.ndim == 1 and numbers.size > 0 and bool(np.isfinite(numbers).all())
     if not fine or len(np.unique(numbers)) != numbers.size:
         raise InvalidParameter(field, values, "one or more finite numbers that differ")
@@ -142,19 +167,11 @@ def wilson(count: int, points: int) -> tuple[float, float]:
 
 # --- Tolerances of parameters
 
-RELATIVE = '"5%", or "uniform: 5%" to either side'
+SPREAD = '"5%" or "0.1 um", or "uniform: 5%" to either side'
 DISTRIBUTIONS = ("norm", "uniform")
-
-
-def relative_part(text: Any) -> float | None:
-    """Return a text such as "5%" as a fraction; None for anything else."""
-    if not isinstance(text, str) or not text.rstrip().endswith("%"):
-        return None
-    try:
-        part = float(text.rstrip().removesuffix("%")) / 100.0
-    except ValueError:
-        return None
-    return part if math.isfinite(part) and part >= 0.0 else None
+DISTRIBUTIONS_ALLOWED = (
+    'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02], d = "5%"}'
+)
 
 
 def deviations(
@@ -169,32 +186,63 @@ def deviations(
     for name, given in tolerances.items():
         if name not in names:
             raise InvalidParameter("tolerances", name, f"of one of {', '.join(names)}")
-        part = relative_part(given)
-        value = given if part is None else part * _size("tolerance of", name, system)
+        part, field = percentage(given), f"tolerance of {name}"
+        if part is None:
+            value = system.without_unit(name, given, field)
+        else:
+            value = part * _size("tolerance of", name, system)
         if not (is_number(value) and float(value) >= 0.0):
             allowed = 'a finite number >= 0, or a part of the value such as "5%"'
-            raise InvalidParameter(f"tolerance of {name}", given, allowed)
+            raise InvalidParameter(field, given, allowed)
         found[name] = float(value)
     return found
 
 
-def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
+def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
     """Return a frozen distribution about the system's own value of a parameter.
 
-    "5%" is a normal distribution with this standard deviation, "uniform: 5%" a uniform one with
-    this half width.
+    "5%" or "0.1 um" is a normal distribution with this standard deviation, "uniform: 5%" a uniform
+    one with this half width.
     """
     from scipy import stats
 
-    kind, _, width = text.rpartition(":")
-    part, kind = relative_part(width), kind.strip() or DISTRIBUTIONS[0]
-    if part is None or kind not in DISTRIBUTIONS or not part > 0.0:
-        raise InvalidParameter(f"over.{name}", text, f"a distribution, or {RELATIVE}")
     system.check_parameter(name, "over")
-    value, spread = system.value(name), part * _size("over", name, system)
+    field, (kind, _, width) = f"over.{name}", _parted(text)
+    part, kind = percentage(width), kind.strip() or DISTRIBUTIONS[0]
+    if part is not None:
+        spread = part * _size("over", name, system)
+    else:
+        spread = system.without_unit(name, width, field) if has_unit(width) else math.nan
+    if kind not in DISTRIBUTIONS or not spread > 0.0:
+        raise InvalidParameter(field, text, f"a distribution, or {SPREAD}")
+    value = system.value(name)
     if kind == "uniform":
         return stats.uniform(value - spread, 2.0 * spread)
     return stats.norm(value, spread)
+
+
+def _parted(text: Any) -> tuple[str, str, Any]:
+    """Return kind and width of a distribution in words."""
+    if not isinstance(text, str):
+        return "", "", text
+    kind, colon, width = text.rpartition(":")
+    return kind, colon, width.strip()
+
+
+def distribution_named(field: str, words: Sequence[Any], convert: Callable[[Any], Any]) -> Any:
+    """Return the frozen distribution of scipy.stats in a list: its name, then its arguments.
+
+    `convert` converts arguments with units.
+    """
+    from scipy import stats
+
+    kind, *given = words
+    numbers = [convert(each) for each in given]
+    made: Any = getattr(stats, kind, None) if isinstance(kind, str) else None
+    known = isinstance(made, stats.rv_continuous | stats.rv_discrete)
+    if not known or not all(map(is_number, numbers)):
+        raise InvalidParameter(field, words, DISTRIBUTIONS_ALLOWED)
+    return made(*numbers)
 
 
 def _size(field: str, name: str, system: HybridSystem) -> float:
@@ -246,15 +294,25 @@ def distributions(over: Any, system: HybridSystem) -> dict[str, Any]:
     allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02), "d": "5%"}'
     if not isinstance(over, Mapping) or not over:
         raise InvalidParameter("over", over, allowed)
-    found = {
-        name: relative_distribution(name, given, system) if isinstance(given, str) else given
-        for name, given in over.items()
-    }
+    found = {name: _distribution(name, given, system) for name, given in over.items()}
     for name, given in found.items():
         if not (callable(getattr(given, "ppf", None)) and hasattr(given, "dist")):
             frozen = 'a frozen distribution of scipy.stats, such as norm(0.62, 0.02), or "5%"'
             raise InvalidParameter(f"over.{name}", given, frozen)
     return found
+
+
+def _distribution(name: str, given: Any, system: HybridSystem) -> Any:
+    """Return the distribution in words, if it is one; anything else unchanged."""
+    if isinstance(given, str) or has_unit(given):
+        return distribution_about(name, given, system)
+    if isinstance(given, list | tuple) and given:
+        system.check_parameter(name, "over")
+        field = f"over.{name}"
+        return distribution_named(
+            field, given, lambda number: system.without_unit(name, number, field)
+        )
+    return given
 
 
 def draw(
@@ -451,9 +509,10 @@ class Sample:
 
 
 def box_of(
-    given: Mapping[str, tuple[float, float]], names: tuple[str, ...]
+    given: Mapping[str, tuple[float, float]], system: HybridSystem
 ) -> tuple[tuple[str, float, float], ...]:
-    """Return the bounds of a box; InvalidParameter unless it has bounds for some of `names`."""
+    """Return the bounds of a box; InvalidParameter unless it has bounds for some states."""
+    names = system.states
     allowed = f'ends of some components, {{"{names[0]}": (low, high)}}'
     if not isinstance(given, Mapping) or not given:
         raise InvalidParameter("box", given, allowed)
@@ -462,8 +521,10 @@ def box_of(
         if name not in names:
             raise InvalidParameter("box", name, f"of components among {', '.join(names)}")
         try:
-            low, high = ends
-        except (TypeError, ValueError):
+            low, high = system.without_unit(name, ends, f"box.{name}")
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InvalidParameter):
+                raise
             raise InvalidParameter(f"box.{name}", ends, "two numbers, low and high") from None
         if not (is_number(low) and is_number(high) and low < high):
             raise InvalidParameter(f"box.{name}", ends, "two finite numbers, the lower one first")

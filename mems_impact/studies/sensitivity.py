@@ -573,7 +573,8 @@ class Sensitivity(Result):
         Parameters
         ----------
         tolerances : mapping of str to float
-            Standard deviations of parameters, in their units, or relative: ``"5%"``.
+            Standard deviations of parameters, in their units, such as ``"0.1 um"``, or
+            relative: ``"5%"``.
 
         Returns
         -------

@@ -331,8 +331,8 @@ def sweep(
     parameter : str
         One of the system's: of an actuator, a number of the drive (``"amplitude"``, ``"omega"``, …)
         or of the device.
-    values : array_like of float
-        Values of the parameter, in any order.
+    values : array_like of float or str
+        Values of the parameter, in any order; texts may have units (``"70 V"``).
     direction : {"up", "down", "both"}, optional
         Ascending, descending, or one chain of each.
     transient, periods : int, optional
@@ -401,9 +401,13 @@ def sweep(
     if direction not in CHAINS:
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
     check_direction("section", section)
+    if not system.forced:
+        transient = system.without_unit("time", transient, "transient")
+        duration = system.without_unit("time", duration, "duration")
     settling, length = _spans(system, transient, periods, duration)
     system.check_parameter(parameter)
-    ascending = np.sort(_numbers(values)).tolist()
+    numbers = _numbers(system.without_unit(parameter, values, "values"))
+    ascending = np.sort(numbers).tolist()
     ends = {"up": ascending[0], "down": ascending[-1]}
     study = SweepStudy(
         system=system,

@@ -345,7 +345,8 @@ def tolerance_analysis(
         Frozen distributions of ``scipy.stats`` by the names of parameters, in the units of the
         system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other. ``"5%"`` is
         the normal distribution about the system's own value with a standard deviation of 5 % of it,
-        ``"uniform: 5%"`` the uniform distribution within plus or minus 5 %.
+        ``"uniform: 5%"`` the uniform distribution within plus or minus 5 %. Both may have a unit in
+        place of the per cent: ``"0.1 um"``.
     parameters : callable, optional
         Function that computes parameters by name from the sampled quantities by name, for
         correlated parameters. `over` may then have any names, such as a line width on which
@@ -443,7 +444,7 @@ def tolerance_analysis(
         measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
         initial=start,
     )
-    wanted = _specification(specification or {}, study.schema)
+    wanted = _specification(specification or {}, study.schema, system)
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
     found = ToleranceAnalysis(system=system, drawn=draws.names, specification=wanted, table=table)
     if not indices:
@@ -458,7 +459,7 @@ def tolerance_analysis(
 
 
 def _specification(
-    given: Specification, schema: Mapping[str, str]
+    given: Specification, schema: Mapping[str, str], system: HybridSystem
 ) -> dict[str, tuple[float, float]]:
     """Return the specification without None; InvalidParameter unless it has columns and bounds."""
     known = [name for name, kind in schema.items() if kind in ("float", "int")]
@@ -470,7 +471,9 @@ def _specification(
             raise InvalidParameter("specification", name, f"of columns among {', '.join(known)}")
         field, allowed = f"specification.{name}", "two numbers, low and high, or None for either"
         try:
-            low, high = ends
+            low, high = system.without_unit(name, ends, field)
+        except InvalidParameter:
+            raise
         except (TypeError, ValueError):
             raise InvalidParameter(field, ends, allowed) from None
         low, high = -math.inf if low is None else low, math.inf if high is None else high

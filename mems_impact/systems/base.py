@@ -32,6 +32,7 @@ from mems_impact.systems.observables import (
     Observable,
     Quantity,
 )
+from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result, deep_equal
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
@@ -245,6 +246,26 @@ class HybridSystem(Result, ABC):
     def forced(self) -> bool:
         """Whether the system has a forcing period."""
         return self.forcing_period is not None
+
+    def without_unit(self, name: str, values: Any, field: str = "") -> Any:
+        """Return values of a parameter, a state or the time, with texts as numbers in its unit.
+
+        Parameters
+        ----------
+        name : str
+        values : object
+            One value or several; texts with units ("70 V") and quantities of pint are converted,
+            other values are returned unchanged.
+        field : str, optional
+            Name of the argument in errors; `name` by default.
+
+        Raises
+        ------
+        InvalidParameter
+            If a text has a unit of another kind, or the system is dimensionless.
+        """
+        units = self.units
+        return quantities(field or name, values, unit_of(name, units) if units else None)
 
     def check_parameter(self, name: str, field: str = "parameter") -> None:
         """Raise InvalidParameter unless `name` is a parameter."""
@@ -464,7 +485,8 @@ class HybridSystem(Result, ABC):
 
         Parameters
         ----------
-        **values : float
+        **values : float or str
+            Numbers, or texts with units where the system has units.
 
         Raises
         ------
@@ -473,7 +495,7 @@ class HybridSystem(Result, ABC):
         """
         for name in values:
             self.check_parameter(name)
-        other = self.shifted(values)
+        other = self.shifted({name: self.without_unit(name, v) for name, v in values.items()})
         other._checked_numbers  # noqa: B018 - raises if they are not allowed
         return other
 

@@ -12,7 +12,7 @@ from mems_impact.actuator import results
 from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
@@ -206,6 +206,7 @@ def frequency_response(
     for name in (parameter, "amplitude"):
         system.check_parameter(name)
     given = system.value("amplitude") if amplitudes is None else amplitudes
+    given = system.without_unit("amplitude", given, "amplitudes")
     values = np.atleast_1d(np.asarray(given, dtype=float))
     parts = []
     for amplitude in values.tolist():
@@ -531,6 +532,8 @@ def period_one_window(
     from mems_impact.analysis.orbit import find_orbit
 
     amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
+    low = numbers_for(actuator, "low", low, "V")
+    high = numbers_for(actuator, "high", high, "V")
     if not low < amplitude < high:
         raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
     start = kicked_state(actuator) if guess is None else guess

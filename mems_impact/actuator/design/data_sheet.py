@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import brentq
 
 from mems_impact._util.formatting import html_table
-from mems_impact._util.quantities import has_unit
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.quantities import QUANTITIES
-from mems_impact.actuator.parameter_base import quantity, unknown
+from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
+from mems_impact.systems.quantities import quantity
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _numbers(given: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _number(name: str, value: Any, unit: str) -> float:
-    number = quantity(name, value, unit) if has_unit(value) else value
+    number = quantity(name, value, unit)
     if not is_number(number) or number < 0.0:
         raise InvalidParameter(name, value, f"a finite number >= 0 [{unit}]".replace(" []", ""))
     return float(number)

@@ -21,7 +21,7 @@ from mems_impact.actuator import results
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X2
 from mems_impact.actuator.automaton_with_terms import Model, compose
 from mems_impact.actuator.impact_statistics import frame_steps
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
@@ -421,6 +421,8 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     >>> f"{mi.step_length(actuator, 0.4):.3e}"
     '2.337e-03'
     """
+    speed = numbers_for(actuator, "speed", speed, "m/s")
+    voltage = numbers_for(actuator, "voltage", voltage, "V")
     if actuator.terms:
         return _step_with_terms(actuator, speed, voltage)
     p = actuator.to_array()

@@ -12,16 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import has_unit, percentage
 from mems_impact.actuator import results
 from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
+from mems_impact.actuator.parameters import (
+    PARAMETER_NAMES,
+    Actuator,
+    numbers_for,
+    parameter_named,
+)
 from mems_impact.actuator.plausibility import check_plausible_target
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.overloads import simulate
+from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import State, is_number
 
@@ -82,13 +89,14 @@ class Target:
         blow, as in experiments), "displacement per impact" and "impacts per period" (every bounce
         is an impact), "displacement per period", "mean speed"; for the device alone: "pull-in
         voltage", "resting voltage", "resonance" (of the block in a fixed frame, [rad/s]).
-    value : float
-        Measured value in the units of the actuator; rates are per forcing period.
+    value : float or str
+        Measured value in the units of the actuator, or a text with a unit such as ``"20 nm"``;
+        rates are per forcing period.
     drive : Drive, optional
         The drive of the measurement; required for the first six quantities.
-    tolerance : float, optional
-        Standard error of the value, > 0, which determines the weight of this target. 1 % of the
-        value by default.
+    tolerance : float or str, optional
+        Standard error of the value, > 0, which determines the weight of this target: a number, a
+        text such as ``"1 nm"``, or relative to the value, ``"5%"``. 1 % of the value by default.
 
     See Also
     --------
@@ -111,6 +119,7 @@ class Target:
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
             raise InvalidParameter("quantity", self.quantity, f"one of {', '.join(QUANTITIES)}")
+        self._convert_texts()
         if not is_number(self.value):
             raise InvalidParameter("value", self.value, "a finite number")
         if (self.quantity in OF_RUN) != isinstance(self.drive, Drive):
@@ -120,6 +129,30 @@ class Target:
             raise InvalidParameter("tolerance", self.tolerance, "a finite number > 0")
         if self.tolerance is None and self.value == 0.0:
             raise InvalidParameter("tolerance", None, "given if the value is 0")
+
+    def _convert_texts(self) -> None:
+        """Convert texts with units; keep the first of them, which a dimensionless device refuses.
+
+        A tolerance in per cent is relative to the value.
+        """
+        for name in ("value", "tolerance"):
+            given = getattr(self, name)
+            if not has_unit(given):
+                continue
+            part = percentage(given) if name == "tolerance" else None
+            if part is not None and is_number(self.value):
+                number = part * abs(self.value)
+            else:
+                number = quantity(name, given, self.unit)
+                vars(self).setdefault("_text", (name, given) if self.unit else None)
+            object.__setattr__(self, name, number)
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise InvalidParameter if a number has a unit and the device is dimensionless."""
+        text = vars(self).get("_text")
+        if text is not None and actuator.units != "SI":
+            name, value = text
+            quantity(name, value, None, "device")
 
     @property
     def unit(self) -> str:
@@ -257,9 +290,11 @@ def fit(
         Start of the search; parameters that are not free keep their values.
     targets : sequence of Target
     free : sequence of str
-        Names of the parameters to fit, whose values are above 0.
+        Names of the parameters to fit, whose values are above 0: ``"k"``, or ``"stiffness"`` as in
+        a data sheet.
     bounds : mapping of str to tuple of float, optional
-        Lower and upper bound by name; a tenth and ten times the value by default.
+        Lower and upper bound by name, which may be texts with units; a tenth and ten times the
+        value by default.
     transient, periods : int, optional
         Forcing periods of transient and of measurement in each run. The defaults suit a drive much
         slower than the resonance.
@@ -302,11 +337,13 @@ def fit(
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
     for target in targets:
+        target.check_on(actuator)
         check_plausible_target(actuator, target.quantity, target.value, target.unit)
-    for name, given in (bounds or {}).items():
+    bounds = {parameter_named(name): given for name, given in (bounds or {}).items()}
+    for name, given in bounds.items():
         if name not in free:
             raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")
-    limits = np.array([_limits(actuator, name, bounds or {}) for name in free])
+    limits = np.array([_limits(actuator, name, bounds) for name in free])
     drives = dict.fromkeys(target.drive for target in targets if target.drive is not None)
     begin = np.array([getattr(actuator, name) for name in free])
     start = np.full(len(free), ORIGIN)
@@ -402,6 +439,7 @@ def fit(
 
 def _checked_free(actuator: Actuator, free: Sequence[str]) -> list[str]:
     names = [free] if isinstance(free, str) else list(free)
+    names = [parameter_named(name, "free") if isinstance(name, str) else name for name in names]
     for name in names:
         if name not in PARAMETER_NAMES:
             raise InvalidParameter("free", name, f"one of {', '.join(PARAMETER_NAMES)}")
@@ -420,9 +458,11 @@ def _limits(
         name,
         (value / UNBOUNDED_FACTOR, min(value * UNBOUNDED_FACTOR, UPPER_BOUNDS.get(name, math.inf))),
     )
+    field, unit = f"bounds of {name}", Actuator.unit_of(name)
+    low, high = (numbers_for(actuator, field, each, unit) for each in (low, high))
     if not 0.0 < low < high or not low <= value <= high:
         allowed = f"(low, high) with 0 < low <= {value:g} <= high"
-        raise InvalidParameter(f"bounds of {name}", (low, high), allowed)
+        raise InvalidParameter(field, (low, high), allowed)
     return low, high
 
 

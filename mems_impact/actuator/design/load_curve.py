@@ -13,7 +13,7 @@ from mems_impact.actuator.automaton import BREAK_AWAY, V1, X1, direction_of
 from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.design.energy import accounted_problem
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.frame_load import FrameLoad
@@ -122,8 +122,8 @@ def load_curve(
     actuator : Actuator
         The device; its own `FrameLoad` is ignored.
     drive : Drive
-    loads : array_like of float
-        Forces [N] to the left, against motion to the right.
+    loads : array_like of float or str
+        Forces [N] to the left, against motion to the right; texts may have units (``"3 uN"``).
     transient, periods : int, optional
         Forcing periods of transient and of measurement in each run.
     initial : State, optional
@@ -157,7 +157,11 @@ def load_curve(
     """
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
-    values = np.sort(np.atleast_1d(np.asarray(loads, dtype=float)))
+    given = numbers_for(actuator, "loads", loads, "N")
+    try:
+        values = np.sort(np.atleast_1d(np.asarray(given, dtype=float)))
+    except (TypeError, ValueError):
+        values = np.array([])
     if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
         raise InvalidParameter("loads", loads, "one or more finite numbers")
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)

@@ -19,14 +19,12 @@ import numpy as np
 
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
-from mems_impact._util.quantities import has_unit
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.parameter_base import quantity
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked_state
 from mems_impact.actuator.terms.base import Term
@@ -975,7 +973,7 @@ def operating_chart(
             raise _uncharted(term, "every grazing occurs twice in a period of the voltage")
     if not {AMPLITUDE, name} <= set(system.parameters):
         raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
-    low, high = _range(name, frequency or omega or (None, None), _band(system))
+    low, high = _range(name, frequency or omega or (None, None), system)
     system.changed(**{name: low})
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
@@ -1008,17 +1006,16 @@ def _band(system: ActuatorSystem) -> tuple[float, float]:
 
 
 def _range(
-    name: str, given: tuple[float | None, float | None], band: tuple[float, float]
+    name: str, given: tuple[float | None, float | None], system: ActuatorSystem
 ) -> tuple[float, float]:
     allowed = "(lowest, highest) with 0 < lowest < highest"
     try:
         given_low, given_high = given
     except (TypeError, ValueError):
         raise InvalidParameter(name, given, allowed) from None
-    unit = "Hz" if name == "frequency" else "rad/s"
     low, high = (
-        usual if end is None else quantity(name, end, unit) if has_unit(end) else end
-        for end, usual in zip((given_low, given_high), band, strict=True)
+        usual if end is None else system.without_unit(name, end)
+        for end, usual in zip((given_low, given_high), _band(system), strict=True)
     )
     if not (is_number(low) and is_number(high) and 0.0 < low < high):
         raise InvalidParameter(name, (low, high), allowed)

@@ -12,6 +12,7 @@ from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
+from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 
@@ -113,6 +114,10 @@ def life(
     >>> f"{mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows:.2e}"
     '4.05e+09'
     """
+    si = isinstance(motion, ActuatorRun | ActuatorOrbit) and motion.system.scales.named
+    area = quantity("area", area, "m^2" if si else None, "device")
+    depth = quantity("depth", depth, "m" if si else None, "device")
+    wear = quantity("wear", wear, "m^2/N" if si else None, "device")  # m^3/(N m)
     for field, value in (("wear", wear), ("area", area), ("depth", depth)):
         if not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import model_validator
 
-from mems_impact._util.quantities import has_unit
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.actuator.parameter_base import Checked, quantity
+from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
+from mems_impact.systems.quantities import quantity
 from mems_impact.systems.state import is_number
 
 __all__ = ["Drive", "Waveform"]
@@ -143,8 +143,7 @@ class Drive(Checked, ABC):
         frequency = values.get("frequency")
         if frequency is None:
             return values
-        if has_unit(frequency):
-            frequency = quantity("frequency", frequency, "Hz")
+        frequency = quantity("frequency", frequency, "Hz")
         if not is_number(frequency) or frequency <= 0.0:
             raise InvalidParameter("frequency", frequency, "a finite number > 0")
         omega = 2.0 * math.pi * frequency
@@ -184,7 +183,9 @@ class Drive(Checked, ABC):
         InvalidParameter
             If the changed set is not allowed, or a name is unknown.
         """
-        return type(self)(**self._replaced(changes))
+        both = {"omega", "frequency"}  # one quantity
+        changed = {*changes, *(both if both & changes.keys() else ())}
+        return self._with_texts(type(self)(**self._replaced(changes)), changed)
 
     __replace__ = replace
 

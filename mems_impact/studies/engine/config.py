@@ -20,11 +20,14 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import has_unit
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.executors import cores
 from mems_impact.studies.optimize import Optimum, ParetoFront, optimize, pareto_front
+from mems_impact.studies.sampling import DISTRIBUTIONS_ALLOWED, Interval, distribution_named
 from mems_impact.studies.sensitivity import Sensitivity, sensitivity
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Quantity
@@ -194,9 +197,13 @@ def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[st
     return given
 
 
-def range_axis(name: str, start: float, stop: float, points: int) -> tuple[str, Any]:
-    """Return an axis of evenly spaced values, ends included."""
-    return name, np.linspace(start, stop, points)
+def range_axis(
+    name: str, start: float | str, stop: float | str, points: int
+) -> tuple[str, Floats | Interval]:
+    """Return an axis of evenly spaced values, ends included; ends may have units."""
+    if is_number(start) and is_number(stop):
+        return name, np.linspace(float(start), float(stop), points)
+    return name, Interval(start, stop, points)
 
 
 def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | None:
@@ -220,7 +227,7 @@ def _axis(name: str, value: Any) -> tuple[str, Any]:
     match value:
         case [str(parameter), list(values)]:
             return parameter, values
-        case [str(parameter), start, stop, points] if is_number(start) and is_number(stop):
+        case [str(parameter), start, stop, points] if _is_amount(start) and _is_amount(stop):
             if isinstance(points, int) and points > 0:
                 return range_axis(parameter, start, stop, points)
     raise InvalidParameter(name, value, _AXIS)
@@ -228,25 +235,20 @@ def _axis(name: str, value: Any) -> tuple[str, Any]:
 
 def distributions(name: str, value: Any) -> dict[str, Any]:
     """Return distributions, each written as its name in scipy.stats and its arguments."""
-    from scipy import stats
-
-    allowed = 'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02], d = "5%"}'
     if not isinstance(value, dict):
-        raise InvalidParameter(name, value, allowed)
-    found = {}
-    for parameter, words in value.items():
-        if isinstance(words, str):  # relative to the parameter's own value
-            found[parameter] = words
-            continue
-        match words:
-            case [str(kind), *numbers] if all(map(is_number, numbers)):
-                made = getattr(stats, kind, None)
-            case _:
-                made = None
-        if not isinstance(made, stats.rv_continuous | stats.rv_discrete):
-            raise InvalidParameter(f"{name}.{parameter}", words, allowed)
-        found[parameter] = made(*numbers)
-    return found
+        raise InvalidParameter(name, value, DISTRIBUTIONS_ALLOWED)
+    return {
+        parameter: _distribution(f"{name}.{parameter}", words) for parameter, words in value.items()
+    }
+
+
+def _distribution(field: str, words: Any) -> Any:
+    """Return a distribution; words with units, or relative to a parameter's value, unchanged."""
+    if isinstance(words, str) or (isinstance(words, list) and any(map(has_unit, words))):
+        return words
+    if not (isinstance(words, list) and words):
+        raise InvalidParameter(field, words, DISTRIBUTIONS_ALLOWED)
+    return distribution_named(field, words, lambda number: number)
 
 
 def _state(name: str, value: Any) -> State:
@@ -286,15 +288,27 @@ def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None
         raise InvalidParameter(name, value, allowed)
     found = {}
     for word, pair in value.items():
-        if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_real, pair))):
+        two = isinstance(pair, list) and len(pair) == 2
+        if not (two and all(_is_real(end) or has_unit(end) for end in pair)):
             raise InvalidParameter(f"{name}.{word}", pair, allowed)
-        low, high = (float(end) if math.isfinite(end) else None for end in pair)
+        low, high = (_bound(end) for end in pair)
         found[word] = low, high
     return found
 
 
+def _bound(end: Any) -> Any:
+    """Return a bound, None if it is infinite; a text with a unit unchanged."""
+    if has_unit(end):
+        return end
+    return float(end) if math.isfinite(end) else None
+
+
 def _is_real(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def _is_amount(value: Any) -> bool:
+    return is_number(value) or has_unit(value)
 
 
 _Reader = Callable[[str, Any], Any]
