@@ -28,6 +28,12 @@ from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked_state
 from mems_impact.actuator.terms.base import Term
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    InitialCondition,
+    RecurrenceOptions,
+    map_attractors,
+)
 from mems_impact.analysis.branch import continue_orbit, curve_of
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
@@ -175,7 +181,23 @@ class OperatingChart(Result):
 
 RAMP = 21  # number of amplitudes from the start of the search to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
-SIMULATION = Options()
+
+
+def settled(
+    system: ActuatorSystem, start: State, periods: int, options: Options, watch: Watch | None
+) -> tuple[bool, State]:
+    """Return whether a motion has impacts in the end, and its last state.
+
+    The end is its orbit if it becomes periodic, else the last quarter of `periods`.
+    """
+    recurrence = RecurrenceOptions(
+        transient=0.75 * periods, periods=0.25 * periods, exponents="none", chaos_persistence=1.0
+    )
+    case = InitialCondition(system, start)
+    (found,) = map_attractors([case], recurrence, options, watch)
+    if found.final is None:
+        raise OrbitError(f"the motion cannot be computed: {found.status}", "take another range")
+    return found.measures["impacts per period"] > 0.0, found.final
 
 
 def locate_crisis(
@@ -188,7 +210,7 @@ def locate_crisis(
     start: State | None = None,
     tolerance: float = 1e-6,
     periods: int = 2000,
-    options: Options = SIMULATION,
+    options: Options = STUDY_OPTIONS,
     watch: Watch | None = None,
 ) -> float:
     """Locate by simulation the amplitude at which an attractor with impacts ceases to exist.
@@ -230,17 +252,14 @@ def locate_crisis(
     OrbitError
         If there is no such attractor at `below`, or it is still there `width` lower.
     """
-    progress = watch or False
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
         """Return states of the attractor at `amplitude`; none if all `starts` leave it."""
         here = drive.replace(amplitude=amplitude)
         for start in starts:
-            run = simulate(actuator, here, periods, initial=start, keep="statistics",
-                           window=(0.75 * periods, periods), options=options,
-                           progress=progress)  # fmt: skip
-            if run.statistics["impacts"] > 0.0:
-                states = [run.final]
+            strikes, final = settled(actuator.under(here), start, periods, options, watch)
+            if strikes:
+                states = [final]
                 for _ in range(TRIALS - 1):
                     more = simulate(actuator, here, 7, initial=states[-1], options=options)
                     states.append(more.final)
@@ -317,18 +336,10 @@ def onset(
     OrbitError
         If it does not strike up to `most`.
     """
-
-    def settled(amplitude: float, start: State) -> tuple[bool, State]:
-        run = simulate(
-            system.changed(amplitude=amplitude), TRANSIENT_PERIODS, initial=start,
-            keep="statistics",
-            window=(0.75 * TRANSIENT_PERIODS, TRANSIENT_PERIODS), progress=watch or False,
-        )  # fmt: skip
-        return bool(run.statistics["impacts"] > 0.0), run.final
-
     low, state, step, struck = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first, None
     while struck is None or step > THRESHOLD_RTOL * low:
-        strikes, there = settled(low + step, state)
+        higher = system.changed(amplitude=low + step)
+        strikes, there = settled(higher, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
         if strikes:
             struck, step = (low + step, there), 0.5 * step
             continue
