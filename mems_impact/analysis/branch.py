@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
@@ -55,8 +55,15 @@ from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import homoclinic_value, leading
 from mems_impact.continuation.orbit_branch import OrbitBranch, follow
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import BRANCH_POINT, ORBIT_LABELS, UNEXPLAINED
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    MEETING,
+    ORBIT_LABELS,
+    UNEXPLAINED,
+    kind_of,
+)
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
@@ -259,6 +266,7 @@ def continue_orbit(
     steps: StepControl = BRANCH_STEPS,
     through_grazing: bool = True,
     events: Events | None = None,
+    stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
     """Continue a periodic orbit, stable or unstable, in one parameter.
@@ -286,6 +294,8 @@ def continue_orbit(
         Further special points by name: the zeros of a function of the `Orbit`, or a column of the
         branch's table with its value there, such as ``("impact speed", 0.3)``. The name is their
         kind and label. A function returns NaN where it is undefined; a jump is no zero.
+    stop_at : str or collection of str, optional
+        Labels or kinds of special points, events included, at the first of which the branch ends.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
@@ -318,20 +328,17 @@ def continue_orbit(
     [('CF', 0.1765154), ('G', 0.2271776)]
     >>> branch.ended
     'amplitude reached its bound'
-    >>> weak = mi.continue_orbit(orbit, "amplitude", 0.23, events={"weak": ("impact speed", 0.15)})
-    >>> [special.label for special in weak.special_points]
-    ['weak']
+    >>> events = {"weak": ("impact speed", 0.15)}
+    >>> weak = mi.continue_orbit(orbit, "amplitude", 0.23, events=events, stop_at="weak")
+    >>> [special.label for special in weak.special_points], weak.ended
+    (['weak'], 'the branch stops at weak')
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
-    kinds = {
-        *ORBIT_LABELS,
-        *ORBIT_LABELS.values(),
-        *(each.name for each in system.automaton.guards),
-    }
-    tests = OrbitFunction.tests(events, orbit, parameter, kinds)
+    tests = _orbit_tests(events, orbit, parameter)
+    stops = _orbit_stops(stop_at, system, tests)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
     # The parameter at the start of the branch, to the last digit of the numerics.
@@ -348,9 +355,38 @@ def continue_orbit(
             steps=steps,
             reconnecting=through_grazing,
             functions=tests,
+            stop_at=stops,
             progress=report,
         )
     return _branch(system, found, bounds)
+
+
+def _orbit_tests(events: Events | None, orbit: Orbit, parameter: str) -> tuple[FunctionTest, ...]:
+    guards = (each.name for each in orbit.system.automaton.guards)
+    kinds = {*ORBIT_LABELS, *ORBIT_LABELS.values(), *guards}
+    return OrbitFunction.tests(events, orbit, parameter, kinds)
+
+
+def _orbit_stops(
+    stop_at: str | Collection[str], system: HybridSystem, tests: Sequence[FunctionTest]
+) -> frozenset[str]:
+    guards = [kind_of(each) for each in system.automaton.guards if each.name != PLACEHOLDER_GUARD]
+    return _stops(stop_at, ORBIT_LABELS, [MEETING, *guards, *(test.kind for test in tests)])
+
+
+def _stops(
+    stop_at: str | Collection[str], labels: Mapping[str, str], others: Sequence[str]
+) -> frozenset[str]:
+    """Return kinds of special points by their kinds or labels; InvalidParameter if none is so."""
+    kinds = {kind: kind for kind in [*labels, *others]}
+    kinds |= {label: kind for kind, label in labels.items()}
+    if not isinstance(stop_at, str | Collection):
+        raise InvalidParameter("stop_at", stop_at, "labels of special points")
+    names = [stop_at] if isinstance(stop_at, str) else list(stop_at)
+    for name in names:
+        if name not in kinds:
+            raise InvalidParameter("stop_at", name, f"one of {', '.join(sorted(kinds))}")
+    return frozenset(kinds[name] for name in names)
 
 
 @overload
@@ -360,6 +396,8 @@ def switch_branch(
     bounds: tuple[float, float] | None = None,
     steps: StepControl | None = None,
     through_grazing: bool = True,
+    events: Events | None = None,
+    stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
 ) -> Branch: ...
 
@@ -371,6 +409,8 @@ def switch_branch(
     bounds: tuple[float, float] | None = None,
     steps: StepControl | None = None,
     through_grazing: bool = True,
+    events: Events | None = None,
+    stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
 ) -> Branch | EquilibriumBranch: ...
 
@@ -381,6 +421,8 @@ def switch_branch(
     bounds: tuple[float, float] | None = None,
     steps: StepControl | None = None,
     through_grazing: bool = True,
+    events: Events | None = None,
+    stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
 ) -> Branch | EquilibriumBranch:
     """Switch to the branch that emanates from a period doubling, Hopf point or branch point.
@@ -400,6 +442,9 @@ def switch_branch(
         side.
     through_grazing, progress
         As for `continue_orbit`.
+    events, stop_at
+        As for `continue_orbit`, or `continue_equilibrium`. A branch through a branch point ends at
+        its first such point on each side.
 
     Returns
     -------
@@ -459,10 +504,13 @@ def switch_branch(
         else:
             orbit, side = switch_at_period_doubling(special.found.orbit, parameter)
     elif isinstance(special, EquilibriumPoint):
-        return _crossing_equilibria(special, (low, high), steps or EQUILIBRIUM_STEPS, progress)
+        own = steps or EQUILIBRIUM_STEPS
+        return _crossing_equilibria(special, (low, high), own, events, stop_at, progress)
     else:
         found = special.found
         orbit, first = switch_at_branch_point(found.orbit, found.direction, parameter)
+    tests = _orbit_tests(events, orbit_of(system, orbit), parameter)
+    stops = _orbit_stops(stop_at, system, tests)
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
@@ -476,6 +524,8 @@ def switch_branch(
                 direction=side,
                 steps=steps,
                 reconnecting=through_grazing,
+                functions=tests,
+                stop_at=stops,
                 progress=report,
             )
             return _branch(system, found, (low, high))
@@ -490,11 +540,15 @@ def _crossing_equilibria(
     special: EquilibriumPoint,
     bounds: tuple[float, float],
     steps: StepControl,
+    events: Events | None,
+    stop_at: str | Collection[str],
     progress: bool | Callable[[float], None],
 ) -> EquilibriumBranch:
     """Return the branch of equilibria that crosses at a branch point."""
     parameter, system, found = special.parameter, special.system, special.found
     equilibrium, first = switch_equilibrium(found.equilibrium, found.direction, parameter)
+    tests = _equilibrium_tests(events, equilibrium_of(system, equilibrium), parameter)
+    stops = _equilibrium_stops(stop_at, tests)
     with parameter_progress(
         progress, system.label(parameter), "equilibria", partial(system.out, parameter)
     ) as report:
@@ -507,6 +561,8 @@ def _crossing_equilibria(
                 high=system.into(parameter, bounds[1]),
                 direction=side,
                 steps=steps,
+                functions=tests,
+                stop_at=stops,
                 progress=report,
             )
             return _equilibrium_branch(system, found, bounds)
@@ -1106,6 +1162,7 @@ def continue_equilibrium(
     back: float | None = None,
     steps: StepControl = EQUILIBRIUM_STEPS,
     events: Events | None = None,
+    stop_at: str | Collection[str] = (),
     progress: bool | Callable[[float], None] = False,
 ) -> EquilibriumBranch:
     """Continue an equilibrium, stable or unstable, in one parameter.
@@ -1127,6 +1184,8 @@ def continue_equilibrium(
         Step lengths, and the largest number of steps.
     events : mapping of str to callable or (str, float), optional
         Further special points, as for `continue_orbit`; functions of the `Equilibrium`.
+    stop_at : str or collection of str, optional
+        Labels or kinds of special points, events included, at the first of which the branch ends.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
@@ -1164,8 +1223,8 @@ def continue_equilibrium(
         raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)
-    kinds = {*EQUILIBRIUM_LABELS, *EQUILIBRIUM_LABELS.values()}
-    tests = EquilibriumFunction.tests(events, equilibrium, parameter, kinds)
+    tests = _equilibrium_tests(events, equilibrium, parameter)
+    stops = _equilibrium_stops(stop_at, tests)
     low, high = (system.into(parameter, bound) for bound in bounds)
     begin = equilibrium.found.family.values[parameter]
     with parameter_progress(
@@ -1179,9 +1238,23 @@ def continue_equilibrium(
             direction=math.copysign(1.0, stop - system.value(parameter)),
             steps=steps,
             functions=tests,
+            stop_at=stops,
             progress=report,
         )
     return _equilibrium_branch(system, found, bounds)
+
+
+def _equilibrium_tests(
+    events: Events | None, equilibrium: Equilibrium, parameter: str
+) -> tuple[FunctionTest, ...]:
+    kinds = {*EQUILIBRIUM_LABELS, *EQUILIBRIUM_LABELS.values()}
+    return EquilibriumFunction.tests(events, equilibrium, parameter, kinds)
+
+
+def _equilibrium_stops(
+    stop_at: str | Collection[str], tests: Sequence[FunctionTest]
+) -> frozenset[str]:
+    return _stops(stop_at, EQUILIBRIUM_LABELS, [test.kind for test in tests])
 
 
 def _equilibrium_branch(

@@ -54,6 +54,12 @@ if TYPE_CHECKING:
     help="At a grazing, continue with one impact more or less, or continue past it with "
     "inadmissible orbits.",
 )
+@click.option(
+    "--stop-at",
+    multiple=True,
+    metavar="LABEL",
+    help="End the branch at its first special point with this label, such as G; repeatable.",
+)
 @click.option("--doubled", is_flag=True, help="Also continue the period-doubled orbits.")
 @orbit_integrator_options
 @progress_option
@@ -70,6 +76,7 @@ def command(
     transient: float,
     periods: int | None,
     through_grazing: bool,
+    stop_at: tuple[str, ...],
     doubled: bool,
     options: Options,
     progress: bool,
@@ -99,7 +106,13 @@ def command(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options
         )
         branch = mi.continue_orbit(
-            orbit, parameter, stop, back=back, through_grazing=through_grazing, progress=progress
+            orbit,
+            parameter,
+            stop,
+            back=back,
+            through_grazing=through_grazing,
+            stop_at=stop_at,
+            progress=progress,
         )
         files.tables(_tables(branch))
         branches = [branch]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -382,8 +382,17 @@ def budget_message(
 
 # --- The predictor-corrector loop
 
+
+class SpecialRecord(Protocol):
+    """Record of a special point."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the point."""
+
+
 R = TypeVar("R")  # record of a point
-E = TypeVar("E")  # record of a special point
+E = TypeVar("E", bound=SpecialRecord)
 Corrector = Callable[[Floats, Floats, Floats], Solution[P]]
 
 
@@ -488,6 +497,9 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Append the special points of a step to the result."""
         self.branch.special_points += located.events
 
+    def record_event(self, event: E) -> None:
+        """Append a special point, at which the continuation ends, to the points of the result."""
+
     def pass_loss(self, located: LocatedEvents[P, E], length: float) -> Restart[P] | str:
         """Return the start beyond a loss, or the reason for the end there."""
         return located.reason
@@ -525,6 +537,8 @@ class Continuation(Generic[P, R, E]):
     low, high : float
         Bounds of the last parameter.
     steps : StepControl
+    stop_at : collection of str
+        Kinds of special points at which the continuation ends.
     """
 
     def __init__(
@@ -536,8 +550,10 @@ class Continuation(Generic[P, R, E]):
         low: float,
         high: float,
         steps: StepControl,
+        stop_at: Collection[str] = (),
     ) -> None:
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
+        self._stop_at = stop_at
         self._held = ""  # reason of the last step reduction
         self._restart(Restart(point, along, steps.initial))
 
@@ -590,13 +606,27 @@ class Continuation(Generic[P, R, E]):
                 problem.stalled()
                 problem.branch.ended = problem.no_step(point, error)
             return
+        stop = self._first_stop(located.events)
+        if stop is not None:
+            until = next(i for i, each in enumerate(located.events, 1) if each is stop)
+            loss = stop if stop is located.loss else None
+            located = replace(located, events=located.events[:until], loss=loss)
+        known = {id(event) for event in problem.branch.special_points}
         problem.accept(located)
         if located.loss is not None:
             onward = problem.pass_loss(located, self._length)
+            # The loss is named, or found to be none, by the orbits beyond it.
+            named = [each for each in problem.branch.special_points if id(each) not in known]
+            stop = self._first_stop(named)
             if isinstance(onward, str):
                 problem.branch.ended = onward
+            elif stop is not None:
+                problem.branch.ended = self._stopped(stop)
             else:
                 self._restart(onward)
+        elif stop is not None:
+            problem.record_event(stop)
+            problem.branch.ended = self._stopped(stop)
         elif last is not None:
             problem.record(*last)
             problem.branch.ended = f"{problem.parameters[-1]} reached its bound"
@@ -609,6 +639,15 @@ class Continuation(Generic[P, R, E]):
             if not problem.branch.ended:
                 self._rebase()
                 self._adapt(iterations)
+
+    def _first_stop(self, events: Sequence[E]) -> E | None:
+        """Return the first special point at which the continuation ends."""
+        if not self._stop_at:
+            return None
+        return next((each for each in events if each.kind in self._stop_at), None)
+
+    def _stopped(self, stop: E) -> str:
+        return f"the {self.problem.noun} stops at {stop.kind}"
 
     def _at_bound(self, step: PredictorStep[P], beyond: P) -> tuple[P, Floats]:
         """Return the point and its tangent at the bound that a step to `beyond` crosses."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -125,6 +125,7 @@ def follow_equilibrium(
     direction: float,
     steps: StepControl,
     functions: Sequence[FunctionTest] = (),
+    stop_at: Collection[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Equilibria:
     """Continue an equilibrium in one parameter up to a bound, an end or the budget of points.
@@ -141,6 +142,8 @@ def follow_equilibrium(
         Sign of the first step in the parameter.
     steps : StepControl
     functions : sequence of FunctionTest, optional
+    stop_at : collection of str, optional
+        Kinds of special points at which the branch ends.
     progress : callable, optional
         Called with every value of the parameter.
 
@@ -159,7 +162,10 @@ def follow_equilibrium(
         problem = _EquilibriumBranchProblem(
             branch, equations, first, along, low, high, steps, functions
         )
-        for found in Continuation(problem, first, along, low=low, high=high, steps=steps):
+        points = Continuation(
+            problem, first, along, low=low, high=high, steps=steps, stop_at=stop_at
+        )
+        for found in points:
             if progress is not None:
                 progress(found.family.value(parameter))
     except CONTINUATION_ERRORS as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -241,6 +241,7 @@ def follow(
     steps: StepControl | None = None,
     reconnecting: bool = True,
     functions: Sequence[FunctionTest] = (),
+    stop_at: Collection[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> OrbitBranch:
     """Continue `orbit` in `parameter` up to a bound, an end or the budget of points.
@@ -260,6 +261,8 @@ def follow(
         branch keeps its signature, and its orbits become inadmissible.
     functions : sequence of FunctionTest, optional
         Functions of the user whose zeros are located.
+    stop_at : collection of str, optional
+        Kinds of special points at which the branch ends.
     progress : callable, optional
         Called with every value of the parameter.
 
@@ -271,7 +274,7 @@ def follow(
     branch = OrbitBranch(parameter)
     points = points_of(
         branch, orbit, low=low, high=high, direction=direction, steps=steps,
-        reconnecting=reconnecting, functions=functions,
+        reconnecting=reconnecting, functions=functions, stop_at=stop_at,
     )  # fmt: skip
     for found in points:
         if progress is not None:
@@ -289,6 +292,7 @@ def points_of(
     steps: StepControl | None = None,
     reconnecting: bool = True,
     functions: Sequence[FunctionTest] = (),
+    stop_at: Collection[str] = (),
 ) -> Iterator[BranchPoint]:
     """Continue `orbit` as `follow` does, one point per iteration of the caller.
 
@@ -312,7 +316,9 @@ def points_of(
     try:
         problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)
         problem.begin(point, along)
-        yield from Continuation(problem, point, along, low=low, high=high, steps=steps)
+        yield from Continuation(
+            problem, point, along, low=low, high=high, steps=steps, stop_at=stop_at
+        )
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, orbit.family)
 
@@ -357,6 +363,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         orbit = make_orbit(self.shooting, point)
         self.branch.points.append(BranchPoint(orbit, float(point.values[0]), along, self.piece))
 
+    def record_event(self, event: BranchEvent) -> None:
+        """Append a special point, at which the branch ends, to its points."""
+        self.branch.points.append(
+            BranchPoint(event.orbit, event.value, event.direction, self.piece)
+        )
+
     def accept(self, located: LocatedEvents[ShootingEvaluation, BranchEvent]) -> None:
         """Append the special points of a step to the branch."""
         assert self.bifurcations is not None
@@ -386,9 +398,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             passing = guard == NONE
             lost = self._named(lost, guard)
         if not passing and not lost.orbit.defects:
-            self.branch.points.append(
-                BranchPoint(lost.orbit, lost.value, lost.direction, self.piece)
-            )
+            self.record_event(lost)
         if joined is None:
             return f"{lost.kind}: {reason}"
         self.shooting, point, along = joined

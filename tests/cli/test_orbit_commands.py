@@ -30,6 +30,12 @@ def test_continue(cli, tmp_path):
     assert (tmp_path / "out" / "continue.png").exists()
 
 
+def test_a_branch_that_stops_at_a_special_point(cli, tmp_path):
+    done = cli(*CONTINUE, "--stop-at", "NS", "--stop-at", "CF", "--no-figure")
+    assert "branch stops at fold" in done.out
+    assert list(pd.read_csv(tmp_path / "out" / "continue-points.csv")["label"]) == ["CF"]
+
+
 def test_a_grazing_whose_type_cannot_be_told_is_shown_with_the_reason(cli):
     device = ["continue", "zhao2004", "--set", "mu_d=1e-6", "--omega", "0.5", "--past-grazing"]
     done = cli(*device, "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24")
@@ -59,6 +65,7 @@ def test_chart(cli, tmp_path):
         ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "omit the option"]),
         ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
         ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
+        ([*CONTINUE, "--stop-at", "T"], ["stop_at = 'T'", "CF"]),
         (["continue", "zhao2004", "--parameter", "bias", "--start", "0", "--stop", "0.1",
           "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
         ([*CHART, "--start", "0.6"], ["omega", "lowest"]),

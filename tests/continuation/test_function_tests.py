@@ -8,6 +8,7 @@ import pytest
 
 import mems_impact as mi
 
+LONG = mi.StepControl(initial=0.05, largest=0.2)
 PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
 
 
@@ -113,6 +114,43 @@ def test_what_is_no_event_is_refused(fixed_point, events, error, message):
         mi.continue_orbit(fixed_point, "r", 2.1, events=events)
 
 
+def test_a_branch_stops_at_the_first_of_some_points(fixed_point):
+    events = {"low": ("x", 0.55), "high": ("x", 0.6)}
+    branch = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events=events, stop_at="high")
+    assert branch.ended == "the branch stops at high"
+    assert [special.label for special in branch.special_points] == ["low", "high"]
+    assert branch.table["r"].iloc[-1] == pytest.approx(2.5, abs=1e-10)
+    assert branch.orbits[-1] is branch.special_points[-1].orbit
+    labels = ("NS", "period-doubling")
+    doubled = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, stop_at=labels)
+    assert doubled.ended == "the branch stops at period-doubling"
+    assert doubled.table["r"].iloc[-1] == pytest.approx(3.0, abs=1e-10)
+    allowed = "'high': must be one of .*PD.*, low, .*period-doubling"
+    with pytest.raises(mi.InvalidParameter, match=allowed):
+        mi.continue_orbit(fixed_point, "r", 3.2, events={"low": ("x", 0.55)}, stop_at=["high"])
+    with pytest.raises(mi.InvalidParameter, match="stop_at = 1: must be labels of special points"):
+        mi.continue_orbit(fixed_point, "r", 3.2, stop_at=1)
+
+
+def test_events_of_a_branch_of_twice_the_period(fixed_point):
+    """Its larger x is 0.7 where 0.84 r^2 - 1.2 r - 4 = 0."""
+    branch = mi.continue_orbit(fixed_point, "r", 3.1, steps=LONG, stop_at="PD")
+    events = {"x = 0.7": ("x", 0.7)}
+    twice = mi.switch_branch(
+        branch.special_points[0],
+        bounds=(2.9, 3.5),
+        steps=LONG,
+        events=events,
+        stop_at="x = 0.7",
+    )
+    assert twice.ended == "the branch stops at x = 0.7"
+    assert twice.special_points[-1].value == pytest.approx(
+        (1.2 + math.sqrt(14.88)) / 1.68, abs=1e-9
+    )
+    with pytest.raises(mi.InvalidParameter, match="'PD': is another kind of special point"):
+        mi.switch_branch(branch.special_points[0], bounds=(2.9, 3.5), events={"PD": ("x", 1.0)})
+
+
 def test_a_function_that_raises_later_ends_the_branch(fixed_point):
     branch = mi.continue_orbit(fixed_point, "r", 3.2, events={"late": fails})
     assert "event 'late' raises KeyError: 'v before'" in branch.ended
@@ -145,6 +183,8 @@ def test_impact_speed_of_a_ball_on_a_table():
     found = {special.label: special.value for special in branch.special_points}
     assert found["strong"] == pytest.approx(2.0 * math.pi / (1.5 * 1.8), abs=1e-9)
     assert found["least"] == pytest.approx(math.pi / 1.3, abs=1e-9)
+    weak = mi.continue_orbit(orbit, "w", 2.5, steps=LONG, events=events, stop_at="least")
+    assert weak.table["w"].iloc[-1] == pytest.approx(math.pi / 1.3, abs=1e-9)
 
 
 def test_events_of_equilibria():
@@ -161,3 +201,14 @@ def test_events_of_equilibria():
     assert branch.special_points[1].value == pytest.approx(0.25, abs=1e-10)
     with pytest.raises(mi.InvalidParameter, match="'Hopf': is another kind"):
         mi.continue_equilibrium(found, "a", 0.1, events={"Hopf": ("x", 0.5)})
+    stopped = mi.continue_equilibrium(found, "a", 0.1, events=events, stop_at="square")
+    assert stopped.table["a"].iloc[-1] == pytest.approx(0.64, abs=1e-10)
+    through = mi.continue_equilibrium(found, "a", -0.5, stop_at="BP")
+    assert through.ended == "the branch stops at branch point"
+    (rest,) = mi.find_equilibria(found.system.changed(a=-1.0), guess={"x": 0.0})
+    (fork,) = mi.continue_equilibrium(rest, "a", 1.0).special_points
+    halves = mi.switch_branch(
+        fork, events={"edge": ("x", 0.5), "other": ("x", -0.5)}, stop_at=["edge", "other"]
+    )
+    assert sorted(halves.table["a"].iloc[[0, -1]]) == pytest.approx([0.25, 0.25], abs=1e-10)
+    assert "at its beginning, the branch stops at" in halves.ended
