@@ -51,6 +51,7 @@ from .actuator.system_files import load_system as load_system
 from .actuator.terms.adhesion import Adhesion as Adhesion
 from .actuator.terms.base import Term as Term
 from .actuator.terms.charge_drive import ChargeDrive as ChargeDrive
+from .actuator.terms.comb_drive import CombDrive as CombDrive
 from .actuator.terms.compliant_stopper import CompliantStopper as CompliantStopper
 from .actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
 from .actuator.terms.dielectric_charging import DielectricCharging as DielectricCharging
@@ -63,8 +64,11 @@ from .actuator.terms.series_resistance import SeriesResistance as SeriesResistan
 from .actuator.terms.slew_rate import SlewRate as SlewRate
 from .actuator.terms.squeeze_film import SqueezeFilm as SqueezeFilm
 from .actuator.terms.stribeck_friction import StribeckFriction as StribeckFriction
+from .actuator.terms.tabulated_capacitance import TabulatedCapacitance as TabulatedCapacitance
 from .actuator.terms.tabulated_restitution import TabulatedRestitution as TabulatedRestitution
+from .actuator.terms.tabulated_spring import TabulatedSpring as TabulatedSpring
 from .actuator.terms.tilt import Tilt as Tilt
+from .actuator.terms.tilted_plate import TiltedPlate as TiltedPlate
 from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
 from .analysis.boundary_type import BoundaryType as BoundaryType
 from .analysis.boundary_type import boundary_type as boundary_type

@@ -290,6 +290,8 @@ def electrode_of(
     electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset, side)
     ordered = sorted(zip(kinds, places, strict=True), key=lambda each: each[0].term.layer)
     for kind, at in ordered:
+        if kind.term.instead == "electrode" and not kind.term.acts_at(kind.shape, side):
+            continue
         electrode = kind.term.electrode(at, kind.shape, electrode)
     return electrode
 

@@ -512,7 +512,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     tables = {name: content.pop(name) for name in list(content) if name in names}
     try:
         file = _DeviceFile(**content)
-        terms = tuple(term_of(name, table) for name, table in tables.items())
+        terms = tuple(term_of(name, table, Path(source).parent) for name, table in tables.items())
         if "design" in content:
             actuator = Actuator.from_design(**file.design, terms=terms)
         else:

@@ -14,7 +14,7 @@ import numpy as np
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.terms.base import Device, Term
 from mems_impact.actuator.units import PARAMETER_UNITS
-from mems_impact.errors import UnitsWarning
+from mems_impact.errors import InvalidParameter, UnitsWarning
 
 __all__ = ["check_plausible_device", "check_plausible_drive", "check_plausible_target"]
 
@@ -48,6 +48,10 @@ DEVICE = {
 TERM_RANGES = {
     "adhesion.force": FORCE,
     "charge_drive.parasitic": CAPACITANCE,
+    "comb_drive.gap": LENGTH,
+    "comb_drive.thickness": LENGTH,
+    "comb_drive.overlap": LENGTH,
+    "comb_drive.permittivity": Range(8.8e-12, 8.9e-12, 1e-9),
     "compliant_stopper.stiffness": Range(1e-2, 1e5, 1e11),
     "compliant_stopper.damping": PER_SPEED,
     "compliant_stopper.depth": Range(1e-13, 1e-8, 1e-3),
@@ -70,8 +74,14 @@ TERM_RANGES = {
     "squeeze_film.free_path_pressure": Range(1e-4, 7e-3, 1.0),
     "stribeck_friction.speed": SPEED,
     "stribeck_friction.viscous": PER_SPEED,
+    "tabulated_capacitance.positions": LENGTH,
+    "tabulated_capacitance.capacitances": CAPACITANCE,
     "tabulated_restitution.speeds": SPEED,
+    "tabulated_spring.positions": LENGTH,
+    "tabulated_spring.forces": FORCE,
     "tilt.angle": Range(0.0, 0.05, 0.8),
+    "tilted_plate.angle": Range(0.0, 0.01, 0.8),
+    "tilted_plate.length": ELECTRODE_AREA,
 }
 """Ranges of the parameters of terms."""
 
@@ -166,8 +176,17 @@ def _peak(drive: Drive) -> float:
 def _contact_voltage(actuator: Device) -> float:
     """Return the static voltage at which the block reaches a stopper, at or before pull-in.
 
-    It is computed without terms, which change it little.
+    Without terms of electrodes or spring, other terms are neglected, which change it little.
     """
+    if any(term.instead in ("electrode", "spring") for term in actuator.terms):
+        from mems_impact.actuator.design.estimates import contact_voltage
+        from mems_impact.actuator.parameters import Actuator
+
+        assert isinstance(actuator, Actuator)
+        try:
+            return contact_voltage(actuator)
+        except InvalidParameter:  # the equilibrium of a term is unknown
+            return 0.0
     x2 = min(actuator.delta, actuator.d / 3.0)
     return math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
 
@@ -181,7 +200,7 @@ def _check_term(term: Term) -> None:
         if name == "compliant_stopper.stiffness" and not _is_stiffness(term):
             continue
         within = TERM_RANGES[name]
-        unit = "rad" if name == "tilt.angle" else term.units.get(field, "")
+        unit = "rad" if field == "angle" else term.units.get(field, "")
         size = max(value) if isinstance(value, tuple) else value
         if name == "squeeze_film.free_path_pressure" and 0.0 < size < within.low:
             far = _range_message(name, size, unit, within)

@@ -444,10 +444,12 @@ class Excerpt(NamedTuple):
 def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
     """Return one forcing period of a drive, divided at its switches.
 
-    The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2; without an actuator it
-    is in units of alpha/d^2.
+    The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2 for parallel plates;
+    without an actuator it is in units of alpha/d^2.
     """
-    scale = 1.0 if actuator is None else actuator.alpha / actuator.d**2
+    from mems_impact.actuator.design.estimates import force_constants
+
+    own, other = (1.0, 1.0) if actuator is None else force_constants(actuator)
     borders = sorted({0.0, *drive.switches, drive.period})
     stretches = []
     for begin, end in pairwise(borders):
@@ -456,7 +458,7 @@ def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Ex
         )
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
         right, left = drive.value(time), drive.value(time, left=True)
-        stretches.append(Excerpt(time, right, left, scale * (right**2 - left**2)))
+        stretches.append(Excerpt(time, right, left, own * right**2 - other * left**2))
     return stretches
 
 

@@ -714,6 +714,10 @@ def kicked_state(actuator: Actuator) -> State:
     >>> float(run.statistics["impacts per period"])
     1.0
     """
+    spring: Any = actuator.term("tabulated_spring")
+    stored = 0.0 if spring is None else spring.energy(actuator.delta)
+    if stored > 0.0:
+        return State(v2=math.sqrt(8.0 * stored / actuator.m2))
     return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
 
 

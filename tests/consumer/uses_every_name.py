@@ -37,6 +37,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
     terms: tuple[mi.Term, ...] = (
         mi.Adhesion(force=1e-6),
         mi.ChargeDrive(parasitic=1e-13),
+        mi.CombDrive(fingers=100.0, gap=2e-6, thickness=2e-5, overlap=3e-5),
         mi.CompliantStopper(stiffness=1e3),
         mi.CubicStiffness(k3=1e9),
         mi.DielectricCharging(share=0.1, time=1.0),
@@ -51,7 +52,12 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
             length=1e-4, width=1e-4, viscosity=1.8e-5, pressure=1e5, free_path_pressure=7e-3
         ),
         mi.StribeckFriction(speed=1e-3),
+        mi.TabulatedCapacitance(
+            positions=(-4e-6, -2e-6, 2e-6, 4e-6), capacitances=(1e-12, 2e-12, 3e-12, 4e-12)
+        ),
         mi.TabulatedRestitution(speeds=(0.0, 1.0), values=(0.8, 0.7)),
+        mi.TabulatedSpring(positions=(-4e-6, -2e-6, 2e-6, 4e-6), forces=(-4e-6, -2e-6, 2e-6, 4e-6)),
+        mi.TiltedPlate(angle=1e-3, length=1e-4),
         mi.Tilt(angle=0.05),
     )
     actuator = mi.load_actuator("mita2003").adding(*terms[-2:])

@@ -43,6 +43,7 @@ from validation.judges.with_terms import LEFT_SOURCE, RIGHT_SOURCE, Device, volt
 COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
 COMBINATIONS = 8  # of terms, compiled
 LIKELY = 0.35  # how likely a case has each term
+POINTS = 9  # of a table over the position
 SWITCHES = 30  # of a drive in a run, at most
 BALANCED = 1e-8  # energy that may be missing, by what was turned over
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -104,6 +105,50 @@ def _table(rng: Rng, p: Values) -> Values:
     return {"speeds": tuple(speeds.tolist()), "values": tuple(values.tolist())}
 
 
+def _sides(rng: Rng) -> str:
+    return str(rng.choice(["both", "right", "left"]))
+
+
+def _comb(rng: Rng, p: Values) -> Values:
+    gap, thickness = rng.uniform(0.1, 1.0, 2)
+    return {
+        "fingers": float(rng.integers(1, 9)),
+        "gap": gap,
+        "thickness": thickness,
+        "overlap": p["d"] * rng.uniform(1.0, 2.0),
+        "permittivity": p["alpha"] * decades(rng, -1.0, 0.5) * gap / thickness,
+        "sides": _sides(rng),
+    }
+
+
+def _points(rng: Rng, p: Values) -> Floats:
+    points: Floats = p["d"] * np.linspace(-1.0, 1.0, POINTS) + rng.uniform(-0.05, 0.05, POINTS)
+    return points
+
+
+def _capacitances(rng: Rng, p: Values) -> Values:
+    x = _points(rng, p)
+    curve = 1.0 + rng.uniform(0.3, 0.5) * x + rng.uniform(-0.05, 0.1) * x**2 + 0.02 * x**3
+    values = 2.0 * p["alpha"] / p["d"] * curve
+    return {
+        "positions": tuple(x.tolist()),
+        "capacitances": tuple(values.tolist()),
+        "sides": _sides(rng),
+    }
+
+
+def _forces(rng: Rng, p: Values) -> Values:
+    x = _points(rng, p)
+    forces = p["k"] * (0.02 + x + rng.uniform(-0.1, 0.1) * x**2 + rng.uniform(-0.2, 0.5) * x**3)
+    return {"positions": tuple(x.tolist()), "forces": tuple(forces.tolist())}
+
+
+def _tilted(rng: Rng, p: Values) -> Values:
+    length, share = rng.uniform(1.0, 9.0), rng.uniform(-0.3, 0.3)
+    angle = 2.0 * share * (p["d"] - p["delta"]) / length
+    return {"angle": angle, "length": length, "sides": _sides(rng)}
+
+
 DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     "tilt": lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)},
     "cubic_stiffness": lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)},
@@ -125,7 +170,11 @@ DRAW: dict[str, Callable[[Rng, Values], Values]] = {
         "speed": p["delta"] * decades(rng, -1.5, 0.5),
         "exponent": rng.uniform(0.0, 1.0),
     },
+    "comb_drive": _comb,
+    "tabulated_capacitance": _capacitances,
     "tabulated_restitution": _table,
+    "tabulated_spring": _forces,
+    "tilted_plate": _tilted,
     "stribeck_friction": lambda rng, p: {
         "speed": decades(rng, -2.0, 0.0),
         "viscous": float(rng.choice([0.0, decades(rng, -3.0, -1.0)])),
@@ -159,6 +208,9 @@ class Drawn:
         if self.compiled and "squeeze_film" in chosen:
             self.terms["squeeze_film"] |= {"sides": "both", "modes": 1}
         if self.compiled:
+            for name in with_terms.KINDS:
+                if name in chosen:
+                    self.terms[name]["sides"] = "both"
             self.terms.get("fringing", {}).pop("length", None)
             table = self.terms.get("tabulated_restitution", {})
             table |= {name: each[:2] for name, each in table.items()}

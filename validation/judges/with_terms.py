@@ -33,6 +33,8 @@ NAMES = (
     *("stopper", "exponent", "stopper damping", "stopper depth"),
     *("films", "ambient", "face", "viscosity", "path"),
     *("yielding", "yielding exponent", "stribeck", "viscous", "creeping", "charged"),
+    *("right kind", "left kind", "comb rise", "comb overlap", "wedge"),
+    *(f"{name} {power}" for name in ("capacitance", "spring") for power in range(4)),
 )
 PLACE = {name: place for place, name in enumerate(NAMES)}
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
@@ -40,7 +42,9 @@ ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(11, 18)
 OHM, PARASITIC, TRAPPED, TRAPPING = range(18, 22)
 STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(22, 31)
 YIELDING, FALL, STRIBECK, VISCOUS, CREEPING, CHARGED = range(31, 37)
-RIGHT_SOURCE, LEFT_SOURCE, END = (37 + i * len(Source._fields) for i in range(3))
+RIGHT_KIND, LEFT_KIND, RISE, OVERLAP, WEDGE, CURVE, SPRING = 37, 38, 39, 40, 41, 42, 46
+PLATE, COMB, CURVED, WEDGED = range(4)  # kinds of electrodes
+RIGHT_SOURCE, LEFT_SOURCE, END = (50 + i * len(Source._fields) for i in range(3))
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
 
@@ -64,12 +68,23 @@ def _edges(gap, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _electrode(p, voltage, gap, charge, offset):  # type: ignore[no-untyped-def]
+def _electrode(p, kind, voltage, gap, charge, offset):  # type: ignore[no-untyped-def]
     """Attraction, current and rate of the offset."""
+    x = p[D] - gap
     one, one_slope = _edges(gap, p[FW])
     two, two_slope = _edges(gap, p[FL])
     capacitance = 2.0 * p[ALPHA] * one * two / gap
     growth = 2.0 * p[ALPHA] * (one * two / gap - one_slope * two - one * two_slope) / gap
+    if kind == COMB:
+        capacitance, growth = p[RISE] * (p[OVERLAP] + x), p[RISE]
+    elif kind == CURVED:
+        c0, c1, c2, c3 = p[CURVE : CURVE + 4]
+        capacitance = c0 + x * (c1 + x * (c2 + x * c3))
+        growth = c1 + x * (2.0 * c2 + 3.0 * x * c3)
+    elif kind == WEDGED:
+        gap = max(gap, 1.1 * p[WEDGE])
+        capacitance = p[ALPHA] / p[WEDGE] * math.log((gap + p[WEDGE]) / (gap - p[WEDGE]))
+        growth = 2.0 * p[ALPHA] / (gap**2 - p[WEDGE] ** 2)
     node, current, trapping = voltage, 0.0, 0.0
     if p[OHM] > 0.0:
         node = (charge + capacitance * offset) / (capacitance + p[PARASITIC])
@@ -120,10 +135,17 @@ def _forces(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def
     closest = 0.1 * (p[D] - p[DELTA])
     near, far = max(p[D] - x, closest), max(p[D] + x, closest)
     right, left = volts(p, RIGHT_SOURCE, t), volts(p, LEFT_SOURCE, t)
-    pull, slope[base], slope[base + 1] = _electrode(p, right, near, y[base], y[base + 1])
-    back, slope[base + 2], slope[base + 3] = _electrode(p, left, far, y[base + 2], y[base + 3])
+    pull, slope[base], slope[base + 1] = _electrode(
+        p, p[RIGHT_KIND], right, near, y[base], y[base + 1]
+    )
+    back, slope[base + 2], slope[base + 3] = _electrode(
+        p, p[LEFT_KIND], left, far, y[base + 2], y[base + 3]
+    )
     pull -= back
     on_frame = p[K] * x + p[C] * v - pull + p[K3] * x**3
+    if p[SPRING + 1] != 0.0:
+        s0, s1, s2, s3 = p[SPRING : SPRING + 4]
+        on_frame += s0 + x * (s1 + x * (s2 + x * s3)) - p[K] * x
     if p[FILMS] > 0.0:
         on_frame += _film(p, shares, sizes, near, v, y[4 : 4 + n], slope[4 : 4 + n])
     if p[FILMS] > 1.0:
@@ -241,6 +263,17 @@ class Device:
                 p[CHARGED] = 1.0
             if name == "tabulated_restitution":
                 self.table = table(**values)
+            if name in KINDS:
+                for side, kind in (("right", RIGHT_KIND), ("left", LEFT_KIND)):
+                    p[kind] = KINDS[name] * (values["sides"] in (side, "both"))
+            if name == "comb_drive":
+                area = values["fingers"] * values["thickness"] * values["permittivity"]
+                p[RISE] = 2.0 * area / values["gap"]
+            if name == "tilted_plate":
+                p[WEDGE] = 0.5 * values["length"] * abs(values["angle"])
+            for column, first in (("capacitances", CURVE), ("forces", SPRING)):
+                if column in values:  # tables of the campaign are those of cubic polynomials
+                    p[first : first + 4] = np.polyfit(values["positions"], values[column], 3)[::-1]
             for field, place in KNOWN[name].items():
                 if values.get(field) is not None:
                     p[PLACE[place]] = values[field]
@@ -352,7 +385,11 @@ KNOWN: dict[str, dict[str, str]] = {
     "dielectric_charging": {"share": "trapped", "time": "trapping"},
     "adhesion": {"force": "adhesion"},
     "power_law_restitution": {"speed": "yielding", "exponent": "yielding exponent"},
+    "comb_drive": {"overlap": "comb overlap"},
+    "tabulated_capacitance": {},
     "tabulated_restitution": {},
+    "tabulated_spring": {},
+    "tilted_plate": {},
     "stribeck_friction": {"speed": "stribeck", "viscous": "viscous"},
     "regularized_friction": {"width": "creeping"},
     "compliant_stopper": {
@@ -363,6 +400,8 @@ KNOWN: dict[str, dict[str, str]] = {
     },
 }
 """Terms whose equations stand above, and where their fields go."""
+
+KINDS = {"comb_drive": COMB, "tabulated_capacitance": CURVED, "tilted_plate": WEDGED}
 
 
 def table(speeds: tuple[float, ...], values: tuple[float, ...]) -> CubicHermiteSpline:

@@ -16,7 +16,11 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import brentq
 
 from mems_impact._util.formatting import html_table
-from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
+from mems_impact.actuator.design.estimates import (
+    StaticForces,
+    pull_in_voltage,
+    resting_voltage,
+)
 from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import Actuator
@@ -36,6 +40,7 @@ CONSISTENT_RTOL = 1e-6  # relative difference of two values of a quantity that a
 PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pull-in voltage
 PULL_IN_ITERATIONS = 50
 SNAP = 1.0 / 3.0  # of the gap, where a slowly rising voltage makes the block snap
+COMPUTED = ("pull_in", "release", "capacitance", "spring_force")  # of a device with terms
 STICKS, SLIPS = "sticks until the blow", "slips before the blow"
 
 
@@ -162,14 +167,31 @@ RELATIONS: tuple[Relation, ...] = (
     PowerLaw(1.0, quality=1, damping=1, stiffness=-0.5, proof_mass=-0.5),
     PowerLaw(0.5, quality=1, damping_ratio=1),
     PowerLaw(0.5, damping_ratio=1, damping=-1, stiffness=0.5, proof_mass=0.5),
-    PowerLaw(1.0, stiffness=1, travel=1, spring_force=-1),
     PowerLaw(2.0 / PERMITTIVITY, electrode_area=1, electrode_constant=-1),
-    PowerLaw(2.0, capacitance=1, gap=1, electrode_constant=-1),
     PowerLaw(1.0, static_friction=1, total_mass=1, gravity=1, static_friction_force=-1),
     PowerLaw(1.0, dynamic_friction=1, total_mass=1, gravity=1, dynamic_friction_force=-1),
 )
+SPRING_FORCE = PowerLaw(1.0, stiffness=1, travel=1, spring_force=-1)
+CAPACITANCE = PowerLaw(2.0, capacitance=1, gap=1, electrode_constant=-1)
+"""Relations of devices whose right electrode is a parallel plate."""
 VOLTAGES: tuple[Relation, ...] = (HoldingVoltage("pull_in", SNAP), HoldingVoltage("release", 1.0))
 """Relations of devices without terms; terms change them."""
+
+
+def relations_of(terms: Sequence[Term]) -> tuple[Relation, ...]:
+    """Return the relations of devices with these terms."""
+    found = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
+    if not any(term.name() == "tabulated_spring" for term in terms):
+        found = (*found, SPRING_FORCE)
+    if not any("right electrode" in term.replaced for term in terms):
+        found = (*found, CAPACITANCE)
+    return found
+
+
+def has_plates(terms: Sequence[Term]) -> bool:
+    """Return whether one of the electrodes is a plate, with the area in the electrode constant."""
+    others = {rule for term in terms if not term.plates for rule in term.replaced}
+    return not {"right electrode", "left electrode"} <= others
 
 
 # --- From a data sheet to an actuator
@@ -178,12 +200,18 @@ VOLTAGES: tuple[Relation, ...] = (HoldingVoltage("pull_in", SNAP), HoldingVoltag
 def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -> Actuator:
     """Return the actuator of a data sheet; see `Actuator.from_design`."""
     known = _numbers(given)
-    relations = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
+    relations = relations_of(terms)
     known.setdefault("gravity", STANDARD_GRAVITY)
     known = _propagated(known, relations)
+    spring: Any = next((term for term in terms if term.name() == "tabulated_spring"), None)
+    if spring is not None and "stiffness" not in known and spring.slope(0.0) > 0.0:
+        known = _propagated({**known, "stiffness": spring.slope(0.0)}, relations)
     voltage = "pull_in" if "pull_in" in known else "release"
-    by_voltage = bool(terms) and "electrode_constant" not in known and voltage in known
-    if by_voltage:
+    unknown_constant = bool(terms) and "electrode_constant" not in known
+    plates = has_plates(terms)
+    by_capacitance = unknown_constant and plates and "capacitance" in known
+    by_voltage = unknown_constant and plates and not by_capacitance and voltage in known
+    if by_capacitance or by_voltage or (unknown_constant and not plates):
         known["electrode_constant"] = 1e-20  # corrected below
     for parameter, name in OF_PARAMETER.items():
         if name not in known:
@@ -192,9 +220,17 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
     actuator = Actuator(**values, units="SI", terms=tuple(terms))
     if by_voltage:
         actuator = _with_voltage(actuator, voltage, known[voltage])
+    elif by_capacitance:
+        own = _capacitance(actuator)
+        actuator = actuator.replace(alpha=actuator.alpha * known["capacitance"] / own)
+    elif unknown_constant and not plates:  # that of a plate with the same force at x2 = 0
+        force = StaticForces(actuator).attraction(0.0) * actuator.alpha / actuator.d**2
+        actuator = actuator.replace(alpha=force * actuator.d**2)
     sheet = DataSheet(actuator)
     for name, value in known.items():
-        if name in ("pull_in", "release") and name in sheet and not _agree(sheet[name], value):
+        if name == "pull_in" and name not in sheet:
+            pull_in_voltage(actuator)  # raises the reason, unless the block is on the stopper
+        if name in COMPUTED and name in sheet and not _agree(sheet[name], value):
             raise _contradiction(name, value, sheet[name], "the other quantities and the terms")
     return actuator
 
@@ -327,6 +363,11 @@ def _with_voltage(actuator: Actuator, name: str, wanted: float) -> Actuator:
 # --- From an actuator to a data sheet
 
 
+def _capacitance(actuator: Actuator) -> float:
+    """Return the capacitance of the right electrode without voltage, at x2 = 0."""
+    return float(actuator.scales.out(StaticForces(actuator).capacitance(), "F"))
+
+
 @dataclass(frozen=True)
 class DataSheet(Mapping[str, Any]):
     """The data sheet of an actuator in SI: parameters and derived quantities, by name.
@@ -363,7 +404,16 @@ class DataSheet(Mapping[str, Any]):
     @cached_property
     def _values(self) -> dict[str, Any]:
         given = {name: getattr(self.actuator, own) for own, name in OF_PARAMETER.items()}
-        known = _propagated(given, RELATIONS)
+        terms = self.actuator.terms
+        plain = [each for each in relations_of(terms) if each not in VOLTAGES]
+        known = _propagated(given, plain)
+        if "capacitance" not in known:
+            known["capacitance"] = _capacitance(self.actuator)
+        if not has_plates(terms):
+            del known["electrode_area"]
+        spring: Any = self.actuator.term("tabulated_spring")
+        if spring is not None:
+            known["spring_force"] = spring.value(self.actuator.delta)
         for name, compute in (("pull_in", pull_in_voltage), ("release", resting_voltage)):
             voltage = self._voltage(compute)
             if voltage is not None:
@@ -397,7 +447,11 @@ class DataSheet(Mapping[str, Any]):
             return None
         device = self.actuator
         pull = device.alpha * self["pull_in"] ** 2 / (device.d - device.delta) ** 2
-        return max(pull - device.k * device.delta, 0.0)
+        if any("right electrode" in term.replaced for term in device.terms):
+            scales = device.scales
+            forces, volts = StaticForces(device), scales.into(self["pull_in"], "V")
+            pull = scales.out(forces.attraction(forces.actuator.delta) * volts**2, "N")
+        return float(max(pull - self["spring_force"], 0.0))
 
     @property
     def regime(self) -> str:

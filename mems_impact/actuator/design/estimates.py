@@ -33,7 +33,15 @@ if TYPE_CHECKING:
 
     from mems_impact.actuator.results import ActuatorRun
 
-__all__ = ["pull_in_charge", "pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
+__all__ = [
+    "contact_voltage",
+    "force_constants",
+    "pull_in_charge",
+    "pull_in_voltage",
+    "resting_voltage",
+    "step_length",
+    "step_lengths",
+]
 
 # --- Forces on the block
 
@@ -83,6 +91,11 @@ class StaticForces:
         """Return the pull-in voltage for a slowly rising voltage.
 
         Above it there is no equilibrium between the position without voltage and the stopper.
+
+        Raises
+        ------
+        InvalidParameter
+            If the electrode is a comb that pulls the block to the stopper through equilibria.
         """
         delta = self.actuator.delta
         places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
@@ -97,7 +110,35 @@ class StaticForces:
                 lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
             )
             best = max(best, -float(found.fun))
+        elif i > 0 and not self._parasitic and (comb := self._right("comb_drive")):
+            problem = (
+                f"no pull-in with {type(comb).__name__}: its force does not depend on the "
+                "position; use resting_voltage, at which the block reaches the stopper"
+            )
+            raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
         return math.sqrt(max(best, 0.0))
+
+    def contact(self) -> float:
+        """Return the voltage at which the block reaches the stopper: pull-in, if there is one."""
+        try:
+            return self.pull_in()
+        except InvalidParameter:
+            if self._right("comb_drive") is None:
+                raise
+            return self.resting()
+
+    def attraction(self, x2: float) -> float:
+        """Return the force of the right electrode at `x2`, divided by the squared voltage."""
+        return 0.5 * float(self.model.electrodes[0].slope(x2, self.p))
+
+    def capacitance(self) -> float:
+        """Return the capacitance of the right electrode without voltage, at x2 = 0."""
+        return float(self.model.electrodes[0].capacitance(0.0, self.p))
+
+    def _right(self, name: str) -> Term | None:
+        """Return the term of this name at the right electrode."""
+        found = self.actuator.term(name)
+        return found if found is not None and found.acts_at(found.shape, 1) else None
 
     def resting(self) -> float:
         """Compute the voltage above which a block on the right stopper stays there."""
@@ -223,7 +264,7 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
 
     With terms, the largest voltage of an equilibrium between the position without voltage and the
     stopper is computed numerically. Terms in series with the electrode transmit a slow voltage, and
-    its insulation is free of trapped charge.
+    its insulation is free of trapped charge. A comb drive has no pull-in.
 
     The dynamic pull-in voltage is the least voltage that, switched on suddenly, brings the block
     from rest to the stopper in a held frame. Without damping, the energy gives
@@ -245,7 +286,7 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
     Raises
     ------
     InvalidParameter
-        If the equilibrium of the states of a term is unknown.
+        If the equilibrium of the states of a term is unknown, or the device has no pull-in.
 
     See Also
     --------
@@ -312,6 +353,29 @@ def _check_voltage(actuator: Actuator) -> None:
     if any(term.drive_unit == "C" for term in actuator.terms):
         problem = "ChargeDrive sets a charge instead of a voltage; use pull_in_charge"
         raise InvalidParameter("terms", actuator.terms, "", problem=problem)
+
+
+def force_constants(actuator: Actuator) -> tuple[float, float]:
+    """Return the forces of the right and the left electrode at x2 = 0 over squared voltage."""
+    if not any(term.instead == "electrode" for term in actuator.terms):
+        return (actuator.alpha / actuator.d**2,) * 2
+    scales, inner = actuator.scales, actuator.to_dimensionless()
+    terms = [term for term in inner.terms if term.instead == "electrode"]
+    model = compose(tuple(term.kind for term in terms), 2)
+    p = parameters_of(inner, terms)
+    right, left = (float(scales.out(0.5 * each.slope(0.0, p), "F/m")) for each in model.electrodes)
+    return right, left
+
+
+def contact_voltage(actuator: Actuator) -> float:
+    """Return the slowly rising voltage at which the block reaches the right stopper.
+
+    It is the pull-in voltage, or, for a comb drive, that of the equilibrium at the stopper.
+    """
+    _check_voltage(actuator)
+    if actuator.terms:
+        return float(actuator.scales.out(StaticForces(actuator).contact(), "V"))
+    return pull_in_voltage(actuator)
 
 
 def _dynamic_pull_in(actuator: Actuator) -> float:

@@ -22,7 +22,7 @@ from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
-from mems_impact.actuator.design.estimates import pull_in_voltage
+from mems_impact.actuator.design.estimates import contact_voltage
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import Actuator
@@ -486,7 +486,7 @@ class ChartBuilder:
         self.regions: list[tuple[GrazingType, float, float]] = []
         self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
         self.done = self.total = 0  # number of completed parts, and of all parts
-        self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
+        self.pull_in = system.into(AMPLITUDE, contact_voltage(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
         """Compute the parts, the slowest last; `chart` returns the completed ones."""
@@ -712,8 +712,8 @@ class ChartBuilder:
         all_of_them = self._special(omega, lambda special: False)
         met = [f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
         return (
-            f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
-            f"{self._voltage(self.pull_in)} (special points: {', '.join(met) or 'none'})"
+            f"at {self._at(omega)} the orbit without impacts does not graze up to static contact "
+            f"at {self._voltage(self.pull_in)} (special points: {', '.join(met) or 'none'})"
         )
 
     def _voltage(self, amplitude: float) -> str:

@@ -8,7 +8,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
-_NO_TERMS = ("base", "files")
+_NO_TERMS = ("base", "files", "table")
 
 TERM_CLASSES = {
     each.name: "".join(word.capitalize() for word in each.name.split("_"))

@@ -13,11 +13,11 @@ a2 that of the block relative to it. Only the voltage of the drive depends on ti
 
 from __future__ import annotations
 
-import math
 import warnings
 from abc import ABC
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -47,6 +47,7 @@ __all__ = [
     "TermKind",
     "Validity",
     "field_energy",
+    "reach",
 ]
 
 # --- Interface of terms
@@ -118,24 +119,13 @@ class Limit(NamedTuple):
     value : callable
         ``value(y, p)`` in plain arithmetic: it is called with the states of many events at once, y
         of shape (n, k).
-    most : float or callable
-        The largest valid value, or ``most(p)``.
-    least : callable, optional
-        ``least(p)``, the smallest valid value.
-    unit : str, optional
-        The SI unit of the value.
+    most : float
+        The largest valid value.
     """
 
     what: str
     value: Function
-    most: float | Function
-    least: Function | None = None
-    unit: str = ""
-
-    def bounds(self, p: Floats) -> tuple[float, float]:
-        """Return the smallest and the largest valid value."""
-        least = -math.inf if self.least is None else self.least(p)
-        return least, self.most(p) if callable(self.most) else self.most
+    most: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,9 +242,10 @@ class Term(Checked, ABC):
         and derived units).
     instead : str
         The rule of the paper that it replaces, if any: "stopper", "restitution", "friction",
-        "source" (an ideal voltage),
-        "electrode" (the capacitance of a parallel plate, on the sides of a field `sides`). An
-        actuator has at most one term for each.
+        "spring", "source" (an ideal voltage), "electrode" (the capacitance of a parallel plate, on
+        the sides of a field `sides`). An actuator has at most one term for each.
+    plates : bool
+        Whether its electrodes are plates, with the constant `alpha` and the gap `d`.
     layer : int
         Terms modify an electrode in ascending order: 0 for terms in the gap, 1 for terms in series
         with it. The latter transmit a constant voltage.
@@ -286,6 +277,7 @@ class Term(Checked, ABC):
 
     units: ClassVar[Mapping[str, str]] = {}
     instead: ClassVar[str] = ""
+    plates: ClassVar[bool] = True
     layer: ClassVar[int] = 0
     signed: ClassVar[bool] = False
     stiff: ClassVar[bool] = False
@@ -296,6 +288,17 @@ class Term(Checked, ABC):
     def name(cls) -> str:
         """Return its name in files and parameters: the name of its module."""
         return cls.__module__.rpartition(".")[2]
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], folder: Path) -> Self:
+        """Return the term of a table in a device file; paths are relative to `folder`."""
+        return cls(**values)
+
+    @classmethod
+    def acts_at(cls, shape: Shape, side: int) -> bool:
+        """Return whether it acts at the electrode on `side`: 1 for the right, -1 for the left."""
+        sides = dict(zip(cls.model_fields, shape, strict=True)).get("sides", "both")
+        return sides in ("both", "right" if side > 0 else "left")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -308,8 +311,8 @@ class Term(Checked, ABC):
         """The rules of the paper that it replaces, those of electrodes by side."""
         if self.instead != "electrode":
             return (self.instead,) if self.instead else ()
-        sides = getattr(self, "sides", "both")
-        return tuple(f"{side} electrode" for side in ("right", "left") if sides in (side, "both"))
+        sides = {"right electrode": 1, "left electrode": -1}
+        return tuple(name for name, side in sides.items() if self.acts_at(self.shape, side))
 
     @property
     def shape(self) -> Shape:
@@ -466,6 +469,15 @@ def field_energy(electrode: Electrode, parasitic: int) -> Function:
     return energy
 
 
+def reach(device: Device) -> float:
+    """Return the largest deflection of the block for which the device is defined.
+
+    That is the stopper, or, with compliant stoppers, halfway from the stopper to the electrode.
+    """
+    yields = any(term.instead == "stopper" for term in device.terms)
+    return 0.5 * (device.delta + device.d) if yields else device.delta
+
+
 def _shape(value: Any) -> Hashable:
     if isinstance(value, float):
         return 1
@@ -488,8 +500,7 @@ class Validity:
         self, limits: Sequence[Limit], problem: Problem, start: HybridState, scales: Scales
     ) -> None:
         self.limits, self.problem, self.scales = limits, problem, scales
-        self.bounds = [limit.bounds(problem.parameters) for limit in limits]
-        self.worst = [(0.0, 0.0, 0.0)] * len(limits)  # excess over the bounds, value and time
+        self.worst = [(0.0, 0.0)] * len(limits)  # value and time
         self._look(start.y[None], np.array([self._time(start)]))
 
     def __call__(self, events: Events) -> None:
@@ -502,33 +513,19 @@ class Validity:
     def warn(self, final: HybridState) -> None:
         """Warn, once for each limit that the run has exceeded."""
         self._look(final.y[None], np.array([self._time(final)]))
-        for limit, bounds, (excess, value, time) in zip(
-            self.limits, self.bounds, self.worst, strict=True
-        ):
-            if excess > 0.0:
+        for limit, (value, time) in zip(self.limits, self.worst, strict=True):
+            if value > limit.most:
                 when = float(self.scales.out(time, "s"))
-                message = f"{limit.what} is {self._amount(value, limit, '.3g')} at t = {when:.6g}"
-                least, most = (self._amount(each, limit, "g") for each in bounds)
-                valid = f"up to {most}" if limit.least is None else f"from {least} to {most}"
-                warnings.warn(
-                    f"{message}, and the model is valid {valid}", ValidityWarning, stacklevel=5
-                )
-
-    def _amount(self, value: float, limit: Limit, form: str) -> str:
-        """Return a value, or a bound, in the units of the device."""
-        if not limit.unit:
-            return f"{value:{form}}"
-        unit = limit.unit if self.scales.named else ""
-        return f"{self.scales.out(value, limit.unit):.6g} {unit}".rstrip()
+                message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
+                text = f"{message}, and the model is valid up to {limit.most:g}"
+                warnings.warn(text, ValidityWarning, stacklevel=5)
 
     def _look(self, states: Floats, times: Floats) -> None:
         for i, limit in enumerate(self.limits):
             values = np.asarray(limit.value(states.T, self.problem.parameters))
-            least, most = self.bounds[i]
-            excess = np.maximum(values - most, least - values)
-            row = int(np.argmax(excess))
-            if excess[row] > self.worst[i][0]:
-                self.worst[i] = float(excess[row]), float(values[row]), float(times[row])
+            row = int(np.argmax(values))
+            if values[row] > self.worst[i][0]:
+                self.worst[i] = float(values[row]), float(times[row])
 
     def _time(self, instant: HybridState) -> float:
         return float(instant.cycle * self.problem.period + instant.time)

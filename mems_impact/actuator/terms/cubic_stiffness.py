@@ -40,6 +40,7 @@ class CubicStiffness(Term):
     k3: Number
 
     units = {"k3": "N/m^3"}  # noqa: RUF012 - ClassVar above
+    instead = "spring"
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:

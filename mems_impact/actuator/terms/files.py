@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from mems_impact._util import plugins
@@ -35,13 +36,16 @@ def term_type(name: str) -> type[Term]:
     return added
 
 
-def term_of(name: str, table: Mapping[str, Any]) -> Term:
-    """Return the term of a table ``[name]``; InvalidParameter if the table is wrong."""
+def term_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Term:
+    """Return the term of a table ``[name]``; InvalidParameter if the table is wrong.
+
+    Paths in the table are relative to `folder`, the working directory by default.
+    """
     if not isinstance(table, Mapping):
         raise InvalidParameter(name, table, f"a table [{name}]")
     values = {key: tuple(each) if isinstance(each, list) else each for key, each in table.items()}
     try:
-        return term_type(name)(**values)
+        return term_type(name).from_table(values, folder or Path())
     except InvalidParameter as error:
         raise error.located(owner=name) from None
 

@@ -1,0 +1,176 @@
+"""Shape-preserving splines through tables, and their evaluation in compiled equations."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator.terms.base import Function
+
+__all__ = ["COEFFICIENTS", "MIN_POINTS", "TableSpline", "coefficients", "spline_functions"]
+
+MIN_POINTS = 4
+COEFFICIENTS = 6  # of an interval
+MAX_SLOPE_RATIO = 1.25  # of a slope to the adjacent secants, below which an interval is monotone
+
+
+@lru_cache(maxsize=64)
+def coefficients(x: tuple[float, ...], y: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the coefficients of the spline through a table, six per interval.
+
+    They are those of the powers of (x - x_i)/(x_i+1 - x_i), the lowest first. The spline is the
+    interpolant of degree 5 (3 with fewer than six points) whose first four derivatives are
+    continuous. Where it is not monotone although the table is, slopes and second derivatives at the
+    adjacent points are replaced by a limited slope and zero: only two derivatives are continuous
+    there.
+
+    Parameters
+    ----------
+    x : tuple of float
+        Ascending, `MIN_POINTS` or more.
+    y : tuple of float
+    """
+    from scipy.interpolate import make_interp_spline
+
+    origin, length, size = x[0], x[-1] - x[0], max(map(abs, y)) or 1.0
+    at, values = (np.array(x) - origin) / length, np.array(y) / size
+    spline = make_interp_spline(at, values, k=5 if len(x) > 5 else 3)
+    slopes, curvatures = spline(at, 1), spline(at, 2)
+    _preserve_shape(np.diff(at), np.diff(values), slopes, curvatures)
+    h = np.diff(at)
+    first, second = h * slopes[:-1], 0.5 * h**2 * curvatures[:-1]
+    rest = np.diff(values) - first - second
+    slope_rest = h * slopes[1:] - first - 2.0 * second
+    curvature_rest = h**2 * curvatures[1:] - 2.0 * second
+    columns = (
+        values[:-1],
+        first,
+        second,
+        10.0 * rest - 4.0 * slope_rest + 0.5 * curvature_rest,
+        -15.0 * rest + 7.0 * slope_rest - curvature_rest,
+        6.0 * rest - 3.0 * slope_rest + 0.5 * curvature_rest,
+    )
+    return tuple((size * np.column_stack(columns)).ravel().tolist())
+
+
+def _preserve_shape(h: Floats, rises: Floats, slopes: Floats, curvatures: Floats) -> None:
+    """Change slopes and second derivatives where the spline is not monotone but the table is.
+
+    An interval is monotone if the differences of its Bernstein coefficients have one sign. With
+    second derivatives of zero that holds for slopes up to 5/4 of the secant.
+    """
+    signs = np.sign(rises)
+    inner = np.concatenate([signs[:1], signs, signs[-1:]])
+    monotone = (inner[:-2] == signs) & (inner[2:] == signs) | (signs == 0.0)
+    limited = _limited_slopes(h, rises)
+    changed = np.zeros(slopes.size, dtype=bool)
+    while True:
+        first, last = h * slopes[:-1] / 5.0, h * slopes[1:] / 5.0
+        left, right = h**2 * curvatures[:-1] / 20.0, h**2 * curvatures[1:] / 20.0
+        steps = np.array(
+            [first, first + left, rises - 2.0 * (first + last) + right - left, last - right, last]
+        )
+        wrong = np.where(
+            signs == 0.0, np.abs(steps).max(axis=0) > 0.0, (signs * steps).min(axis=0) < 0.0
+        )
+        found = np.flatnonzero(wrong & monotone & ~(changed[:-1] & changed[1:]))
+        if found.size == 0:
+            return
+        for i in (*found, *(found + 1)):
+            changed[i], slopes[i], curvatures[i] = True, limited[i], 0.0
+
+
+def _limited_slopes(h: Floats, rises: Floats) -> Floats:
+    """Return harmonic means of the secants on both sides (Fritsch and Butland), limited."""
+    secants = rises / h
+    before, after = np.append(secants[0], secants), np.append(secants, secants[-1])
+    one = np.append(h[0], h) + 2.0 * np.append(h, h[-1])
+    two = 2.0 * np.append(h[0], h) + np.append(h, h[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (one + two) / (one / before + two / after)
+    most = MAX_SLOPE_RATIO * np.minimum(np.abs(before), np.abs(after))
+    limited: Floats = np.where(before * after > 0.0, np.clip(mean, -most, most), 0.0)
+    return limited
+
+
+class TableSpline(NamedTuple):
+    """A spline through a table, as functions ``f(x, p)`` for numba.
+
+    Beyond the table it is continued by its tangent.
+
+    Attributes
+    ----------
+    value, slope, integral : callable
+        The spline, its derivative, and its integral from the first point.
+    """
+
+    value: Function
+    slope: Function
+    integral: Function
+
+
+def spline_functions(at: int, polynomials: int, count: int) -> TableSpline:
+    """Return the spline through a table of `count` points.
+
+    Parameters
+    ----------
+    at, polynomials : int
+        First indices in ``p`` of the points and of their `coefficients`.
+    count : int
+    """
+    last = count - 1
+
+    def interval(x, p):  # type: ignore[no-untyped-def]
+        low, high = 0, last
+        while high - low > 1:
+            middle = (low + high) // 2
+            if x >= p[at + middle]:
+                low = middle
+            else:
+                high = middle
+        return low
+
+    def value(x, p):  # type: ignore[no-untyped-def]
+        inside = min(max(x, p[at]), p[at + last])
+        i = interval(inside, p)
+        h = p[at + i + 1] - p[at + i]
+        u = (inside - p[at + i]) / h
+        c = polynomials + COEFFICIENTS * i
+        found = p[c + 5]
+        slope = 0.0
+        for k in range(4, -1, -1):
+            slope = slope * u + found
+            found = found * u + p[c + k]
+        return found + slope / h * (x - inside)
+
+    def slope(x, p):  # type: ignore[no-untyped-def]
+        inside = min(max(x, p[at]), p[at + last])
+        i = interval(inside, p)
+        h = p[at + i + 1] - p[at + i]
+        u = (inside - p[at + i]) / h
+        c = polynomials + COEFFICIENTS * i
+        found = 5.0 * p[c + 5]
+        for k in range(4, 0, -1):
+            found = found * u + k * p[c + k]
+        return found / h
+
+    def piece(i, u, p):  # type: ignore[no-untyped-def]
+        c = polynomials + COEFFICIENTS * i
+        found = 0.0
+        for k in range(5, -1, -1):
+            found = (found + p[c + k] / (k + 1.0)) * u
+        return found * (p[at + i + 1] - p[at + i])
+
+    def integral(x, p):  # type: ignore[no-untyped-def]
+        inside = min(max(x, p[at]), p[at + last])
+        i = interval(inside, p)
+        total = piece(i, (inside - p[at + i]) / (p[at + i + 1] - p[at + i]), p)
+        for j in range(i):
+            total += piece(j, 1.0, p)
+        beyond = x - inside
+        return total + beyond * (value(inside, p) + 0.5 * beyond * slope(inside, p))
+
+    return TableSpline(value, slope, integral)

@@ -1,0 +1,190 @@
+"""The base of terms with a quantity from a table over the position of the block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import shown
+from mems_impact._util.quantities import QuantityError, magnitude
+from mems_impact._util.units import Scales
+from mems_impact.actuator.parameter_base import unknown
+from mems_impact.actuator.splines import (
+    COEFFICIENTS,
+    MIN_POINTS,
+    TableSpline,
+    coefficients,
+    spline_functions,
+)
+from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, Term, reach
+from mems_impact.actuator.toml_files import read_columns
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["TableNumbers", "TableTerm"]
+
+LIST = f"a list of {MIN_POINTS} or more finite numbers"
+MIN_SPACING_RATIO = 1e-9  # of the range of the positions: closer ones coincide
+BORDER_RATIO = 1e-9  # of the range: rounding may put a block on its stopper beyond the table
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(LIST) from None
+    if numbers.ndim != 1 or numbers.size < MIN_POINTS or not np.isfinite(numbers).all():
+        raise ValueError(LIST)
+    return tuple(numbers.tolist())
+
+
+TableNumbers = Annotated[tuple[float, ...], BeforeValidator(_numbers), Field(description=LIST)]
+"""A column of a table."""
+
+
+class TableTerm(Term):
+    """Base of terms with a spline through a table over the position of the block."""
+
+    column: ClassVar[str]
+    """The field of the quantity."""
+
+    positions: TableNumbers
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        values, count = getattr(self, self.column), len(self.positions)
+        if len(values) != count:
+            allowed = f"as many as positions, {count}"
+            raise InvalidParameter(f"number of {self.column}", len(values), allowed)
+        least = MIN_SPACING_RATIO * (max(self.positions) - min(self.positions))
+        for before, after in pairwise(self.positions):
+            if not after - before > least:
+                allowed = f"ascending, above the position before, {shown(before)}"
+                raise InvalidParameter("positions", after, allowed)
+        return self
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | PathLike[str],
+        *,
+        column_units: tuple[str, str] | None = None,
+        **options: Any,
+    ) -> Self:
+        """Read the table from a file of two columns, position and quantity.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Columns separated by comma, semicolon, tab or blanks. Headings, and lines that begin
+            with #, are skipped.
+        column_units : tuple of str, optional
+            Units of the columns, such as ``("um", "fF")``; SI by default.
+        **options
+            Other parameters of the class.
+
+        Raises
+        ------
+        InvalidFile
+            If the file cannot be read or is not such a table.
+        InvalidParameter
+            If its numbers are not allowed.
+        """
+        names = ("positions", cls.column)
+        columns = read_columns(path, 2)
+        if column_units is not None:
+            factors = _factors(column_units, [cls.units[name] for name in names])
+            columns = [
+                [_scaled(value, factor) for value in column]
+                for column, factor in zip(columns, factors, strict=True)
+            ]
+        values: dict[str, Any] = dict(zip(names, columns, strict=True))
+        try:
+            return cls(**values, **options)
+        except InvalidParameter as error:
+            raise error.located(path) from None
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], folder: Path) -> Self:
+        """Return the term of a table in a device file, which may name a CSV file."""
+        if "file" not in values:
+            return super().from_table(values, folder)
+        options = dict(values)
+        file = options.pop("file")
+        if not isinstance(file, str):
+            raise InvalidParameter("file", file, "the path of a CSV file")
+        for name in options:
+            if name in ("positions", cls.column) or name not in (*cls.model_fields, "column_units"):
+                known = [each for each in cls.model_fields if each not in ("positions", cls.column)]
+                raise unknown(name, options[name], ["file", "column_units", *known])
+        return cls.from_csv(folder / file, **options)
+
+    @classmethod
+    def lengths(cls, shape: Shape) -> dict[str, int]:
+        """Return the count of points, and that of the coefficients of the spline."""
+        count = super().lengths(shape)["positions"]
+        return {"positions": count, "coefficients": COEFFICIENTS * (count - 1)}
+
+    def numbers(self, scales: Scales) -> list[float]:
+        """Return the positions and the coefficients of the spline in scaled units."""
+        inner = self.scaled(scales)
+        return [*inner.positions, *coefficients(inner.positions, getattr(inner, self.column))]
+
+    @classmethod
+    def spline(cls, at: ParameterIndices, shape: Shape) -> TableSpline:
+        """Return the spline as functions for numba."""
+        count = cls.lengths(shape)["positions"]
+        return spline_functions(at.p["positions"], at.p["coefficients"], count)
+
+    def value(self, position: float) -> float:
+        """Return the interpolated quantity at a position, in the units of the table."""
+        spline, p = self.own_spline()
+        return float(spline.value(position, p))
+
+    def slope(self, position: float) -> float:
+        """Return its derivative at a position, in the units of the table."""
+        spline, p = self.own_spline()
+        return float(spline.slope(position, p))
+
+    def own_spline(self) -> tuple[TableSpline, Floats]:
+        """Return the spline in the units of the table, and the array of its numbers."""
+        count = len(self.positions)
+        found = coefficients(self.positions, getattr(self, self.column))
+        return spline_functions(0, count, count), np.array([*self.positions, *found])
+
+    def check_on(self, actuator: Device) -> None:
+        """Raise InvalidParameter if the table does not cover the travel of the block."""
+        first, last = self.positions[0], self.positions[-1]
+        most, border = reach(actuator), BORDER_RATIO * (last - first)
+        if first > -most + border or last < most - border:
+            unit = " m" if actuator.units == "SI" else ""
+            where = (
+                "" if most == actuator.delta else ", halfway from compliant stopper to electrode"
+            )
+            problem = (
+                f"covers {shown(first)} to {shown(last)}{unit}, but the block moves from "
+                f"{shown(-most)} to {shown(most)}{unit}{where}; extend the table"
+            )
+            raise InvalidParameter(f"{self.name()}.positions", None, "", problem=problem)
+
+
+def _scaled(value: float, factor: float) -> float:
+    """Return a value times the factor of a unit, rounded once for a prefix such as micro."""
+    return value * factor if factor >= 1.0 else value / round(1.0 / factor, 9)
+
+
+def _factors(given: Any, wanted: list[str]) -> list[float]:
+    """Return the factors of the units of two columns."""
+    if isinstance(given, str) or len(given) != len(wanted):
+        raise InvalidParameter("column_units", given, 'two units, such as ("um", "fF")')
+    try:
+        return [magnitude(f"1 {own}", unit) for own, unit in zip(given, wanted, strict=True)]
+    except QuantityError:
+        allowed = f"units of the kinds {' and '.join(wanted)}"
+        raise InvalidParameter("column_units", given, allowed) from None

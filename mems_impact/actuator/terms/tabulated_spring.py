@@ -1,0 +1,77 @@
+"""A suspension with a measured or computed force."""
+
+from __future__ import annotations
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, TermContribution
+from mems_impact.actuator.terms.table import TableNumbers, TableTerm
+
+__all__ = ["TabulatedSpring"]
+
+
+class TabulatedSpring(TableTerm):
+    """A spring between block and frame with a force from a table, in place of k x2.
+
+    Parameters
+    ----------
+    positions : tuple of float
+        Positions x2 of the block [m], ascending, four or more; they cover the travel from -delta to
+        delta; with compliant stoppers up to halfway between stopper and electrode.
+    forces : tuple of float
+        The restoring force at each position [N], with the sign of k x2: positive at positive
+        positions for a spring that pulls the block back.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range, the positions do not ascend, or the lengths differ; if the table
+        does not cover the travel of the block.
+
+    See Also
+    --------
+    CubicStiffness, TabulatedCapacitance, Actuator
+
+    Notes
+    -----
+    The interpolant is that of `TabulatedCapacitance`; it is monotone wherever three successive
+    intervals of the table are. The energy of the spring is its integral. `k` does not enter the
+    force: it determines the units of the scaled variables, and the estimates for small deflections.
+    ``slope(0.0)`` is the stiffness of the table at x2 = 0, the natural choice of `k`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> x = np.linspace(-0.5, 0.5, 21)
+    >>> spring = mi.TabulatedSpring(positions=x, forces=x + 0.5 * x**3)
+    >>> tabulated = mi.load_actuator("zhao2004").adding(spring)
+    >>> cubic = mi.load_actuator("zhao2004").adding(mi.CubicStiffness(k3=0.5))
+    >>> f"{mi.pull_in_voltage(tabulated):.9f}, {mi.pull_in_voltage(cubic):.9f}"
+    '0.395597, 0.395597'
+    """
+
+    forces: TableNumbers
+
+    units = {"positions": "m", "forces": "N"}  # noqa: RUF012 - ClassVar above
+    column = "forces"
+    instead = "spring"
+
+    def energy(self, position: float) -> float:
+        """Return the energy of the spring at a position, 0 at x2 = 0, in the units of the table."""
+        spline, p = self.own_spline()
+        return float(spline.integral(position, p) - spline.integral(0.0, p))
+
+    @classmethod
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+        """Return force and energy beyond those of the linear spring."""
+        restoring, _, integral = cls.spline(at, shape)
+
+        def force(y, p):  # type: ignore[no-untyped-def]
+            return p[eq.K] * y[X2] - restoring(y[X2], p)
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            stored = integral(y[X2], p) - integral(0.0, p)
+            return stored - 0.5 * p[eq.K] * y[X2] * y[X2]
+
+        return TermContribution(force=force, energy=energy)

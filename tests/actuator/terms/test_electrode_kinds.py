@@ -1,0 +1,390 @@
+"""Comb, tabulated and tilted electrodes and tabulated springs, against closed forms and SciPy."""
+
+import math
+import pickle
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import minimize_scalar
+
+import mems_impact as mi
+from mems_impact.actuator.automaton_with_terms import compose
+
+ZHAO = mi.load_actuator("zhao2004")
+MITA = mi.load_actuator("mita2003")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+BOTH = mi.TwoSided(right=DRIVE, left=mi.Sine(amplitude=0.1, omega=0.5, phase=1.0, bias=0.05))
+INTERPRETED = mi.Options(engine="interpreted", method="dop853")
+FINE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
+X = np.linspace(-0.5, 0.5, 41)
+PLATE = mi.TabulatedCapacitance(positions=X, capacitances=2.0 / (1.0 - X))
+COMB = mi.CombDrive(fingers=3.0, gap=0.5, thickness=0.25, overlap=0.7, permittivity=0.4)
+COMB_SI = mi.CombDrive(fingers=100, gap="2 um", thickness="20 um", overlap="30 um")
+TILTED = mi.TiltedPlate(angle=0.05, length=10.0)
+HARDENING = mi.TabulatedSpring(positions=X, forces=X + 0.5 * X**3)
+
+
+def electrodes(device, count=2):
+    model = compose(tuple(term.kind for term in device.terms), count)
+    return model.electrodes, device.under(DRIVE).numbers().parameters
+
+
+@pytest.mark.parametrize("term", [PLATE, COMB, TILTED])
+def test_force_is_the_derivative_of_the_capacitance(term):
+    (right, left), p = electrodes(ZHAO.adding(term))
+    h = 1e-4
+    for x in (-0.49, -0.2031, 0.0, 0.3172, 0.4997):
+        slope = sum(
+            w * (right.capacitance(x + s * h, p) - right.capacitance(x - s * h, p))
+            for s, w in ((1, 8.0), (2, -1.0))
+        ) / (12.0 * h)
+        assert right.slope(x, p) == pytest.approx(slope, rel=1e-10)
+        assert left.slope(x, p) == right.slope(x, p)
+
+
+def test_comb_has_its_closed_form():
+    (right, _), p = electrodes(ZHAO.adding(COMB))
+    slope = 2.0 * 3.0 * 0.4 * 0.25 / 0.5
+    for x in (-0.5, 0.1, 0.5):
+        assert right.capacitance(x, p) == pytest.approx(slope * (0.7 + x), rel=1e-15)
+        assert right.slope(x, p) == pytest.approx(slope, rel=1e-15)
+    # On a held frame the block is a damped linear oscillator under (slope/4) A^2 (1 + cos 2wt).
+    device = ZHAO.replace(mu_s=9.0).adding(COMB)
+    drive = mi.Sine(amplitude=0.4, omega=0.45)
+    half, w = 0.25 * slope * 0.4**2, 0.9
+    response = half / complex(1.0 - w * w, 0.04 * w)
+
+    def exact(t):
+        return half + (response * np.exp(1j * w * t)).real
+
+    start = mi.State(x2=exact(0.0), v2=(1j * w * response).real)
+    run = mi.simulate(device, drive, 5, initial=start, options=FINE)
+    samples = run.samples(20)
+    np.testing.assert_allclose(samples["x2"], exact(samples["t"].to_numpy()), atol=1e-10)
+
+
+def test_comb_has_no_pull_in():
+    device = MITA.adding(COMB_SI)
+    slope = 2.0 * 100 * 8.8541878188e-12 * 20e-6 / 2e-6
+    contact = math.sqrt(2.0 * device.k * device.delta / slope)
+    assert mi.resting_voltage(device) == pytest.approx(contact, rel=1e-12)
+    for dynamic in (False, True):
+        with pytest.raises(
+            mi.InvalidParameter, match=r"no pull-in with CombDrive.*resting_voltage"
+        ):
+            mi.pull_in_voltage(device, dynamic=dynamic)
+    sheet = device.datasheet
+    assert "pull_in" not in sheet
+    assert "electrode_area" not in sheet
+    assert sheet["capacitance"] == pytest.approx(slope * 30e-6, rel=1e-12)
+    assert sheet["release"] == pytest.approx(contact, rel=1e-12)
+    assert sheet.regime == ""
+    assert mi.Actuator.from_design(**sheet) == device
+    # A spring that softens makes the block snap, with the closed form of the largest voltage.
+    snapping = ZHAO.adding(COMB, mi.CubicStiffness(k3=-2.0))
+    slope, top = 1.2, math.sqrt(1.0 / 6.0)
+    expected = math.sqrt(2.0 * (top - 2.0 * top**3) / slope)
+    assert mi.pull_in_voltage(snapping) == pytest.approx(expected, rel=1e-12)
+
+
+def test_tabulated_plate_is_the_plate():
+    (right, _), p = electrodes(ZHAO.adding(PLATE))
+    x = np.linspace(-0.5, 0.5, 777)
+    found = np.array([(right.capacitance(each, p), right.slope(each, p)) for each in x])
+    np.testing.assert_allclose(found[:, 0], 2.0 / (1.0 - x), rtol=2e-7)
+    np.testing.assert_allclose(found[:, 1], 2.0 / (1.0 - x) ** 2, rtol=2e-5)
+    assert mi.pull_in_voltage(ZHAO.adding(PLATE)) == pytest.approx(
+        mi.pull_in_voltage(ZHAO), rel=1e-7
+    )
+    # The error of the motion falls with the fifth power of the spacing, as that of the force.
+    kick = mi.kicked_state(ZHAO)
+    exact = mi.simulate(ZHAO, DRIVE, 3, initial=kick, options=FINE)
+    errors = []
+    for count in (41, 81):
+        at = np.linspace(-0.5, 0.5, count)
+        table = mi.TabulatedCapacitance(positions=at, capacitances=2.0 / (1.0 - at))
+        run = mi.simulate(ZHAO.adding(table), DRIVE, 3, initial=kick, options=FINE)
+        assert len(run.impacts) == len(exact.impacts) >= 2
+        errors.append(abs(run.final.v2 - exact.final.v2))
+    assert errors[0] < 1e-7
+    assert errors[0] / errors[1] > 16.0
+
+
+@pytest.mark.parametrize("term", [PLATE, COMB, TILTED, HARDENING])
+@pytest.mark.parametrize("leads", [(), (mi.SeriesResistance(resistance=0.1, parasitic=0.2),)])
+def test_the_energy_balance_closes(term, leads):
+    device = ZHAO.adding(term, *leads)
+    run = mi.simulate(
+        device,
+        BOTH,
+        3,
+        initial=mi.kicked_state(device),
+        options=mi.Options(engine="interpreted", method="dop853", rtol=1e-10),
+    )
+    assert len(run.impacts) >= 2
+    found = mi.energy(run, 0.1, 2.8)
+    assert abs(found.imbalance) < 1e-8 * (abs(found.given) + found.lost)
+
+
+@cache
+def reference():
+    """Impact, and the state at the end, of a block between two wedges, its frame held, by SciPy."""
+    wedge = 0.5 * 0.05 * 10.0
+
+    def rates(t, y):
+        volts = 0.3 * math.cos(0.9 * t)
+        left = 0.2 * math.sin(0.9 * t)
+        force = volts**2 / ((1.0 - y[0]) ** 2 - wedge**2) - left**2 / ((1.0 + y[0]) ** 2 - wedge**2)
+        return [y[1], force - y[0] - 0.5 * y[0] ** 3 - 0.04 * y[1]]
+
+    def touches(t, y):
+        return 0.5 - y[0]
+
+    touches.terminal, touches.direction = True, -1.0
+    fine = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    first = solve_ivp(rates, (0.0, 2.0), [0.0, 0.7], events=touches, **fine)
+    hit = first.t_events[0][0]
+    before = first.y_events[0][0][1]
+    last = solve_ivp(rates, (hit, 2.0), [0.5, -0.8 * before], **fine)
+    return hit, before, last.y[:, -1]
+
+
+def test_motion_with_impact_is_that_of_scipy():
+    # The gap is a wedge on both sides, and the tables are those of other terms.
+    device = ZHAO.replace(m1=1e12, mu_s=9.0)
+    drive = mi.TwoSided(
+        right=mi.Sine(amplitude=0.3, omega=0.9),
+        left=mi.Sine(amplitude=0.2, omega=0.9, phase=-0.5 * math.pi),
+    )
+    hit, before, end = reference()
+    wedge = 0.25
+    x = np.linspace(-0.5, 0.5, 161)
+    table = mi.TabulatedCapacitance(
+        positions=x, capacitances=np.log((1.0 - x + wedge) / (1.0 - x - wedge)) / wedge
+    )
+    for electrode, tolerance in ((TILTED, 1e-9), (table, 1e-8)):
+        own = device.adding(electrode, HARDENING)
+        run = mi.simulate(
+            own, drive, duration=2.0, initial=mi.State(v2=0.7), options=FINE
+        )  # fmt: skip
+        impact = run.impacts.iloc[0]
+        assert impact["t"] == pytest.approx(hit, abs=tolerance)
+        assert impact["v2 before"] == pytest.approx(before, abs=tolerance)
+        np.testing.assert_allclose([run.final.x2, run.final.v2], end, atol=10.0 * tolerance)
+
+
+def test_tilted_plate_statics():
+    wedge = 0.25
+
+    def squared(x):
+        return x * ((1.0 - x) ** 2 - wedge**2)
+
+    top = minimize_scalar(lambda x: -squared(x), bounds=(0.0, 0.5), options={"xatol": 1e-10})
+    assert mi.pull_in_voltage(ZHAO.adding(TILTED)) == pytest.approx(math.sqrt(-top.fun), rel=1e-9)
+    (right, _), p = electrodes(ZHAO.adding(TILTED))
+    gaps, _ = quad(lambda s: 2.0 / (1.0 - 0.3 + 2.0 * wedge * s), -0.5, 0.5, epsabs=1e-14)
+    assert right.capacitance(0.3, p) == pytest.approx(gaps, rel=1e-12)
+    flat = [ZHAO.adding(mi.TiltedPlate(angle=a, length=1.0)) for a in (0.0, 1e-3, -1e-3)]
+    zero, small, other = (
+        electrodes(each)[0][0].capacitance(0.3, electrodes(each)[1]) for each in flat
+    )
+    assert zero == 2.0 / 0.7
+    assert small == other == pytest.approx(zero, rel=1e-6)
+    with pytest.raises(
+        mi.InvalidParameter, match=r"tilted_plate.angle = 0.2: must be between -0.1"
+    ):
+        ZHAO.adding(mi.TiltedPlate(angle=0.2, length=10.0))
+
+
+def test_one_side_or_both():
+    device = ZHAO.adding(COMB.replace(sides="left"), TILTED.replace(sides="right"))
+    (right, left), p = electrodes(device)
+    assert right.slope(0.2, p) == pytest.approx(2.0 / (0.64 - 0.0625), rel=1e-14)
+    assert left.slope(0.2, p) == pytest.approx(1.2, rel=1e-14)
+    assert mi.pull_in_voltage(device) == mi.pull_in_voltage(ZHAO.adding(TILTED))
+    (right, left), p = electrodes(ZHAO.adding(COMB.replace(sides="left")))
+    assert right.slope(0.2, p) == pytest.approx(2.0 / 0.64, rel=1e-14)
+    for other in (mi.Fringing(width=5.0), COMB):
+        with pytest.raises(mi.InvalidParameter, match="both determine the right electrode"):
+            ZHAO.adding(TILTED.replace(sides="right"), other)
+    with pytest.raises(mi.InvalidParameter, match="both determine the left electrode"):
+        ZHAO.adding(PLATE, COMB.replace(sides="left"))
+    with pytest.raises(mi.InvalidParameter, match="both determine the spring"):
+        ZHAO.adding(HARDENING, mi.CubicStiffness(k3=1.0))
+    with pytest.raises(mi.InvalidParameter, match="sides = 'top'"):
+        COMB.replace(sides="top")
+
+
+def test_spline_keeps_the_shape_of_a_table():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        x = np.cumsum(rng.uniform(0.1, 1.0, rng.integers(4, 12)))
+        table = mi.TabulatedCapacitance(
+            positions=x, capacitances=np.cumsum(10.0 ** rng.uniform(-4.0, 0.0, x.size))
+        )
+        grid = np.linspace(x[0], x[-1], 200)
+        assert min(map(table.slope, grid)) > 0.0
+        for at, value in zip(x, table.capacitances, strict=True):
+            assert table.value(at) == pytest.approx(value, rel=1e-12)
+            change = table.slope(at + 1e-9) - table.slope(at - 1e-9)
+            assert abs(change) < 1e-6 * max(map(table.slope, grid))
+    steps = mi.TabulatedSpring(positions=np.arange(7.0), forces=[0, 0, 0, 1, 1, 1, 1])
+    assert [steps.slope(x) for x in (0.5, 1.5, 4.5, 5.5)] == [0.0] * 4
+
+
+def test_spring_from_a_table():
+    cubic = ZHAO.adding(mi.CubicStiffness(k3=0.5))
+    for compute in (mi.pull_in_voltage, mi.resting_voltage):
+        assert compute(ZHAO.adding(HARDENING)) == pytest.approx(compute(cubic), rel=1e-9)
+    runs = [
+        mi.simulate(device, DRIVE, 2, initial=mi.State(v2=1.0), options=FINE)
+        for device in (cubic, ZHAO.adding(HARDENING))
+    ]
+    assert len(runs[0].impacts) > 0
+    one, two = (list(run.final.as_dict().values()) for run in runs)
+    np.testing.assert_allclose(two, one, atol=1e-10)
+    energies = [mi.energy(run, 0, 2).table.set_index("account")["energy"] for run in runs]
+    terms = [energies[0]["cubic_stiffness"], energies[1]["tabulated_spring"]]
+    assert terms[1] == pytest.approx(terms[0], abs=1e-10)
+    assert HARDENING.slope(0.0) == pytest.approx(1.0, rel=1e-9)
+    stored = 0.5 * 0.25 + 0.125 * 0.0625
+    assert HARDENING.energy(0.5) == pytest.approx(stored, rel=1e-12)
+    kick = mi.kicked_state(ZHAO.adding(HARDENING))
+    assert 0.5 * kick.v2**2 == pytest.approx(4.0 * stored, rel=1e-12)
+    x = np.linspace(-3e-6, 3e-6, 31)
+    device = mi.Actuator.from_design(
+        terms=[mi.TabulatedSpring(positions=x, forces=10.0 * x + 1e12 * x**3)],
+        proof_mass="0.2 mg", frame_mass="1 mg", quality=30, gap="4 um", travel="2.5 um",
+        electrode_area="1 mm^2", friction=0.3, restitution=0.6,
+    )  # fmt: skip
+    assert device.k == pytest.approx(10.0, rel=1e-9)
+    assert device.datasheet["spring_force"] == pytest.approx(2.5e-5 + 1e12 * 2.5e-6**3, rel=1e-9)
+    assert mi.Actuator.from_design(**device.datasheet) == device
+
+
+def test_ranges_are_watched():
+    with pytest.raises(
+        mi.InvalidParameter,
+        match=r"tabulated_capacitance.positions: covers -0.5 to 0.5, but the block moves from -0.6",
+    ):
+        ZHAO.replace(delta=0.6).adding(PLATE)
+    with pytest.raises(mi.InvalidParameter, match=r"comb_drive.overlap = 0.4: must be > 0.5"):
+        ZHAO.adding(COMB.replace(overlap=0.4))
+    stopper = mi.CompliantStopper(stiffness=50.0)
+    for term, message in (
+        (PLATE, "from -0.75 to 0.75, halfway from compliant stopper to electrode; extend"),
+        (HARDENING, "from -0.75 to 0.75, halfway from compliant stopper to electrode; extend"),
+        (COMB, "comb_drive.overlap = 0.7: must be > 0.75, the largest deflection"),
+        (TILTED, "tilted_plate.angle = 0.05: must be between -0.033"),
+    ):
+        with pytest.raises(mi.InvalidParameter, match=message):
+            ZHAO.adding(term, stopper)
+    x = np.linspace(-0.75, 0.75, 41)
+    table = mi.TabulatedCapacitance(positions=x, capacitances=2.0 / (1.0 - x))
+    start = mi.State(v2=1.0)
+    runs = [
+        mi.simulate(device, DRIVE, 0.3, initial=start, options=FINE)
+        for device in (ZHAO.adding(stopper), ZHAO.adding(stopper, table))
+    ]
+    assert runs[1].samples(50)["x2"].max() > 0.6
+    assert runs[1].final.x2 == pytest.approx(runs[0].final.x2, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"capacitances": X}, "capacitances = -0.5: must be > 0"),
+        ({"capacitances": 1.0 + X**2}, "capacitances = .*: must be ascending with the position"),
+        ({"capacitances": X[:5] + 1.0}, "number of capacitances = 5: must be as many as positions"),
+        ({"positions": X[::-1]}, "positions = .*: must be ascending"),
+        ({"positions": [0.0, 1.0, 2.0]}, "positions = .*: must be a list of 4 or more"),
+        ({"positions": "table"}, "positions = 'table': must be a list of 4 or more"),
+    ],
+)
+def test_wrong_tables(values, message):
+    with pytest.raises(mi.InvalidParameter, match=message):
+        mi.TabulatedCapacitance(**{**dict(PLATE), **values})
+
+
+def test_units_and_files(tmp_path):
+    with pytest.raises(mi.InvalidParameter, match=r"comb_drive.permittivity: missing"):
+        ZHAO.adding(mi.CombDrive(fingers=1, gap=1.0, thickness=1.0, overlap=1.0))
+    um = np.linspace(-3.0, 3.0, 25)
+    delta = MITA.delta * 1e6
+    um *= delta / 3.0
+    (tmp_path / "c.csv").write_text(
+        "x/um, C/fF\n"
+        + "\n".join(f"{a!r}, {b!r}" for a, b in zip(um.tolist(), (50.0 + um).tolist(), strict=True))
+    )
+    table = mi.TabulatedCapacitance.from_csv(tmp_path / "c.csv", column_units=("um", "fF"))
+    assert table.positions[-1] == pytest.approx(MITA.delta, rel=1e-14)
+    device = MITA.adding(table)
+    numbers = "\n".join(f"{name} = {value!r}" for name, value in MITA if name != "units")
+    path = tmp_path / "device.toml"
+    head = f"units = 'SI'\n[parameters]\n{numbers}\n[tabulated_capacitance]\nfile = 'c.csv'\n"
+    path.write_text(head + "column_units = ['um', 'fF']\nsides = 'both'\n")
+    assert mi.load_actuator(path) == device == pickle.loads(pickle.dumps(device))
+    for wrong, message in {
+        "column_units = ['um', 'V']": "tabulated_capacitance.column_units = .*kinds m and F",
+        "column_units = 'um'": "tabulated_capacitance.column_units = 'um': must be two units",
+        "positions = [1]": r"tabulated_capacitance.positions = \(1,\): unknown name",
+    }.items():
+        path.write_text(head + wrong)
+        with pytest.raises(mi.InvalidParameter, match=message):
+            mi.load_actuator(path)
+    # The same motion in SI as in dimensionless numbers.
+    for term in (table, COMB_SI, mi.TiltedPlate(angle=0.01, length=1e-4)):
+        own = MITA.adding(term)
+        scales = own.scales
+        volts, start = 20.0, mi.State(v2=0.5 * mi.kicked_state(own).v2)
+        run = mi.simulate(
+            own, mi.Sine(amplitude=volts, omega=900.0), 1, initial=start, options=FINE
+        )
+        inner = mi.simulate(
+            own.to_dimensionless(),
+            mi.Sine(amplitude=scales.into(volts, "V"), omega=scales.into(900.0, "rad/s")),
+            1, initial=mi.State(v2=scales.into(start.v2, "m/s")), options=FINE,
+        )  # fmt: skip
+        assert scales.into(run.final.x2, "m") == pytest.approx(inner.final.x2, abs=1e-10)
+        run.save(tmp_path / "run.zip")
+        assert mi.load(tmp_path / "run.zip").actuator == own
+        assert own.to_dimensionless().to_si(scales).term(term.name()).shape == term.shape
+
+
+def test_design_with_electrodes():
+    given = {
+        "proof_mass": "0.2 mg", "frame_mass": "1 mg", "frequency": "1.2 kHz", "quality": 30,
+        "gap": "4 um", "travel": "2.5 um", "friction": 0.3, "restitution": 0.6,
+    }  # fmt: skip
+    comb = mi.Actuator.from_design(terms=[COMB_SI], **given)
+    slope = 2.0 * 100 * 8.8541878188e-12 * 10.0
+    assert comb.alpha == pytest.approx(0.5 * slope * 16e-12, rel=1e-12)
+    with pytest.raises(mi.InvalidParameter, match="no pull-in with CombDrive"):
+        mi.Actuator.from_design(terms=[COMB_SI], pull_in="70 V", **given)
+    with pytest.raises(mi.InvalidParameter, match="capacitance = 1e-12: contradicts"):
+        mi.Actuator.from_design(terms=[COMB_SI], capacitance="1 pF", **given)
+    tilted = mi.TiltedPlate(angle=0.01, length=1e-4)
+    for name, value in (("pull_in", 70.0), ("capacitance", 1e-12)):
+        device = mi.Actuator.from_design(terms=[tilted], **{name: value}, **given)
+        assert device.datasheet[name] == pytest.approx(value, rel=1e-12)
+        assert mi.Actuator.from_design(**device.datasheet) == device
+    pull = 0.5 * device.alpha * 2.0 * device.datasheet["pull_in"] ** 2 / (1.5e-6**2 - 0.5e-6**2)
+    assert device.datasheet.pull_in_force == pytest.approx(pull - device.k * 2.5e-6, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_compiled_and_continued():
+    device = ZHAO.adding(PLATE, HARDENING)
+    kick = mi.kicked_state(device)
+    compiled = mi.simulate(device, DRIVE, 300, initial=kick)
+    plain = ZHAO.adding(mi.CubicStiffness(k3=0.5))
+    orbit = mi.find_orbit(compiled)
+    other = mi.find_orbit(mi.simulate(plain, DRIVE, 300, initial=kick))
+    assert orbit.step == pytest.approx(other.step, rel=1e-6)
+    found, expected = (np.sort(np.abs(each.multipliers)) for each in (orbit, other))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    branch = mi.continue_orbit(orbit, "amplitude", stop=0.25)
+    same = mi.continue_orbit(other, "amplitude", stop=0.25)
+    assert branch.orbits[-1].step == pytest.approx(same.orbits[-1].step, rel=1e-6)
