@@ -69,6 +69,7 @@ class CombDrive(Term):
     >>> comb = mi.CombDrive(fingers=100, gap=2e-6, thickness=20e-6, overlap=30e-6)
     >>> device = mi.load_actuator("mita2003").adding(comb)
     >>> f"{mi.resting_voltage(device):.1f} V"
+    '36.7 V'
     """
 
     fingers: Positive

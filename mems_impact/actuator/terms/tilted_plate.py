@@ -61,6 +61,7 @@ class TiltedPlate(Term):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> tilted = actuator.adding(mi.TiltedPlate(angle=0.05, length=10.0))
     >>> f"{mi.pull_in_voltage(actuator):.4f}, {mi.pull_in_voltage(tilted):.4f}"
+    '0.3849, 0.3581'
     """
 
     angle: Number
