@@ -179,12 +179,12 @@ def _contact_voltage(actuator: Device) -> float:
     Without terms of electrodes or spring, other terms are neglected, which change it little.
     """
     if any(term.instead in ("electrode", "spring") for term in actuator.terms):
-        from mems_impact.actuator.design.estimates import contact_voltage
+        from mems_impact.actuator.design.static_forces import StaticForces
         from mems_impact.actuator.parameters import Actuator
 
         assert isinstance(actuator, Actuator)
         try:
-            return contact_voltage(actuator)
+            return float(actuator.scales.out(StaticForces(actuator).contact(), "V"))
         except InvalidParameter:  # the equilibrium of a term is unknown
             return 0.0
     x2 = min(actuator.delta, actuator.d / 3.0)

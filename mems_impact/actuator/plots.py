@@ -447,7 +447,7 @@ def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Ex
     The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2 for parallel plates;
     without an actuator it is in units of alpha/d^2.
     """
-    from mems_impact.actuator.design.estimates import force_constants
+    from mems_impact.actuator.design.static_forces import force_constants
 
     own, other = (1.0, 1.0) if actuator is None else force_constants(actuator)
     borders = sorted({0.0, *drive.switches, drive.period})

@@ -48,7 +48,7 @@ class TabulatedSpring(TableTerm):
     >>> tabulated = mi.load_actuator("zhao2004").adding(spring)
     >>> cubic = mi.load_actuator("zhao2004").adding(mi.CubicStiffness(k3=0.5))
     >>> f"{mi.pull_in_voltage(tabulated):.9f}, {mi.pull_in_voltage(cubic):.9f}"
-    '0.395597, 0.395597'
+    '0.396247024, 0.396247024'
     """
 
     forces: TableNumbers

@@ -1,0 +1,224 @@
+"""Forces on the block for a constant or slowly varying voltage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton import V1, V2, X2
+from mems_impact.actuator.automaton_with_terms import compose
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.charge_drive import ChargeDrive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["StaticForces", "force_constants", "parameters_of"]
+
+FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
+BALANCED = 1e-9  # rates of states at rest, in scaled units
+
+
+class StaticForces:
+    """The forces on the block for a constant or slowly varying voltage.
+
+    Terms in series with an electrode transmit such a voltage and are omitted. The state of an
+    electrode, such as trapped charge, is 0, as at the start of a run; other states of terms are at
+    their equilibrium.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        In any units; attributes and results are dimensionless.
+    """
+
+    def __init__(self, actuator: Actuator) -> None:
+        self.actuator = actuator.to_dimensionless()
+        terms = [term for term in self.actuator.terms if term.layer == 0]
+        charged = [term for term in self.actuator.terms if isinstance(term, ChargeDrive)]
+        self._parasitic = [term.numbers(self.actuator.scales)[0] for term in charged]
+        self._terms = terms
+        self.model = compose(tuple(term.kind for term in terms), 1)
+        self.p = parameters_of(self.actuator, terms)
+
+    def force(self, x2: float) -> float:
+        """Return the force on the block without voltage, positive to the right."""
+        y = self._state(x2)
+        own: float = self.model.force(y, self.p) + self.model.on_block(y, self.p)
+        return own - self.actuator.k * x2
+
+    def needed(self, x2: float) -> float:
+        """Return the squared voltage that holds the block at `x2`; negative if there is none."""
+        own: float = self.model.electrodes[0].slope(x2, self.p)
+        return -2.0 * self.force(x2) / own * self._squared_drive(x2)
+
+    def _squared_drive(self, x2: float) -> float:
+        """Return the squared value of the drive at the unit of voltage: 1, or with a charge."""
+        total: float = self.model.electrodes[0].capacitance(x2, self.p)
+        return (total + self._parasitic[0]) ** 2 if self._parasitic else 1.0
+
+    def pull_in(self) -> float:
+        """Return the pull-in voltage for a slowly rising voltage.
+
+        Above it there is no equilibrium between the position without voltage and the stopper.
+
+        Raises
+        ------
+        InvalidParameter
+            If the electrode is a comb that pulls the block to the stopper through equilibria.
+        """
+        delta = self.actuator.delta
+        places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
+        squares = [self.needed(x2) for x2 in places.tolist()]
+        if self._start == -delta:
+            squares[0] += self._adhesion(-delta)
+        i = int(np.argmax(squares))
+        best = squares[i]
+        if 0 < i < FORCE_CURVE_POINTS - 1:
+            bounds = places[i - 1], places[i + 1]
+            found = minimize_scalar(
+                lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
+            )
+            best = max(best, -float(found.fun))
+        elif i > 0 and not self._parasitic and (comb := self._right("comb_drive")):
+            problem = (
+                f"no pull-in with {type(comb).__name__}: its force does not depend on the "
+                "position; use resting_voltage, at which the block reaches the stopper"
+            )
+            raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+        return math.sqrt(max(best, 0.0))
+
+    def contact(self) -> float:
+        """Return the voltage at which the block reaches the stopper: pull-in, if there is one."""
+        try:
+            return self.pull_in()
+        except InvalidParameter:
+            if self._right("comb_drive") is None:
+                raise
+            return self.resting()
+
+    def attraction(self, x2: float) -> float:
+        """Return the force of the right electrode at `x2`, divided by the squared voltage."""
+        return 0.5 * float(self.model.electrodes[0].slope(x2, self.p))
+
+    def capacitance(self) -> float:
+        """Return the capacitance of the right electrode without voltage, at x2 = 0."""
+        return float(self.model.electrodes[0].capacitance(0.0, self.p))
+
+    def _right(self, name: str) -> Term | None:
+        """Return the term of this name at the right electrode."""
+        found = self.actuator.term(name)
+        return found if found is not None and found.acts_at(found.shape, 1) else None
+
+    def resting(self) -> float:
+        """Compute the voltage above which a block on the right stopper stays there."""
+        delta = self.actuator.delta
+        return math.sqrt(max(self.needed(delta) - self._adhesion(delta), 0.0))
+
+    def _adhesion(self, x2: float) -> float:
+        """Return the squared voltage whose force equals the adhesion at `x2`."""
+        own: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
+        return 2.0 * own * self._squared_drive(x2)
+
+    @cached_property
+    def _start(self) -> float:
+        """Equilibrium of the block without voltage, starting from the middle."""
+        first = self.force(0.0)
+        if first == 0.0:
+            return 0.0
+        end = math.copysign(self.actuator.delta, first)
+        places = np.linspace(0.0, end, FORCE_CURVE_POINTS).tolist()
+        for before, after in pairwise(places):
+            if self.force(after) * first <= 0.0:
+                return float(brentq(self.force, before, after, xtol=1e-15))
+        return end
+
+    def _state(self, x2: float) -> Floats:
+        """Return the state of a block that rests at `x2`."""
+        y = np.zeros(len(self.model.layout.states))
+        y[X2] = x2
+        own = [place for at in self.model.layout.terms for place in at.y.values()]
+        if own:
+            y[own] = self._balanced(y, own)
+        return y
+
+    def _balanced(self, y: Floats, own: Sequence[int]) -> Floats:
+        """Return the equilibrium of the states of terms, by one step of Newton's method.
+
+        The step is exact for terms that are linear in their states.
+        """
+
+        def rates(values: Floats) -> Floats:
+            trial, found = y.copy(), np.zeros_like(y)
+            trial[own] = values
+            self.model.rates(0.0, 0.0, trial, self.p, found)
+            return found[own]
+
+        zero: Floats = np.zeros(len(own))
+        first = rates(zero)
+        if np.abs(first).max() <= BALANCED:
+            return zero
+        columns = [rates(unit) - first for unit in np.eye(len(own))]
+        try:
+            found = np.array(np.linalg.solve(np.array(columns).T, -first), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            found = np.full(len(own), np.nan)
+        if not np.abs(rates(found)).max() <= BALANCED * max(1.0, np.abs(first).max()):
+            names = ", ".join(term.name() for term in self._terms if term.states(term.shape))
+            problem = f"the equilibrium of the states of {names} is unknown; simulate instead"
+            raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+        return found
+
+    def after_impact(self, speed: float) -> Floats:
+        """Return the state just after the block strikes a frame at rest on the right with `speed`.
+
+        Raises
+        ------
+        InvalidParameter
+            If the terms have no such impact, or forces that the speed does not determine.
+        """
+        self._check_impact()
+        e = self.model.restitution(speed, self.p)
+        y = np.zeros(len(self.model.layout.states))
+        y[X2] = self.actuator.delta
+        y[V1] = eq.frame_speed_after(0.0, speed, e, self.p)
+        y[V2] = eq.block_speed_after(speed, e)
+        return y
+
+    def _check_impact(self) -> None:
+        reasons = {
+            "compliant stoppers have no instantaneous impact": self.model.stopper is not None,
+            "the frame never comes to rest": not self.model.sticks,
+            "the states of terms at the impact are unknown": any(
+                at.y for at in self.model.layout.terms
+            ),
+        }
+        for reason, holds in reasons.items():
+            if holds:
+                names = ", ".join(term.name() for term in self._terms)
+                problem = f"no formula for the step with {names}: {reason}; simulate instead"
+                raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+
+
+def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
+    """Return the parameter array of the equations of a dimensionless actuator with `terms`."""
+    scales = actuator.scales
+    return np.concatenate([actuator.to_array(), *(term.numbers(scales) for term in terms)])
+
+
+def force_constants(actuator: Actuator) -> tuple[float, float]:
+    """Return the forces of the right and the left electrode at x2 = 0 over squared voltage."""
+    if not any(term.instead == "electrode" for term in actuator.terms):
+        return (actuator.alpha / actuator.d**2,) * 2
+    scales, inner = actuator.scales, actuator.to_dimensionless()
+    terms = [term for term in inner.terms if term.instead == "electrode"]
+    model = compose(tuple(term.kind for term in terms), 2)
+    p = parameters_of(inner, terms)
+    right, left = (float(scales.out(0.5 * each.slope(0.0, p), "F/m")) for each in model.electrodes)
+    return right, left
