@@ -52,6 +52,7 @@ from mems_impact.actuator.statistics import (
 from mems_impact.actuator.terms.base import Term, TermKind, Validity
 from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
+from mems_impact.export.model import ExportedModel
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
@@ -458,6 +459,21 @@ class ActuatorSystem(ActuatorNumerics):
     def _bounds(self) -> bool:
         """Whether compiled functions check array bounds, as functions of users require."""
         return not self.is_data_only
+
+    def exported(
+        self,
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> ExportedModel:
+        """Return the system as plain data for export."""
+        model = super().exported(inputs, initial, options)
+        return replace(model, name=self.name or "actuator", mode_by_switch=True)
+
+    @property
+    def parameter_places(self) -> Mapping[str, int]:
+        """Indices of the numbers of actuator and terms in the parameter array."""
+        return {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_places}
 
     @property
     def initial(self) -> State:

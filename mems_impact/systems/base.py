@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from numbers import Integral
 from operator import itemgetter
+from os import PathLike
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import Definition, Typical
@@ -558,6 +561,111 @@ class HybridSystem(Result, ABC):
         numbers = self.numbers()
         check_times(numbers, self.factor("time"), self.unit("time"))
         return numbers
+
+    def to_fmu(
+        self,
+        path: str | PathLike[str],
+        *,
+        fmi: str = "3.0",
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> Path:
+        """Write the system as a functional mock-up unit (FMU), for other simulation tools.
+
+        The FMU contains the flow, the guards and the transitions as C source, translated from the
+        Python functions, with the package's event loop, for model exchange and co-simulation; and
+        a binary for this platform if a C compiler is available.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Name of the file, usually with the suffix ``.fmu``.
+        fmi : {"3.0", "2.0"}, optional
+            Version of the standard.
+        inputs : sequence of str, optional
+            Parameters that become inputs. Co-simulation holds them between communication points.
+        initial : State or mapping of str to float, optional
+            Initial state; by default that of the system.
+        options : Options, optional
+            Tolerances of co-simulation. Its method is DOP853.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        InvalidParameter
+            If an argument is not allowed.
+        FunctionError
+            If a function cannot be translated to C; it names the line.
+
+        See Also
+        --------
+        System, simulate
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+        >>> system.to_fmu("actuator.fmu").name
+        'actuator.fmu'
+        """
+        from mems_impact.export.fmu import write_fmu
+
+        return write_fmu(path, self.exported(inputs, initial, options), fmi)
+
+    def exported(
+        self,
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> ExportedModel:
+        """Return the system as plain data for export."""
+        chosen = Options() if options is None else options
+        if not isinstance(chosen, Options):
+            raise InvalidParameter("options", chosen, "Options(…)")
+        if chosen.method not in (None, "dop853"):
+            raise InvalidParameter("method", chosen.method, "'dop853' for export")
+        if isinstance(inputs, str):
+            raise InvalidParameter("inputs", inputs, "a sequence of names: ('force',)")
+        problem = self.problem(replace(chosen, method="dop853"))
+        start = self.hybrid_state(initial, problem)
+        places = self.parameter_places
+        numbers = tuple(
+            ExportedNumber(
+                name=name,
+                value=value,
+                unit=self.unit(name),
+                factor=self.factor(name),
+                place=places.get(name),
+            )
+            for name, value in self.parameters.items()
+        )
+        settable = [number.name for number in numbers if number.place is not None]
+        for name in inputs:
+            if name not in settable:
+                raise InvalidParameter("inputs", name, f"among {', '.join(settable)}")
+        states = self.automaton.states
+        return ExportedModel(
+            name=self.name,
+            automaton=self.automaton,
+            problem=problem,
+            initial=start,
+            numbers=numbers,
+            state_units=tuple(self.unit(name) for name in states),
+            state_factors=tuple(float(self.out(name, 1.0)) for name in states),
+            time_unit=unit_of("time", self.units),
+            time_factor=float(self.out("time", 1.0)),
+            start_time=float(self.out("time", start.time)),
+            inputs=tuple(inputs),
+        )
+
+    @property
+    def parameter_places(self) -> Mapping[str, int]:
+        """Indices in the parameter array of the parameters that occur in it as they stand."""
+        return {}
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from typing import Any, Self
 
@@ -12,6 +13,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.errors import FunctionError
+from mems_impact.export.model import ExportedModel
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import (
@@ -382,6 +384,32 @@ class System(HybridSystem):
             time_scale=scale,
         )
 
+    def exported(
+        self,
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> ExportedModel:
+        """Return the system as plain data for export."""
+        from mems_impact.export.generated_source import automaton_with_source
+
+        automaton, generated = automaton_with_source(self.definition, self.typical)
+        return replace(
+            super().exported(inputs, initial, options),
+            automaton=automaton,
+            generated=generated,
+            mode_of=self._begin,
+            period=_function_or_none(self._period),
+            time_scale=_function_or_none(self._time_scale),
+            switches=_function_or_none(self._switches),
+            rate_step_place=len(self._parameters),
+        )
+
+    @property
+    def parameter_places(self) -> Mapping[str, int]:
+        """Indices of the parameters in the parameter array."""
+        return {name: i for i, name in enumerate(self._parameters)}
+
     @property
     def forced(self) -> bool:
         """Whether the system has a forcing period; a function that defines it is not called."""
@@ -465,6 +493,10 @@ class System(HybridSystem):
         scale = arguments.number("time_scale", self._time_scale, p)
         period = arguments.number("period", self._period, p)
         return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
+
+
+def _function_or_none(given: Any) -> Any:
+    return given if callable(given) else None
 
 
 def _in_units(value: float | None, unit: float) -> float | None:

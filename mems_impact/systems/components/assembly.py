@@ -508,7 +508,8 @@ def assemble(
     sources += [text.watch(i, words, watch) for i, (words, watch) in enumerate(watches)]
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
-    exec(compile("\n\n".join(sources), GENERATED, "exec"), space)
+    space["SOURCE"] = "\n\n".join(sources)  # which export translates
+    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
     # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     made = []

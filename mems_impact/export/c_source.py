@@ -1,0 +1,1667 @@
+"""C source of Python functions of numbers and arrays.
+
+The functions are those that numba compiles: they read and write arrays and records element by
+element, and call only functions of this kind. Every function is translated once for each
+combination of the kinds of its arguments. Globals, closure variables and functions passed as
+arguments are constants; conditions on them are decided here.
+
+A kind is a scalar (real, integer, boolean), an array of reals, a tuple, a record, or a constant.
+A variable has one kind in a function, the least that holds all its values.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import math
+import operator
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from mems_impact.errors import FunctionError
+from mems_impact.hybrid.definition import GENERATED
+
+__all__ = [
+    "BOOLEAN",
+    "INTEGER",
+    "NOTHING",
+    "REAL",
+    "Array",
+    "CSource",
+    "Expression",
+    "Record",
+    "SourceText",
+    "literal",
+]
+
+# --- Kinds of values
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A number, or nothing."""
+
+    ctype: str
+
+
+REAL, INTEGER, BOOLEAN = Scalar("double"), Scalar("int64_t"), Scalar("bool")
+NOTHING = Scalar("void")
+RANKS = {BOOLEAN: 0, INTEGER: 1, REAL: 2}
+
+
+@dataclass(frozen=True)
+class Array:
+    """A pointer to reals; `shape` has the known lengths, None if the only one is unknown."""
+
+    shape: tuple[int, ...] | None = None
+
+    @property
+    def ctype(self) -> str:
+        return "double *"
+
+    @property
+    def length(self) -> int | None:
+        """The first length, if known."""
+        return None if self.shape is None else self.shape[0]
+
+
+@dataclass(frozen=True)
+class Tuple:
+    """A structure of the kinds of its items, with names for a named tuple."""
+
+    items: tuple[Any, ...]
+    names: tuple[str, ...] = ()
+
+    @property
+    def ctype(self) -> str:
+        return "tuple_" + "".join(_mangled(item) for item in self.items)
+
+
+@dataclass(frozen=True)
+class Record:
+    """A pointer to a C structure with these scalar fields."""
+
+    name: str
+    fields: tuple[tuple[str, Scalar], ...]
+
+    @property
+    def ctype(self) -> str:
+        return f"{self.name} *"
+
+
+class Fixed:
+    """A constant: a function, module, number, tuple or array of Python."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Fixed):
+            return NotImplemented
+        mine, yours = self.value, other.value
+        if mine is yours:
+            return True
+        plain = (bool, int, float, str, tuple)
+        same = type(mine) is type(yours) and isinstance(mine, plain)
+        return same and repr(mine) == repr(yours)
+
+    def __hash__(self) -> int:
+        return hash(type(self.value))
+
+
+Kind = Scalar | Array | Tuple | Record | Fixed
+
+
+def _mangled(kind: Any) -> str:
+    if isinstance(kind, Scalar):
+        return kind.ctype[0]
+    if isinstance(kind, Array):
+        return "a" + "x".join(map(str, kind.shape or ()))
+    if isinstance(kind, Tuple):
+        return f"t{len(kind.items)}" + "".join(_mangled(item) for item in kind.items)
+    return "r" + kind.name if isinstance(kind, Record) else "f"
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A C expression of a kind; the items of a tuple that is written out."""
+
+    kind: Any
+    code: str = ""
+    items: tuple[Expression, ...] | None = None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it is a constant."""
+        return isinstance(self.kind, Fixed)
+
+
+def constant(value: Any) -> Expression:
+    """Return a constant."""
+    return Expression(Fixed(value))
+
+
+def literal(value: float) -> str:
+    """Return a number as C source."""
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        text = str(int(value))
+        return f"INT64_C({text})" if abs(int(value)) >= 2**31 else _signed(text)
+    number = float(value)
+    if math.isnan(number):
+        return "NAN"
+    if math.isinf(number):
+        return "INFINITY" if number > 0 else "(-INFINITY)"
+    return _signed(repr(number))
+
+
+def _signed(text: str) -> str:
+    return f"({text})" if text.startswith("-") else text
+
+
+# --- Source text of functions
+
+
+@dataclass(frozen=True)
+class SourceText:
+    """The syntax tree of a function, with the names of its file and its first line."""
+
+    tree: ast.FunctionDef | ast.Lambda
+    file: str = ""
+    offset: int = 0
+
+
+def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceText:
+    """Return the source of a function; of a generated one, from the texts in `generated`."""
+    text = generated.get(function.__code__)
+    if text is None and function.__code__.co_filename == GENERATED:
+        text = function.__globals__.get("SOURCE")
+    file, offset = "", 0
+    if text is None:
+        try:
+            lines, first = inspect.getsourcelines(function)
+        except (OSError, TypeError):
+            raise FunctionError(
+                f"function {function.__name__!r}",
+                "cannot be translated to C: it has no source text",
+                "define it in a file",
+            ) from None
+        text, file, offset = "".join(lines), function.__code__.co_filename, max(first - 1, 0)
+    text = textwrap.dedent(text)
+    try:
+        tree = ast.parse(text)
+    except SyntaxError:  # a lambda within a longer expression
+        tree = ast.parse("(" + text.strip().rstrip(",") + "\n)") if "lambda" in text else ast.Module([], [])
+    code = function.__code__
+    wanted = code.co_name
+    arguments = code.co_varnames[: code.co_argcount]
+    found = [
+        node
+        for node in ast.walk(tree)
+        if (isinstance(node, ast.FunctionDef) and node.name == wanted)
+        or (
+            isinstance(node, ast.Lambda)
+            and wanted == "<lambda>"
+            and tuple(each.arg for each in node.args.args) == arguments
+        )
+    ]
+    if not found or (wanted == "<lambda>" and len(found) > 1):
+        raise FunctionError(
+            f"function {wanted!r}",
+            "cannot be translated to C: its source text is ambiguous",
+            "define it by def, on lines of its own",
+            file,
+            offset + 1,
+        )
+    node: Any = found[0]
+    return SourceText(node, file, offset)
+
+
+# --- Functions of libraries
+
+# C functions of real arguments with a real result, by the Python functions that they replace.
+REAL_FUNCTIONS: dict[Any, str] = {
+    getattr(math, name): name
+    for name in (
+        *("acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "copysign", "cos", "cosh"),
+        *("erf", "erfc", "exp", "expm1", "fabs", "fmod", "hypot", "lgamma", "log10", "log1p"),
+        *("log2", "nextafter", "pow", "remainder", "sin", "sinh", "sqrt", "tan", "tanh"),
+    )
+}
+REAL_FUNCTIONS |= {
+    math.gamma: "tgamma",
+    math.degrees: "to_degrees",
+    math.radians: "to_radians",
+    np.abs: "fabs",
+    np.arccos: "acos",
+    np.arccosh: "acosh",
+    np.arcsin: "asin",
+    np.arcsinh: "asinh",
+    np.arctan: "atan",
+    np.arctan2: "atan2",
+    np.arctanh: "atanh",
+    np.cbrt: "cbrt",
+    np.ceil: "ceil",
+    np.copysign: "copysign",
+    np.cos: "cos",
+    np.cosh: "cosh",
+    np.deg2rad: "to_radians",
+    np.degrees: "to_degrees",
+    np.exp: "exp",
+    np.exp2: "exp2",
+    np.expm1: "expm1",
+    np.fabs: "fabs",
+    np.floor: "floor",
+    np.fmod: "fmod",
+    np.heaviside: "heaviside",
+    np.hypot: "hypot",
+    np.log: "log",
+    np.log10: "log10",
+    np.log1p: "log1p",
+    np.log2: "log2",
+    np.maximum: "greater",
+    np.minimum: "lesser",
+    np.nextafter: "nextafter",
+    np.power: "pow",
+    np.rad2deg: "to_degrees",
+    np.radians: "to_radians",
+    np.rint: "rint",
+    np.sign: "sign_of",
+    np.sin: "sin",
+    np.sinh: "sinh",
+    np.sqrt: "sqrt",
+    np.square: "square",
+    np.tan: "tan",
+    np.tanh: "tanh",
+    np.trunc: "trunc",
+}
+INTEGER_FUNCTIONS: dict[Any, str] = {
+    math.ceil: "ceil",
+    math.floor: "floor",
+    math.trunc: "trunc",
+    round: "rint",
+}
+TESTS: dict[Any, str] = {
+    math.isfinite: "isfinite",
+    math.isinf: "isinf",
+    math.isnan: "isnan",
+    np.isfinite: "isfinite",
+    np.isinf: "isinf",
+    np.isnan: "isnan",
+    np.signbit: "signbit",
+}
+CASTS: dict[Any, Scalar] = {
+    bool: BOOLEAN,
+    float: REAL,
+    int: INTEGER,
+    np.float64: REAL,
+    np.int64: INTEGER,
+    np.bool_: BOOLEAN,
+}
+BINARY: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.BitXor: operator.xor,
+    ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift,
+}
+SIGNS: dict[type, str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.BitAnd: "&",
+    ast.BitOr: "|",
+    ast.BitXor: "^",
+    ast.LShift: "<<",
+    ast.RShift: ">>",
+}
+COMPARISONS: dict[type, tuple[Callable[..., Any], str]] = {
+    ast.Eq: (operator.eq, "=="),
+    ast.NotEq: (operator.ne, "!="),
+    ast.Lt: (operator.lt, "<"),
+    ast.LtE: (operator.le, "<="),
+    ast.Gt: (operator.gt, ">"),
+    ast.GtE: (operator.ge, ">="),
+}
+LARGEST_POWER = 16  # of an integer exponent that is multiplied out
+NESTING = 100  # most functions within each other
+
+Handler = Callable[["FunctionWriter", Sequence[Expression]], Expression]
+
+
+@dataclass
+class Translated:
+    """A translated function: its name, the kind of its result, its text and its calls."""
+
+    name: str
+    result: Any
+    text: str = ""
+    calls: list[Translated] = field(default_factory=list)
+    signature: str = ""
+
+
+# --- Source of many functions
+
+
+class CSource:
+    """Functions translated to C, with the tables and structures that they use.
+
+    Parameters
+    ----------
+    handlers : mapping of callable to Handler, optional
+        Functions that are not translated, with functions that return the C expression of a call.
+    generated : mapping of code to str, optional
+        The source texts of functions that no file contains, by their code objects.
+    """
+
+    def __init__(
+        self,
+        handlers: Mapping[Any, Handler] | None = None,
+        generated: Mapping[Any, str] | None = None,
+    ) -> None:
+        self.handlers, self.generated = dict(handlers or {}), dict(generated or {})
+        self.translated: dict[Any, Translated] = {}
+        self.pending: list[Any] = []
+        self.tables: dict[bytes, str] = {}
+        self.names: dict[str, int] = {}
+        self.roots: list[Translated] = []
+
+    def function(self, function: Callable[..., Any], kinds: Sequence[Kind]) -> Translated:
+        """Translate a function for arguments of these kinds, and keep it in the source."""
+        found = self.translate(function, kinds)
+        self.roots.append(found)
+        return found
+
+    def translate(self, function: Any, kinds: Sequence[Kind]) -> Translated:
+        """Translate a function, once."""
+        function = getattr(function, "py_func", function)
+        key = (function, *kinds)
+        if key in self.translated:
+            return self.translated[key]
+        if key in self.pending or len(self.pending) > NESTING:
+            raise FunctionError(
+                f"function {function.__name__!r}",
+                "cannot be translated to C: it is recursive",
+                "write it as a loop",
+                function.__code__.co_filename,
+                function.__code__.co_firstlineno,
+            )
+        self.pending.append(key)
+        try:
+            made = FunctionWriter(self, function, kinds).write()
+        finally:
+            self.pending.pop()
+        self.translated[key] = made
+        return made
+
+    def name(self, stem: str) -> str:
+        """Return an unused name."""
+        stem = _identifier(stem)
+        self.names[stem] = self.names.get(stem, 0) + 1
+        count = self.names[stem]
+        return f"f_{stem}" if count == 1 else f"f_{stem}_{count}"
+
+    def table(self, values: Any) -> str:
+        """Return the name of a constant table of reals."""
+        numbers = np.ascontiguousarray(values, dtype=np.float64)
+        key = numbers.tobytes()
+        return self.tables.setdefault(key, f"table_{len(self.tables)}")
+
+    def text(self) -> str:
+        """Return the source: structures, tables, and functions in the order of calls."""
+        order: list[Translated] = []
+        for root in self.roots:
+            _ordered(root, order)
+        body = "\n\n".join(each.text for each in order)
+        parts = [self._structures(order)]
+        for numbers, name in self.tables.items():
+            if name in body:
+                values = np.frombuffer(numbers, dtype=np.float64).tolist()
+                rows = textwrap.fill(", ".join(map(literal, values)), 96)
+                parts.append(f"static const double {name}[{max(1, len(values))}] = {{\n{rows}\n}};")
+        return "\n\n".join(part for part in [*parts, body] if part) + "\n"
+
+    def _structures(self, order: Sequence[Translated]) -> str:
+        found: dict[str, Tuple] = {}
+
+        def visit(kind: Any) -> None:
+            if isinstance(kind, Tuple):
+                for item in kind.items:
+                    visit(item)
+                found.setdefault(kind.ctype, kind)
+
+        for function in order:
+            for kind in self.kinds_of.get(function.name, ()):
+                visit(kind)
+        return "\n\n".join(_structure(kind) for kind in found.values())
+
+    @property
+    def kinds_of(self) -> dict[str, list[Any]]:
+        """The kinds of tuples in each function."""
+        return {each.name: getattr(each, "tuples", []) for each in self.translated.values()}
+
+
+def _ordered(function: Translated, order: list[Translated]) -> None:
+    if function in order:
+        return
+    for each in function.calls:
+        _ordered(each, order)
+    order.append(function)
+
+
+def _structure(kind: Tuple) -> str:
+    fields = "".join(
+        f" {item.ctype} f{i};"
+        for i, item in enumerate(kind.items)
+        if not isinstance(item, Fixed)
+    )
+    lines = [f"typedef struct {{{fields} }} {kind.ctype};"]
+    if kind.items and all(item == kind.items[0] for item in kind.items):
+        item = kind.items[0]
+        if not isinstance(item, Fixed):
+            cases = " ".join(
+                f"case {i}: return x.f{i};" for i in range(len(kind.items) - 1)
+            )
+            lines.append(
+                f"static inline {item.ctype} {kind.ctype}_at({kind.ctype} x, int64_t i)\n"
+                f"{{ switch (i < 0 ? i + {len(kind.items)} : i) {{ {cases} "
+                f"default: return x.f{len(kind.items) - 1}; }} }}"
+            )
+    return "\n".join(lines)
+
+
+def _identifier(name: str) -> str:
+    return "".join(c if c.isascii() and (c.isalnum() or c == "_") else f"u{ord(c):x}" for c in name)
+
+
+# --- One function
+
+
+class _Unstable(Exception):
+    """The kinds of variables have changed; the function is translated again."""
+
+
+class FunctionWriter:
+    """Translates one function for arguments of given kinds."""
+
+    def __init__(self, source: CSource, function: Any, kinds: Sequence[Kind]) -> None:
+        if not isinstance(function, FunctionType):
+            raise FunctionError(
+                f"{function!r}", "cannot be translated to C", "give a plain Python function"
+            )
+        self.source, self.function, self.kinds = source, function, tuple(kinds)
+        self.text = source_of(function, source.generated)
+        self.node: ast.AST = self.text.tree
+        self.variables: dict[str, Any] = {}
+        self.result: Any = None
+        self.closure = inspect.getclosurevars(function).nonlocals if function.__closure__ else {}
+
+    def write(self) -> Translated:
+        """Return the translated function."""
+        tree = self.text.tree
+        arguments = [each.arg for each in tree.args.args]
+        if tree.args.vararg or tree.args.kwarg or tree.args.kwonlyargs or tree.args.posonlyargs:
+            self.refuse("arguments by * or **", "name all arguments")
+        if len(arguments) != len(self.kinds):
+            self.refuse(f"a call with {len(self.kinds)} arguments", "give each argument")
+        self.arguments = dict(zip(arguments, self.kinds, strict=True))
+        self.variables = dict(self.arguments)
+        for _ in range(20):
+            before = dict(self.variables), self.result
+            self.begin()
+            body = (
+                [ast.copy_location(ast.Return(tree.body), tree)]
+                if isinstance(tree, ast.Lambda)
+                else tree.body
+            )
+            self.block(body)
+            if before == (self.variables, self.result):
+                break
+        return self.finish(arguments)
+
+    def begin(self) -> None:
+        """Forget the text, but not the kinds of variables."""
+        self.lines: list[str] = []
+        self.depth = 1
+        self.temporaries: list[str] = []
+        self.calls: list[Translated] = []
+        self.tuples: list[Any] = []
+        self.loops: list[tuple[str, str]] = []
+        self.labels = 0
+        self.overlay: dict[str, Any] = {}
+
+    def finish(self, arguments: Sequence[str]) -> Translated:
+        result = NOTHING if self.result is None else self.result
+        if isinstance(result, Fixed):
+            ctype = "void"
+        else:
+            ctype = result.ctype
+            self.note(result)
+        given, copies = [], []
+        for name in arguments:
+            kind, own = self.arguments[name], self.variables[name]
+            if isinstance(kind, Fixed):
+                if not isinstance(own, Fixed):
+                    value = self.runtime(Expression(kind))
+                    copies.append(f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};")
+                continue
+            self.note(kind)
+            if own == kind:
+                given.append(f"{kind.ctype} v_{_identifier(name)}")
+            else:
+                given.append(f"{kind.ctype} a_{_identifier(name)}")
+                value = Expression(kind, f"a_{_identifier(name)}")
+                copies.append(f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};")
+        for name, kind in self.variables.items():
+            if name not in self.arguments and not isinstance(kind, Fixed):
+                self.note(kind)
+                start = " = {0}" if isinstance(kind, Tuple) else " = 0"
+                copies.append(f"{kind.ctype} v_{_identifier(name)}{start};")
+        made = Translated(self.source.name(self.function.__name__), result)
+        signature = f"static {ctype} {made.name}({', '.join(given) or 'void'})"
+        lines = [*copies, *self.temporaries]
+        body = ["    " + line for line in lines] + self.lines
+        if ctype != "void":
+            empty = "{0}" if isinstance(result, Tuple) else "0"
+            body.append(
+                f"    {{ {ctype} nothing = {empty}; return nothing; }}"
+            )
+        made.text = "\n".join([signature, "{", *body, "}"])
+        made.calls = list(self.calls)
+        made.signature = signature
+        made.tuples = self.tuples  # type: ignore[attr-defined]
+        return made
+
+    # --- Errors, lines and names
+
+    def refuse(self, what: str, remedy: str, node: ast.AST | None = None) -> NoReturn:
+        """Raise FunctionError for something without a translation."""
+        line = self.text.offset + getattr(node or self.node, "lineno", 1)
+        raise FunctionError(
+            f"function {self.function.__name__!r}",
+            f"cannot be translated to C: {what}",
+            remedy,
+            self.text.file,
+            line if self.text.file else 0,
+        )
+
+    def emit(self, line: str) -> None:
+        self.lines.append("    " * self.depth + line)
+
+    def note(self, kind: Any) -> None:
+        """Keep the kind of a tuple, whose structure has to be declared."""
+        if isinstance(kind, Tuple) and kind not in self.tuples:
+            for item in kind.items:
+                self.note(item)
+            self.tuples.append(kind)
+
+    def label(self) -> str:
+        self.labels += 1
+        return f"l{self.labels}"
+
+    def temporary(self, expression: Expression) -> Expression:
+        """Return the value of an expression in a variable."""
+        if expression.fixed or expression.kind == NOTHING:
+            return expression
+        if expression.items is not None:
+            parts = tuple(self.temporary(item) for item in expression.items)
+            return replace(expression, items=parts)
+        if expression.code.isidentifier() and not expression.code.startswith("v_"):
+            return expression
+        name = f"t{len(self.temporaries)}"
+        self.note(expression.kind)
+        start = "{0}" if isinstance(expression.kind, Tuple) else "0"
+        self.temporaries.append(f"{expression.kind.ctype} {name} = {start};")
+        self.emit(f"{name} = {expression.code};")
+        return Expression(expression.kind, name)
+
+    def lookup(self, name: str) -> Expression:
+        """Return the value of a name."""
+        if name in self.overlay:
+            return self.overlay[name]
+        if name in self.variables:
+            kind = self.variables[name]
+            return Expression(kind, "" if isinstance(kind, Fixed) else f"v_{_identifier(name)}")
+        if name in self.closure:
+            return constant(self.closure[name])
+        if name in self.function.__code__.co_freevars:
+            cells = dict(
+                zip(self.function.__code__.co_freevars, self.function.__closure__ or (), strict=True)
+            )
+            return constant(cells[name].cell_contents)
+        if name in self.function.__globals__:
+            return constant(self.function.__globals__[name])
+        if hasattr(builtins, name):
+            return constant(getattr(builtins, name))
+        self.refuse(f"{name!r} has no value here", "assign it before")
+
+    # --- Kinds
+
+    def runtime(self, expression: Expression) -> Expression:
+        """Return a constant as a C expression."""
+        if not expression.fixed:
+            return expression
+        value = expression.kind.value
+        if isinstance(value, bool | np.bool_):
+            return Expression(BOOLEAN, literal(value))
+        if isinstance(value, int | np.integer):
+            return Expression(INTEGER, literal(value))
+        if isinstance(value, float | np.floating):
+            return Expression(REAL, literal(value))
+        if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            if value.ndim == 0:
+                return self.runtime(constant(value.item()))
+            return Expression(Array(value.shape), f"((double *)({self.source.table(value)}))")
+        if isinstance(value, tuple | list):
+            items = tuple(self.runtime(constant(each)) for each in value)
+            names = tuple(getattr(value, "_fields", ()))
+            return Expression(Tuple(tuple(item.kind for item in items), names), "", items)
+        return expression
+
+    def number(self, expression: Expression, what: str) -> Expression:
+        """Return a scalar expression, or raise FunctionError."""
+        made = self.runtime(expression)
+        if made.kind not in RANKS:
+            shown = "an array" if isinstance(made.kind, Array) else "no number"
+            self.refuse(f"{what} of {shown}", "use numbers; write a loop over an array")
+        return made
+
+    def joined(self, one: Any, two: Any) -> Any:
+        """Return the least kind that holds the values of two kinds."""
+        if one is None or one == two:
+            return two
+        if isinstance(one, Fixed) or isinstance(two, Fixed):
+            first, second = (self.runtime(Expression(kind)).kind for kind in (one, two))
+            if isinstance(first, Fixed) or isinstance(second, Fixed):
+                self.refuse("a variable or result with several constants", "use numbers")
+            return self.joined(first, second)
+        if one in RANKS and two in RANKS:
+            return max(one, two, key=RANKS.__getitem__)
+        if isinstance(one, Array) and isinstance(two, Array):
+            return one if one.shape == two.shape else Array()
+        if isinstance(one, Tuple) and isinstance(two, Tuple) and len(one.items) == len(two.items):
+            items = tuple(map(self.joined, one.items, two.items))
+            return Tuple(items, one.names if one.names == two.names else one.names or two.names)
+        self.refuse("a variable or result of several types", "use one name for each")
+
+    def converted(self, expression: Expression, kind: Any) -> str:
+        """Return an expression as C source of a kind that holds it."""
+        if isinstance(kind, Fixed):
+            return ""
+        made = self.runtime(expression)
+        if isinstance(kind, Tuple):
+            self.note(kind)
+            if made.items is None and isinstance(made.kind, Tuple):
+                if made.kind.ctype == kind.ctype:
+                    return made.code
+                held = self.temporary(made)
+                made = replace(held, items=tuple(self.item(held, i) for i in range(len(kind.items))))
+            if made.items is None:
+                self.refuse("a number in place of a tuple", "return as many values everywhere")
+            parts = ", ".join(
+                self.converted(item, own)
+                for item, own in zip(made.items, kind.items, strict=True)
+                if not isinstance(own, Fixed)
+            )
+            return f"({kind.ctype}){{{parts}}}"
+        if made.fixed:
+            self.refuse(f"the value {made.kind.value!r}", "use numbers")
+        if made.kind == REAL and kind == INTEGER:
+            return f"(int64_t)({made.code})"
+        if made.kind in RANKS and kind not in RANKS:
+            self.refuse("a number in place of an array or tuple", "use one name for each")
+        return made.code
+
+    def item(self, expression: Expression, i: int) -> Expression:
+        """Return an item of a tuple by its number."""
+        if expression.fixed:
+            return constant(expression.kind.value[i])
+        if expression.items is not None:
+            return expression.items[i]
+        kind = expression.kind.items[i]
+        i = i + len(expression.kind.items) if i < 0 else i
+        return Expression(kind, "" if isinstance(kind, Fixed) else f"{expression.code}.f{i}")
+
+    # --- Statements
+
+    def block(self, statements: Sequence[ast.stmt]) -> bool:
+        """Translate statements; return whether the end can be reached."""
+        for statement in statements:
+            self.node = statement
+            name = f"do_{type(statement).__name__}"
+            handler = getattr(self, name, None)
+            if handler is None:
+                self.refuse(f"the statement {type(statement).__name__}", "use plain statements")
+            if handler(statement) is False:
+                return False
+        return True
+
+    def inner(self, statements: Sequence[ast.stmt]) -> bool:
+        self.depth += 1
+        reached = self.block(statements)
+        self.depth -= 1
+        return reached
+
+    def do_Pass(self, node: ast.Pass) -> None:
+        """Translate nothing."""
+
+    def do_Assert(self, node: ast.Assert) -> None:
+        """Omit an assertion, as python -O does."""
+
+    def do_Expr(self, node: ast.Expr) -> None:
+        if isinstance(node.value, ast.Constant):
+            return
+        found = self.value(node.value)
+        if not found.fixed and found.code:
+            self.emit(f"{found.code};" if found.kind == NOTHING else f"(void)({found.code});")
+
+    def do_Return(self, node: ast.Return) -> bool:
+        found = Expression(NOTHING) if node.value is None else self.value(node.value)
+        if found.fixed and found.kind.value is None:
+            found = Expression(NOTHING)
+        if found.kind == NOTHING:
+            if found.code:
+                self.emit(f"{found.code};")
+            if self.result not in (None, NOTHING):
+                self.refuse("results with and without a value", "return as many values everywhere")
+            self.result = NOTHING
+            self.emit("return;")
+            return False
+        if self.result == NOTHING:
+            self.refuse("results with and without a value", "return as many values everywhere")
+        kind = self.runtime(found).kind
+        if found.items is not None:
+            kind = Tuple(
+                tuple(self.runtime(item).kind for item in found.items), found.kind.names
+            )
+        self.result = self.joined(self.result, kind)
+        code = self.converted(found, self.result)
+        self.emit(f"return {code};" if code else "return;")
+        return False
+
+    def do_Assign(self, node: ast.Assign) -> None:
+        value = self.value(node.value)
+        if len(node.targets) > 1:
+            value = self.temporary(self.runtime(value))
+        for target in node.targets:
+            self.assign(target, value)
+
+    def do_AnnAssign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None:
+            self.assign(node.target, self.value(node.value))
+
+    def do_AugAssign(self, node: ast.AugAssign) -> None:
+        read: Any = ast.copy_location(
+            ast.BinOp(_as_read(node.target), node.op, node.value), node
+        )
+        self.assign(node.target, self.value(read))
+
+    def assign(self, target: ast.expr, value: Expression) -> None:
+        """Assign a value to a target."""
+        if isinstance(target, ast.Name):
+            if value.kind == NOTHING:
+                self.refuse("a call without a result as a value", "return a value")
+            known = self.variables.get(target.id)
+            kind = value.kind
+            if value.fixed and (target.id in self.variables or _is_number(value.kind.value)):
+                made = self.runtime(value)
+                kind = known if known == value.kind else made.kind
+            if value.items is not None:
+                kind = Tuple(
+                    tuple(self.runtime(item).kind for item in value.items), value.kind.names
+                )
+            kind = self.joined(known, kind)
+            self.variables[target.id] = kind
+            code = self.converted(value, kind)
+            if code:
+                self.emit(f"v_{_identifier(target.id)} = {code};")
+            return
+        if isinstance(target, ast.Tuple | ast.List):
+            self.unpack(target.elts, value)
+            return
+        if isinstance(target, ast.Subscript):
+            place = self.subscript(target)
+            if place.kind == Array() or isinstance(place.kind, Array):
+                self.copy(place, value)
+                return
+            if place.kind not in RANKS:
+                self.refuse("an assignment to an item of a tuple", "make a new tuple")
+            self.emit(f"{place.code} = {self.number(value, 'an item').code};")
+            return
+        if isinstance(target, ast.Attribute):
+            place = self.value(_as_read(target))
+            if place.kind in RANKS and "->" in place.code:
+                self.emit(f"{place.code} = {self.number(value, 'a field').code};")
+                return
+        self.refuse("an assignment to this target", "assign to names and elements of arrays")
+
+    def copy(self, place: Expression, value: Expression) -> None:
+        """Assign to all elements of a slice."""
+        made, length = self.runtime(value), place.kind.length
+        if length is None:
+            self.refuse("an assignment to a slice of unknown length", "write a loop")
+        source = self.iterable(made) if made.kind not in RANKS else None
+        if source is not None and source.length != length:
+            self.refuse("an assignment between different lengths", "write a loop")
+        if source is None:
+            made = self.temporary(made)
+        held = self.temporary(place)
+        for i in range(length):
+            each = made if source is None else source.item(str(i), i)
+            self.emit(f"{held.code}[{i}] = {self.number(each, 'an item').code};")
+
+    def unpack(self, targets: Sequence[ast.expr], value: Expression) -> None:
+        if value.fixed:
+            try:
+                items = tuple(constant(each) for each in value.kind.value)
+            except TypeError:
+                self.refuse("a number in place of a tuple", "unpack a tuple")
+        elif value.items is not None:
+            items = value.items
+        elif isinstance(value.kind, Tuple):
+            held = self.temporary(value)
+            items = tuple(self.item(held, i) for i in range(len(value.kind.items)))
+        elif isinstance(value.kind, Array) and value.kind.length is not None:
+            items = tuple(Expression(REAL, f"{value.code}[{i}]") for i in range(value.kind.length))
+        else:
+            self.refuse("the unpacking of this value", "unpack a tuple")
+        if len(items) != len(targets) or any(isinstance(each, ast.Starred) for each in targets):
+            self.refuse(f"the unpacking of {len(items)} values", "name each of them")
+        if len(items) > 1:
+            # All values are computed before the first target changes.
+            items = tuple(
+                item if item.fixed else self.temporary(self.runtime(item)) for item in items
+            )
+        for target, item in zip(targets, items, strict=True):
+            self.assign(target, item)
+
+    def do_If(self, node: ast.If) -> bool | None:
+        known, code = self.truth(node.test)
+        if known is not None:
+            return self.block(node.body if known else node.orelse)
+        self.emit(f"if ({code}) {{")
+        first = self.inner(node.body)
+        second = True
+        if node.orelse:
+            self.emit("} else {")
+            second = self.inner(node.orelse)
+        self.emit("}")
+        return None if first or second else False
+
+    def do_While(self, node: ast.While) -> None:
+        if node.orelse:
+            self.refuse("else of a loop", "use a flag")
+        known, _ = self.peek(node.test)
+        if known is False:
+            return
+        self.emit("for (;;) {")
+        self.depth += 1
+        if known is None:
+            _, code = self.truth(node.test)
+            self.emit(f"if (!({code})) break;")
+        self.loops.append(("continue;", "break;"))
+        self.block(node.body)
+        self.loops.pop()
+        self.depth -= 1
+        self.emit("}")
+
+    def peek(self, test: ast.expr) -> tuple[bool | None, str]:
+        """Return the value of a test without its lines."""
+        lines, temporaries = list(self.lines), list(self.temporaries)
+        found = self.truth(test)
+        self.lines, self.temporaries = lines, temporaries
+        return found
+
+    def do_Break(self, node: ast.Break) -> bool:
+        self.emit(self.loops[-1][1])
+        return False
+
+    def do_Continue(self, node: ast.Continue) -> bool:
+        self.emit(self.loops[-1][0])
+        return False
+
+    def do_For(self, node: ast.For) -> None:
+        if node.orelse:
+            self.refuse("else of a loop", "use a flag")
+        call = node.iter
+        if isinstance(call, ast.Call):
+            callee = self.value(call.func)
+            if callee.fixed and callee.kind.value is range:
+                self.count(node, [self.value(each) for each in call.args])
+                return
+        each = self.iterable_of(call)
+        if each.length is not None and each.unrolled:
+            self.unroll(node, each)
+            return
+        index = f"i{self.label()}"
+        self.emit(f"for (int64_t {index} = 0; {index} < {each.count}; {index}++) {{")
+        self.depth += 1
+        self.assign(node.target, each.item(index, None))
+        self.loops.append(("continue;", "break;"))
+        self.block(node.body)
+        self.loops.pop()
+        self.depth -= 1
+        self.emit("}")
+
+    def count(self, node: ast.For, bounds: Sequence[Expression]) -> None:
+        """Translate a loop over a range."""
+        if not 1 <= len(bounds) <= 3:
+            self.refuse("this range", "give one to three integers")
+        step = bounds[2].kind.value if len(bounds) == 3 and bounds[2].fixed else 1
+        if len(bounds) == 3 and not bounds[2].fixed:
+            self.refuse("a range with a variable step", "write a while loop")
+        start = constant(0) if len(bounds) == 1 else bounds[0]
+        stop = bounds[0] if len(bounds) == 1 else bounds[1]
+        index = f"i{self.label()}"
+        first, last = self.number(start, "a range"), self.temporary(self.number(stop, "a range"))
+        self.emit(
+            f"for (int64_t {index} = {first.code}; "
+            f"{index} {'<' if step > 0 else '>'} {last.code}; {index} += {step}) {{"
+        )
+        self.depth += 1
+        self.assign(node.target, Expression(INTEGER, index))
+        self.loops.append(("continue;", "break;"))
+        self.block(node.body)
+        self.loops.pop()
+        self.depth -= 1
+        self.emit("}")
+
+    def unroll(self, node: ast.For, each: Iterable) -> None:
+        """Translate a loop over constants of several kinds, once for each."""
+        assert each.length is not None
+        done = self.label()
+        before = dict(self.overlay)
+        for i in range(each.length):
+            after = self.label()
+            self.emit("{")
+            self.depth += 1
+            self.bind(node.target, each.item(str(i), i))
+            self.loops.append((f"goto {after};", f"goto {done};"))
+            self.block(node.body)
+            self.loops.pop()
+            self.depth -= 1
+            self.emit(f"}} {after}:;")
+        self.overlay = before
+        self.emit(f"{done}:;")
+
+    def bind(self, target: ast.expr, value: Expression) -> None:
+        """Assign an item of an unrolled loop; a constant keeps its value."""
+        if isinstance(target, ast.Tuple) and value.items is not None:
+            for each, item in zip(target.elts, value.items, strict=True):
+                self.bind(each, item)
+        elif isinstance(target, ast.Tuple) and value.fixed:
+            for each, item in zip(target.elts, value.kind.value, strict=True):
+                self.bind(each, constant(item))
+        elif isinstance(target, ast.Name) and value.fixed and not _is_number(value.kind.value):
+            self.overlay[target.id] = value
+        else:
+            self.assign(target, value)
+
+    # --- Iteration
+
+    def iterable_of(self, node: ast.expr) -> Iterable:
+        """Return what a loop iterates over."""
+        if isinstance(node, ast.Call) and not node.keywords:
+            callee = self.value(node.func)
+            if callee.fixed and callee.kind.value is enumerate and len(node.args) == 1:
+                inner = self.iterable_of(node.args[0])
+
+                def numbered(code: str, i: int | None) -> Expression:
+                    number = Expression(INTEGER, code) if i is None else constant(i)
+                    items = number, inner.item(code, i)
+                    return Expression(Tuple(tuple(each.kind for each in items)), "", items)
+
+                return replace(inner, item=numbered)
+            if callee.fixed and callee.kind.value is zip:
+                parts = [self.iterable_of(each) for each in node.args]
+                lengths = [part.length for part in parts]
+                if any(length is None for length in lengths):
+                    self.refuse("zip of arrays of unknown length", "write a loop over an index")
+
+                def zipped(code: str, i: int | None) -> Expression:
+                    items = tuple(part.item(code, i) for part in parts)
+                    return Expression(Tuple(tuple(each.kind for each in items)), "", items)
+
+                length = min(each for each in lengths if each is not None)
+                return Iterable(length, str(length), zipped, any(part.unrolled for part in parts))
+            if callee.fixed and callee.kind.value is range and len(node.args) == 1:
+                stop = self.value(node.args[0])
+                known = int(stop.kind.value) if stop.fixed else None
+                count = self.temporary(self.number(stop, "a range")).code
+                return Iterable(
+                    known,
+                    count,
+                    lambda code, i: Expression(INTEGER, code) if i is None else constant(i),
+                )
+        return self.iterable(self.value(node))
+
+    def iterable(self, value: Expression) -> Iterable:
+        """Return a value as something to iterate over."""
+        if value.fixed:
+            given = value.kind.value
+            if isinstance(given, np.ndarray):
+                return self.iterable(self.runtime(value))
+            if not isinstance(given, tuple | list):
+                self.refuse("a loop over this value", "loop over a range, an array or a tuple")
+            length = len(given)
+            if length and all(isinstance(each, float | int) for each in given):
+                name = f"((double *)({self.source.table(given)}))"
+                whole = all(isinstance(each, int) for each in given)
+                kind = INTEGER if whole else REAL
+
+                def listed(code: str, i: int | None) -> Expression:
+                    if i is not None:
+                        return constant(given[i])
+                    cast = "(int64_t)" if whole else ""
+                    return Expression(kind, f"({cast}{name}[{code}])")
+
+                return Iterable(length, str(length), listed)
+            return Iterable(length, str(length), lambda code, i: constant(given[i or 0]), True)
+        if value.items is not None or isinstance(value.kind, Tuple):
+            held = self.temporary(value)
+            items = tuple(self.item(held, i) for i in range(len(value.kind.items)))
+            return Iterable(len(items), str(len(items)), lambda code, i: items[i or 0], True)
+        if isinstance(value.kind, Array) and value.kind.length is not None:
+            held = self.temporary(value)
+            length = value.kind.length
+            return Iterable(length, str(length), lambda code, i: self.element(held, code))
+        self.refuse("a loop over this value", "loop over a range, an array or a tuple")
+
+    # --- Tests
+
+    def truth(self, node: ast.expr) -> tuple[bool | None, str]:
+        """Return the value of a test if it is known, and its code."""
+        if isinstance(node, ast.BoolOp):
+            both = isinstance(node.op, ast.And)
+            codes = []
+            for each in node.values:
+                known, code = self.truth(each)
+                if known is None:
+                    codes.append(code)
+                elif known is not both:
+                    # A later operand decides only if no earlier one has side effects: none has.
+                    return known, literal(known)
+            if not codes:
+                return both, literal(both)
+            return None, "(" + (" && " if both else " || ").join(codes) + ")"
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            known, code = self.truth(node.operand)
+            return (None if known is None else not known), f"!({code})"
+        found = self.value(node)
+        if found.fixed:
+            known = bool(found.kind.value)
+            return known, literal(known)
+        if isinstance(found.kind, Tuple):
+            return bool(found.kind.items), literal(bool(found.kind.items))
+        return None, self.number(found, "a condition").code
+
+    # --- Expressions
+
+    def value(self, node: ast.expr) -> Expression:
+        """Translate an expression."""
+        handler = getattr(self, f"of_{type(node).__name__}", None)
+        if handler is None:
+            self.refuse(f"the expression {type(node).__name__}", "use plain expressions", node)
+        found: Expression = handler(node)
+        return found
+
+    def of_Constant(self, node: ast.Constant) -> Expression:
+        return constant(node.value)
+
+    def of_Name(self, node: ast.Name) -> Expression:
+        return self.lookup(node.id)
+
+    def of_Tuple(self, node: ast.Tuple | ast.List) -> Expression:
+        items = tuple(self.value(each) for each in node.elts)
+        if items and all(item.fixed for item in items):
+            return constant(tuple(item.kind.value for item in items))
+        return Expression(Tuple(tuple(item.kind for item in items)), "", items)
+
+    of_List = of_Tuple
+
+    def of_Attribute(self, node: ast.Attribute) -> Expression:
+        owner, name = self.value(node.value), node.attr
+        if owner.fixed:
+            try:
+                return constant(getattr(owner.kind.value, name))
+            except AttributeError:
+                self.refuse(f"the attribute {name!r}", "use attributes that exist", node)
+        if isinstance(owner.kind, Tuple) and name in owner.kind.names:
+            return self.item(owner, owner.kind.names.index(name))
+        if isinstance(owner.kind, Record):
+            fields = dict(owner.kind.fields)
+            if name in fields:
+                return Expression(fields[name], f"{owner.code}->{name}")
+        if isinstance(owner.kind, Array) and owner.kind.shape is not None:
+            if name == "size":
+                return constant(math.prod(owner.kind.shape))
+            if name == "shape":
+                return constant(owner.kind.shape)
+        self.refuse(f"the attribute {name!r}", "use names of states and parameters", node)
+
+    def of_Subscript(self, node: ast.Subscript) -> Expression:
+        return self.subscript(node)
+
+    def subscript(self, node: ast.Subscript) -> Expression:
+        """Return an element, an item or a slice."""
+        owner = self.value(node.value)
+        if isinstance(node.slice, ast.Slice):
+            return self.cut(owner, node.slice)
+        index = self.value(node.slice)
+        if owner.fixed and index.fixed:
+            try:
+                return constant(owner.kind.value[index.kind.value])
+            except (IndexError, KeyError, TypeError):
+                self.refuse("an index out of range", "use an index that exists", node)
+        if owner.fixed:
+            given = owner.kind.value
+            if isinstance(given, tuple | list) and given:
+                try:
+                    owner = self.runtime(constant(np.array(given, dtype=np.float64)))
+                except (TypeError, ValueError):
+                    self.refuse("a variable index of this constant", "use a constant index", node)
+                if all(isinstance(each, int) for each in given):
+                    found = self.element(owner, self.number(index, "an index").code)
+                    return Expression(INTEGER, f"((int64_t){found.code})")
+            else:
+                owner = self.runtime(owner)
+        if isinstance(owner.kind, Tuple):
+            if index.fixed:
+                return self.item(owner, self.within(index.kind.value, len(owner.kind.items), node))
+            kinds = set(owner.kind.items)
+            if len(kinds) > 1:
+                self.refuse("a variable index of a tuple of several types", "use an array", node)
+            held = self.converted(owner, owner.kind)
+            (kind,) = kinds
+            code = f"{owner.kind.ctype}_at({held}, {self.number(index, 'an index').code})"
+            return Expression(kind, code)
+        if not isinstance(owner.kind, Array):
+            self.refuse("an index of this value", "index arrays and tuples", node)
+        shape = owner.kind.shape
+        if index.items is not None or (index.fixed and isinstance(index.kind.value, tuple)):
+            count = len(index.items) if index.items is not None else len(index.kind.value)
+            for i in range(count):
+                owner = self.element(owner, self.index(self.item(index, i), owner, node))
+            return owner
+        if shape is not None and index.fixed:
+            self.within(index.kind.value, shape[0], node)
+        return self.element(owner, self.index(index, owner, node))
+
+    def within(self, index: Any, length: int, node: ast.AST) -> int:
+        """Return a constant index, checked."""
+        if not -length <= int(index) < length:
+            self.refuse(f"the index {index} of {length} elements", "use an index that exists", node)
+        return int(index)
+
+    def index(self, index: Expression, owner: Expression, node: ast.AST) -> str:
+        """Return the code of an index; a negative one counts from the end."""
+        length = owner.kind.length
+        if index.fixed:
+            number = int(index.kind.value)
+            if number < 0 and length is None:
+                self.refuse("a negative index of unknown length", "use an index from zero", node)
+            return str(number + length if number < 0 and length is not None else number)
+        made = self.number(index, "an index")
+        if made.kind == REAL:
+            self.refuse("an index that is no integer", "use int()", node)
+        code = made.code
+        if length is not None and not code.startswith("il") and owner.kind.shape is not None:
+            return f"wrapped({code}, {length})"
+        return code
+
+    def element(self, owner: Expression, index: str) -> Expression:
+        """Return an element of an array, or a row of a table."""
+        shape = owner.kind.shape
+        if shape is None or len(shape) == 1:
+            return Expression(REAL, f"{owner.code}[{index}]")
+        row = math.prod(shape[1:])
+        return Expression(Array(shape[1:]), f"({owner.code} + {row} * ({index}))")
+
+    def cut(self, owner: Expression, node: ast.Slice) -> Expression:
+        """Return a slice."""
+        bounds = [None if each is None else self.value(each) for each in (node.lower, node.upper)]
+        if node.step is not None:
+            self.refuse("a slice with a step", "write a loop", node)
+        fixed = all(bound is None or bound.fixed for bound in bounds)
+        first, last = (None if bound is None or not fixed else bound.kind.value for bound in bounds)
+        if owner.fixed:
+            if not fixed:
+                owner = self.runtime(constant(np.array(owner.kind.value, dtype=float)))
+            else:
+                return constant(owner.kind.value[first:last])
+        if isinstance(owner.kind, Tuple) and fixed:
+            places = range(len(owner.kind.items))[first:last]
+            held = owner if owner.items is not None else self.temporary(owner)
+            items = tuple(self.item(held, i) for i in places)
+            return Expression(Tuple(tuple(item.kind for item in items)), "", items)
+        if not isinstance(owner.kind, Array) or (owner.kind.shape and len(owner.kind.shape) > 1):
+            self.refuse("a slice of this value", "slice arrays of one dimension", node)
+        length = owner.kind.length
+        if fixed and length is not None:
+            places = range(length)[first:last]
+            return Expression(Array((len(places),)), f"({owner.code} + {places.start})")
+        if bounds[0] is None:
+            return Expression(Array(), owner.code)
+        begin = self.number(bounds[0], "a slice").code
+        if bounds[0].fixed and bounds[0].kind.value < 0:
+            self.refuse("a negative index of unknown length", "use an index from zero", node)
+        return Expression(Array(), f"({owner.code} + {begin})")
+
+    def of_UnaryOp(self, node: ast.UnaryOp) -> Expression:
+        if isinstance(node.op, ast.Not):
+            known, code = self.truth(node)
+            return Expression(BOOLEAN, code) if known is None else constant(known)
+        found = self.value(node.operand)
+        if found.fixed and _is_number(found.kind.value):
+            sign = {ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Invert: operator.invert}
+            return constant(sign[type(node.op)](found.kind.value))
+        made = self.number(found, "a sign")
+        kind = INTEGER if made.kind == BOOLEAN else made.kind
+        mark = {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~"}[type(node.op)]
+        return Expression(kind, f"({mark}{made.code})")
+
+    def of_BinOp(self, node: ast.BinOp) -> Expression:
+        return self.binary(node.op, self.value(node.left), self.value(node.right), node)
+
+    def binary(
+        self, sign: ast.operator, left: Expression, right: Expression, node: ast.AST
+    ) -> Expression:
+        """Return the result of an operator."""
+        kind = type(sign)
+        if left.fixed and right.fixed:
+            try:
+                return constant(BINARY[kind](left.kind.value, right.kind.value))
+            except (ArithmeticError, KeyError, TypeError):
+                pass
+        is_sum = kind is ast.Add
+        if is_sum and all(isinstance(self.runtime(each).kind, Tuple) for each in (left, right)):
+            held = [self.runtime(each) for each in (left, right)]
+            items = tuple(
+                self.item(part, i) for part in held for i in range(len(part.kind.items))
+            )
+            return Expression(Tuple(tuple(item.kind for item in items)), "", items)
+        what = f"the operator {kind.__name__}"
+        one, two = self.number(left, what), self.number(right, what)
+        result = max(one.kind, two.kind, INTEGER, key=RANKS.__getitem__)
+        if kind is ast.Div:
+            return Expression(REAL, f"((double){one.code} / (double){two.code})")
+        if kind is ast.Pow:
+            return self.power(one, two, right, result)
+        if kind in (ast.FloorDiv, ast.Mod):
+            name = "floor_divide" if kind is ast.FloorDiv else "floor_modulo"
+            suffix = "_i" if result == INTEGER else ""
+            return Expression(result, f"{name}{suffix}({one.code}, {two.code})")
+        if kind not in SIGNS:
+            self.refuse(what, "use arithmetic of numbers", node)
+        if result == INTEGER:
+            codes = [f"(int64_t){each.code}" for each in (one, two)]
+        else:
+            codes = [one.code, two.code]
+        if result == REAL and SIGNS[kind] not in "+-*":
+            self.refuse(f"{what} of real numbers", "use integers", node)
+        if kind in (ast.BitAnd, ast.BitOr, ast.BitXor) and one.kind == two.kind == BOOLEAN:
+            result = BOOLEAN
+        return Expression(result, f"({codes[0]} {SIGNS[kind]} {codes[1]})")
+
+    def power(
+        self, base: Expression, exponent: Expression, given: Expression, result: Any
+    ) -> Expression:
+        """Return a power; one with a small integer exponent is multiplied out."""
+        if given.fixed and isinstance(given.kind.value, int):
+            n = given.kind.value
+            if 0 <= n <= LARGEST_POWER:
+                suffix = "_i" if result == INTEGER else ""
+                return Expression(result, f"integer_power{suffix}({base.code}, {n})")
+            return Expression(REAL, f"(1.0 / integer_power({base.code}, {-n}))" if n < 0 else
+                              f"pow({base.code}, {exponent.code})")
+        if result == INTEGER:
+            return Expression(INTEGER, f"integer_power_i({base.code}, {exponent.code})")
+        return Expression(REAL, f"pow({base.code}, {exponent.code})")
+
+    def of_BoolOp(self, node: ast.BoolOp) -> Expression:
+        parts = [self.value(each) for each in node.values]
+        kinds = {self.runtime(part).kind for part in parts}
+        if kinds <= {BOOLEAN} or all(part.fixed for part in parts):
+            known, code = self.truth(node)
+            return Expression(BOOLEAN, code) if known is None else constant(known)
+        both = isinstance(node.op, ast.And)
+        found = parts[-1]
+        for part in reversed(parts[:-1]):
+            if part.fixed:
+                found = found if bool(part.kind.value) is both else part
+                continue
+            if not part.code.isidentifier():
+                self.refuse("the value of and or or", "use if and else", node)
+            kind = self.joined(part.kind, self.runtime(found).kind)
+            pair = (found, part) if both else (part, found)
+            one, two = (self.converted(each, kind) for each in pair)
+            found = Expression(kind, f"({part.code} ? {one} : {two})")
+        return found
+
+    def of_IfExp(self, node: ast.IfExp) -> Expression:
+        known, code = self.truth(node.test)
+        if known is not None:
+            return self.value(node.body if known else node.orelse)
+        before = len(self.lines)
+        one, two = self.value(node.body), self.value(node.orelse)
+        if one.fixed and two.fixed and one.kind == two.kind:
+            return one
+        kinds = [self.literal_kind(each) for each in (one, two)]
+        kind = self.joined(*kinds)
+        codes = [self.converted(each, kind) for each in (one, two)]
+        if len(self.lines) != before:
+            self.refuse("this value of if and else", "use statements if and else", node)
+        return Expression(kind, f"({code} ? {codes[0]} : {codes[1]})")
+
+    def literal_kind(self, expression: Expression) -> Any:
+        """Return the kind of a value at run time."""
+        made = self.runtime(expression)
+        if made.items is not None:
+            return Tuple(tuple(self.literal_kind(item) for item in made.items), made.kind.names)
+        return made.kind
+
+    def of_Compare(self, node: ast.Compare) -> Expression:
+        operands = [self.value(each) for each in (node.left, *node.comparators)]
+        middle = operands[1:-1]
+        for i, each in enumerate(middle, 1):
+            if not each.fixed and "(" in each.code:
+                operands[i] = self.temporary(each)
+        codes: list[str] = []
+        for sign, one, two in zip(node.ops, operands, operands[1:], strict=False):
+            found = self.comparison(sign, one, two, node)
+            if found.fixed:
+                if not found.kind.value:
+                    return constant(False)
+                continue
+            codes.append(found.code)
+        if not codes:
+            return constant(True)
+        return Expression(BOOLEAN, codes[0] if len(codes) == 1 else f"({' && '.join(codes)})")
+
+    def comparison(
+        self, sign: ast.cmpop, one: Expression, two: Expression, node: ast.AST
+    ) -> Expression:
+        """Return a comparison of two values."""
+        if isinstance(sign, ast.Is | ast.IsNot):
+            same = one.fixed and two.fixed and one.kind.value is two.kind.value
+            return constant(same is isinstance(sign, ast.Is))
+        if isinstance(sign, ast.In | ast.NotIn):
+            if two.fixed:
+                choices = [constant(each) for each in two.kind.value]
+            elif isinstance(two.kind, Tuple):
+                choices = [self.item(two, i) for i in range(len(two.kind.items))]
+            else:
+                self.refuse("in of this value", "use a tuple of numbers", node)
+            if one.fixed and two.fixed:
+                inside = one.kind.value in two.kind.value
+                return constant(inside is isinstance(sign, ast.In))
+            held = one if one.fixed or "(" not in one.code else self.temporary(one)
+            tests = [self.comparison(ast.Eq(), held, each, node) for each in choices]
+            code = " || ".join(self.runtime(test).code for test in tests) or "false"
+            return Expression(BOOLEAN, f"({'!' if isinstance(sign, ast.NotIn) else ''}({code}))")
+        compare, mark = COMPARISONS[type(sign)]
+        if one.fixed and two.fixed:
+            return constant(bool(compare(one.kind.value, two.kind.value)))
+        left, right = self.number(one, "a comparison"), self.number(two, "a comparison")
+        return Expression(BOOLEAN, f"({left.code} {mark} {right.code})")
+
+    # --- Calls
+
+    def of_Call(self, node: ast.Call) -> Expression:
+        callee = self.value(node.func)
+        if any(isinstance(each, ast.Starred) for each in node.args):
+            arguments = []
+            for each in node.args:
+                if isinstance(each, ast.Starred):
+                    whole = self.iterable(self.value(each.value))
+                    assert whole.length is not None
+                    arguments += [whole.item(str(i), i) for i in range(whole.length)]
+                else:
+                    arguments.append(self.value(each))
+        else:
+            arguments = [self.value(each) for each in node.args]
+        if any(each.arg is None for each in node.keywords):
+            self.refuse("arguments by **", "name all arguments", node)
+        named = {str(each.arg): self.value(each.value) for each in node.keywords}
+        if not callee.fixed:
+            self.refuse("a call of a variable", "call a function by its name", node)
+        return self.call(callee.kind.value, arguments, named, node)
+
+    def call(
+        self,
+        function: Any,
+        arguments: Sequence[Expression],
+        named: Mapping[str, Expression],
+        node: ast.AST,
+    ) -> Expression:
+        """Return a call of a function."""
+        if isinstance(function, MethodType):
+            return self.call(
+                function.__func__, [constant(function.__self__), *arguments], named, node
+            )
+        function = getattr(function, "py_func", function)
+        handler = self.source.handlers.get(function) if _hashable(function) else None
+        if handler is not None:
+            return handler(self, arguments)
+        own = self.library(function, arguments, named, node)
+        if own is not None:
+            return own
+        if isinstance(function, type) and issubclass(function, tuple):
+            names: tuple[str, ...] = getattr(function, "_fields", ())
+            if names:
+                defaults = {
+                    name: constant(value)
+                    for name, value in getattr(function, "_field_defaults", {}).items()
+                }
+                values = {**defaults, **dict(zip(names, arguments, strict=False)), **named}
+                if set(values) != set(names):
+                    self.refuse(f"{function.__name__} without all its items", "give each", node)
+                items = tuple(values[name] for name in names)
+                kinds = tuple(item.kind for item in items)
+                return Expression(Tuple(kinds, names), "", items)
+            if len(arguments) == 1:
+                whole = self.iterable(arguments[0])
+                assert whole.length is not None
+                items = tuple(whole.item(str(i), i) for i in range(whole.length))
+                return Expression(Tuple(tuple(item.kind for item in items)), "", items)
+        if not isinstance(function, FunctionType):
+            shown = getattr(function, "__qualname__", repr(function))
+            module = getattr(function, "__module__", "") or ""
+            title = f"{module}.{shown}" if module not in ("", "builtins") else shown
+            self.refuse(f"the function {title}", "use math, and functions of your own", node)
+        return self.user_call(function, arguments, named, node)
+
+    def user_call(
+        self,
+        function: FunctionType,
+        arguments: Sequence[Expression],
+        named: Mapping[str, Expression],
+        node: ast.AST,
+    ) -> Expression:
+        """Return a call of a Python function, which is translated too."""
+        code = function.__code__
+        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        given = dict(zip(names, arguments, strict=False))
+        given.update(named)
+        defaults = function.__defaults__ or ()
+        positional = code.co_varnames[: code.co_argcount]
+        for name, value in zip(positional[len(positional) - len(defaults) :], defaults, strict=True):
+            given.setdefault(name, constant(value))
+        if set(given) != set(names) or len(arguments) > len(names):
+            self.refuse(f"a call of {function.__name__!r}", "give each of its arguments", node)
+        made = []
+        for name in names:
+            each = given[name]
+            if each.fixed and _is_number(each.kind.value):
+                each = self.runtime(each)
+            if each.items is not None:
+                kind = self.literal_kind(each)
+                each = Expression(kind, self.converted(each, kind))
+            elif each.fixed and isinstance(each.kind.value, np.ndarray):
+                each = self.runtime(each)
+            made.append(each)
+        found = self.source.translate(function, [each.kind for each in made])
+        if found not in self.calls:
+            self.calls.append(found)
+        for each in made:
+            self.note(each.kind)
+        self.note(found.result)
+        text = ", ".join(each.code for each in made if not each.fixed)
+        return Expression(found.result, f"{found.name}({text})")
+
+    def library(
+        self,
+        function: Any,
+        arguments: Sequence[Expression],
+        named: Mapping[str, Expression],
+        node: ast.AST,
+    ) -> Expression | None:
+        """Return a call of a function of Python, math or numpy; None for any other."""
+        if not _hashable(function):
+            return None
+        known = (
+            *(REAL_FUNCTIONS, INTEGER_FUNCTIONS, TESTS, CASTS),
+            *((abs, min, max, len, sum, pow, math.log, divmod),),
+        )
+        pure = any(function in each for each in known)
+        if pure and not named and arguments and all(each.fixed for each in arguments):
+            try:
+                return constant(function(*(each.kind.value for each in arguments)))
+            except (ArithmeticError, TypeError, ValueError):
+                pass
+        if named and (pure or function in (np.zeros, np.empty, np.ones, np.array)):
+            if function not in (np.zeros, np.empty, np.ones, np.array):
+                self.refuse("arguments by name", "give them by position", node)
+        if function in REAL_FUNCTIONS:
+            codes = ", ".join(self.number(each, "a function").code for each in arguments)
+            if function is np.abs and self.number(arguments[0], "a function").kind != REAL:
+                return Expression(INTEGER, f"integer_abs({codes})")
+            return Expression(REAL, f"{REAL_FUNCTIONS[function]}({codes})")
+        if function in INTEGER_FUNCTIONS and len(arguments) == 1:
+            code = self.number(arguments[0], "a function").code
+            return Expression(INTEGER, f"((int64_t){INTEGER_FUNCTIONS[function]}({code}))")
+        if function in TESTS:
+            made = self.number(arguments[0], "a test")
+            return Expression(BOOLEAN, f"({TESTS[function]}((double){made.code}) != 0)")
+        if function in CASTS and len(arguments) == 1:
+            made = self.number(arguments[0], "a conversion")
+            if made.kind == CASTS[function]:
+                return made
+            if function in (bool, np.bool_):
+                return Expression(BOOLEAN, f"({made.code} != 0)")
+            return Expression(CASTS[function], f"(({CASTS[function].ctype}){made.code})")
+        if function is abs and len(arguments) == 1:
+            made = self.number(arguments[0], "abs")
+            name = "fabs" if made.kind == REAL else "integer_abs"
+            return Expression(REAL if made.kind == REAL else INTEGER, f"{name}({made.code})")
+        if function in (min, max):
+            return self.extreme(function, arguments, node)
+        if function is math.log:
+            codes = [self.number(each, "log").code for each in arguments]
+            if len(codes) == 2:
+                return Expression(REAL, f"(log({codes[0]}) / log({codes[1]}))")
+            return Expression(REAL, f"log({codes[0]})")
+        if function is pow and len(arguments) == 2:
+            return self.binary(ast.Pow(), arguments[0], arguments[1], node)
+        if function is len:
+            kind = arguments[0].kind
+            length = len(kind.items) if isinstance(kind, Tuple) else getattr(kind, "length", None)
+            if length is None:
+                self.refuse("len of an array of unknown length", "give the length", node)
+            return constant(length)
+        if function in (sum, np.sum) and len(arguments) == 1:
+            whole = self.iterable(arguments[0])
+            assert whole.length is not None
+            total: Expression = constant(0)
+            for i in range(whole.length):
+                total = self.binary(ast.Add(), total, whole.item(str(i), i), node)
+            return total
+        if function in (np.zeros, np.empty, np.ones):
+            return self.made_array(function, arguments[0], node)
+        if function is np.array and arguments:
+            whole = self.iterable(arguments[0])
+            assert whole.length is not None
+            made = self.made_array(np.empty, constant(whole.length), node)
+            for i in range(whole.length):
+                item = self.number(whole.item(str(i), i), "an array")
+                self.emit(f"{made.code}[{i}] = {item.code};")
+            return made
+        return None
+
+    def made_array(self, function: Any, length: Expression, node: ast.AST) -> Expression:
+        """Return a new local array of constant length."""
+        if not length.fixed or not isinstance(length.kind.value, int) or length.kind.value < 1:
+            self.refuse("an array of variable length", "use a constant length", node)
+        n = length.kind.value
+        name = f"t{len(self.temporaries)}"
+        self.temporaries.append(f"double {name}[{n}];")
+        start = "1.0" if function is np.ones else "0.0"
+        index = f"i{self.label()}"
+        self.emit(f"for (int64_t {index} = 0; {index} < {n}; {index}++) {name}[{index}] = {start};")
+        return Expression(Array((n,)), name)
+
+    def extreme(self, function: Any, arguments: Sequence[Expression], node: ast.AST) -> Expression:
+        """Return min or max."""
+        if len(arguments) == 1:
+            whole = self.iterable(arguments[0])
+            assert whole.length is not None
+            arguments = [whole.item(str(i), i) for i in range(whole.length)]
+        parts = [self.number(each, function.__name__) for each in arguments]
+        kind = parts[0].kind
+        for part in parts[1:]:
+            kind = self.joined(kind, part.kind)
+        name = "least" if function is min else "most"
+        suffix = "" if kind == REAL else "_i"
+        code = parts[0].code
+        for part in parts[1:]:
+            code = f"{name}{suffix}({code}, {part.code})"
+        return Expression(INTEGER if suffix else REAL, code)
+
+
+@dataclass(frozen=True)
+class Iterable:
+    """A sequence: its length if known, its length as code, and its items by index."""
+
+    length: int | None
+    count: str
+    item: Callable[[str, int | None], Expression]
+    unrolled: bool = False
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, bool | int | float | np.number | np.bool_ | IntEnum)
+
+
+def _hashable(value: Any) -> bool:
+    return isinstance(value, FunctionType | BuiltinFunctionType | type | np.ufunc | ModuleType) or (
+        callable(value) and getattr(type(value), "__hash__", None) is not None
+    )
+
+
+def _as_read(target: ast.expr) -> Any:
+    """Return a target as an expression that is read."""
+    made = type(target)(**{name: getattr(target, name) for name in target._fields})
+    made.ctx = ast.Load()  # type: ignore[attr-defined]
+    return ast.copy_location(made, target)
+
+
+def names_of(kinds: Sequence[Kind]) -> Iterator[str]:
+    """Yield the C types of kinds."""
+    for kind in kinds:
+        if not isinstance(kind, Fixed):
+            yield kind.ctype

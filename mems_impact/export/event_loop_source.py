@@ -1,0 +1,288 @@
+"""C source of the event loop, of the DOP853 integrator and of an automaton.
+
+The event loop and the integrator are those of a simulation, translated (`export.c_source`), so that
+an exported model locates, orders and completes events as `simulate` does. Model exchange uses the
+same treatment of an instant; only the integrator is another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from mems_impact.export.c_source import (
+    INTEGER,
+    NOTHING,
+    REAL,
+    Array,
+    CSource,
+    Expression,
+    FunctionWriter,
+    Record,
+)
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.event_loop import chatter, flights, loop, workspace
+from mems_impact.hybrid.event_loop.chatter import (
+    CHATTER_END_RTOL,
+    acceleration,
+    remaining_chatter_time,
+)
+from mems_impact.hybrid.event_loop.event_detection import (
+    first_violated_guard,
+    inadmissible_gap,
+    rk4_probe,
+    rounding_error,
+)
+from mems_impact.hybrid.event_loop.loop import SWITCH_RTOL, begin_arc, rebase_time, resolve_instant
+from mems_impact.hybrid.event_loop.workspace import (
+    ACCUMULATION,
+    BELOW_ZERO,
+    DONE,
+    ENTERED,
+    HIT_BEGIN,
+    HIT_TIME,
+    INADMISSIBLE,
+    LEFT,
+    MARGINS_AFTER,
+    NONE,
+    PAST,
+    SWITCHES,
+    Y,
+    log_event,
+    table_row,
+)
+from mems_impact.integrators import interface
+from mems_impact.integrators.dop853 import stepper
+
+__all__ = ["ENGINE", "LOOP", "ROOTS", "event_loop_source", "record_structure"]
+
+# --- Records
+
+POINTERS = ("table", "events", "samples")
+LOOP = Record(
+    "LoopState",
+    tuple(
+        (name, REAL if kind[0] == np.float64 else INTEGER)
+        for name, kind in (workspace.LOOP_STATE.fields or {}).items()
+        if name not in POINTERS
+    ),
+)
+_WORDS = ("n", "m", "width", "mode", "section", "direction", "begun", "rest", "has_dense")
+_COUNTS = ("at_border", "off_border", "stiff", "steps")
+_REALS = ("t", "last_instant", "level", "rtol", "atol", "max_step", "longest", "t_start", "t_end")
+ENGINE = Record(
+    "Engine",
+    (
+        *((name, INTEGER) for name in (*_WORDS, *_COUNTS)),
+        *((name, REAL) for name in (*_REALS, "stop", "h_next")),
+    ),
+)
+
+
+def record_structure(record: Record, pointers: Sequence[str]) -> str:
+    """Return the C structure of a record, with pointers first."""
+    lines = [f"    {pointer};" for pointer in pointers]
+    lines += [f"    {kind.ctype} {name};" for name, kind in record.fields]
+    return "\n".join([f"struct {record.name} {{", *lines, "};"])
+
+
+# --- Instants in model exchange, where the importer integrates
+
+
+def first_instant(engine, s):  # type: ignore[no-untyped-def]
+    """Perform the transitions of the initial state."""
+    y = table_row(s, Y)
+    s.failure = inadmissible_gap(engine, s, s.t, y)
+    if s.failure != NONE:
+        return INADMISSIBLE
+    guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
+    for i in range(s.switches):
+        since = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
+        if min(since, s.period - since) <= SWITCH_RTOL * s.period:
+            guard = 2 * s.m
+    status = resolve_imported_instant(engine, s, y, guard)
+    if status == DONE:
+        begin_arc(engine, s, y)
+    return status
+
+
+def imported_instant(engine, s, changed):  # type: ignore[no-untyped-def]
+    """Perform the transitions at ``s.t``, which an importer has located, and begin an arc.
+
+    `changed` is 1 if an input has changed, after which the mode is determined again.
+    """
+    y = table_row(s, Y)
+    if s.t > s.arc_start:
+        s.switched = 0
+    if changed == 1:
+        guard = 2 * s.m
+    elif s.stop - s.t <= SWITCH_RTOL * s.period:
+        guard = 2 * s.m
+        s.t = s.stop
+        if s.t > s.period:
+            rebase_time(s, 1)
+            s.t = table_row(s, SWITCHES)[0]
+    else:
+        guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
+    status = resolve_imported_instant(engine, s, y, guard)
+    if status == DONE:
+        begin_arc(engine, s, y)
+    return status
+
+
+def imported_step(engine, s):  # type: ignore[no-untyped-def]
+    """Return whether a guard fires at the end of a step of an importer."""
+    now, passed = table_row(s, MARGINS_AFTER), table_row(s, BELOW_ZERO)
+    y = table_row(s, Y)
+    interface.margins(engine, s.mode, s.t, y, now)
+    missed = False
+    for i in range(s.m):
+        if now[i] + interface.bias(engine, i) > 0.0:
+            passed[i] = 0.0
+            if now[i] > rounding_error(s, i):
+                interface.set_bias(engine, i, 0.0)
+        else:
+            missed = True
+    return missed and first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE) != NONE
+
+
+def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
+    """Enter the sticking contact of a chatter sequence that would end soon.
+
+    The event loop advances to the accumulation point. An importer does not, so the bodies move in
+    contact from here on, as on average they do during the remaining flights.
+    """
+    past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
+    mode, t, code = s.mode, s.t, s.m + guard
+    remaining, interval = remaining_chatter_time(engine, s, t, y, guard)
+    if remaining == math.inf:
+        return False
+    for j in range(s.n):
+        past[j] = y[j]
+        entered[j] = y[j]
+    touch = interface.transition(engine, mode, code, t, entered)
+    if remaining > 0.0 and 0 <= touch < s.modes:
+        rk4_probe(engine, s, touch, t, entered, remaining, left)
+        h = 0.125 * interval
+        first = acceleration(engine, s, mode, t, entered, guard, h)
+        last = acceleration(engine, s, mode, t + remaining, left, guard, h)
+        change = (last - first) / first if first != 0.0 else math.inf
+        if not change * change * remaining <= CHATTER_END_RTOL * interval:
+            return True
+        remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
+    s.mode = touch
+    table_row(s, HIT_TIME)[guard] = table_row(s, HIT_BEGIN)[guard] = -math.inf
+    log_event(s, t + remaining, ACCUMULATION, guard, mode, past, entered)
+    for j in range(s.n):
+        y[j] = entered[j]
+    return True
+
+
+# The same code with another function for the completion of chatter.
+resolve_imported_instant = FunctionType(
+    resolve_instant.__code__,
+    {**resolve_instant.__globals__, "complete_chatter": rest_at_contact},
+    "resolve_imported_instant",
+)
+
+
+# --- Calls that the C runtime answers
+
+
+def _call(name: str, kind: Any = NOTHING) -> Any:
+    """Return a handler that calls a C function with the arguments as they stand."""
+
+    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+        codes = (writer.runtime(each).code for each in arguments)
+        return Expression(kind, f"{name}({', '.join(codes)})")
+
+    return handler
+
+
+def _code(pattern: str, kind: Any = NOTHING) -> Any:
+    """Return a handler with a C expression of the arguments."""
+
+    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+        codes = [writer.runtime(each).code for each in arguments]
+        return Expression(kind, pattern.format(*codes))
+
+    return handler
+
+
+def _function(function: Any) -> Any:
+    """Return a handler that calls another Python function, translated."""
+
+    def handler(writer: FunctionWriter, arguments: Sequence[Expression]) -> Expression:
+        return writer.user_call(function, arguments, {}, writer.node)
+
+    return handler
+
+
+HEAD = workspace.HEAD
+HANDLERS: dict[Any, Any] = {
+    workspace.table_row: _code("({0}->table + {0}->width * ({1}))", Array()),
+    workspace.event_row: _code(
+        f"({{0}}->events + ({HEAD} + 2 * {{0}}->n) * {{0}}->events_written)", Array()
+    ),
+    workspace.sample_row: _code("({0}->samples + (3 + {0}->n) * {0}->samples_written)", Array()),
+    stepper.row: _code("({0}->rows + {0}->width * ({1}))", Array()),
+    stepper.component: _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array()),
+    stepper.set_fired: _code("({0}->fired[{1}] = {2})", INTEGER),
+    interface.step: _function(stepper.step),
+    interface.time: _code("{0}->t", REAL),
+    interface.state: _call("engine_state"),
+    interface.end_margins: _call("engine_end_margins"),
+    interface.root_directions: _code("{0}->fired[{1}]", INTEGER),
+    interface.interpolate: _function(stepper.interpolate),
+    interface.restart: _call("engine_restart"),
+    interface.method_memory: _code("INT64_C(0)", INTEGER),
+    interface.bias: _code("{0}->bias[{1}]", REAL),
+    interface.set_bias: _code("({0}->bias[{1}] = {2})", REAL),
+    interface.flow: _call("engine_flow"),
+    interface.margins: _call("engine_margins"),
+    interface.transition: _call("engine_transition", INTEGER),
+    # DOP853 has far smaller errors in short flights than its tolerances.
+    flights.sharpen: _code("(void)0"),
+}
+
+# Functions that the C runtime calls, with the kinds of their arguments.
+ROOTS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "run_steps": (loop.run_steps, (ENGINE, LOOP, INTEGER)),
+    "begin_arc": (loop.begin_arc, (ENGINE, LOOP, Array())),
+    "restart": (stepper.restart, (ENGINE, INTEGER, REAL, Array(), REAL)),
+    "reset": (stepper.reset, (ENGINE, REAL)),
+    "interpolate": (stepper.interpolate, (ENGINE, REAL, Array())),
+    "first_instant": (first_instant, (ENGINE, LOOP)),
+    "imported_instant": (imported_instant, (ENGINE, LOOP, INTEGER)),
+    "imported_step": (imported_step, (ENGINE, LOOP)),
+}
+
+
+def event_loop_source(
+    automaton: Automaton, parameters: int, generated: Mapping[Any, str]
+) -> tuple[CSource, dict[str, str]]:
+    """Return the source of the loop with an automaton, and its C functions by role.
+
+    Parameters
+    ----------
+    automaton : Automaton
+    parameters : int
+        Length of the parameter array.
+    generated : mapping
+        Source texts of generated functions, by their code objects.
+    """
+    source = CSource(HANDLERS, generated)
+    n, m = len(automaton.states), len(automaton.guards)
+    y, p, g = Array((n,)), Array((parameters,)), Array((m,))
+    names = {
+        "flow": source.function(automaton.flow, (INTEGER, REAL, y, p, y)).name,
+        "margins": source.function(automaton.margins, (INTEGER, REAL, y, p, g, g)).name,
+        "transition": source.function(automaton.transition, (INTEGER, INTEGER, REAL, y, p)).name,
+    }
+    for role, (function, kinds) in ROOTS.items():
+        names[role] = source.function(function, kinds).name
+    return source, names

@@ -1,0 +1,515 @@
+"""Functional mock-up units (FMU): model description, C sources and a binary, in one archive."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from mems_impact._util.files import replacing
+from mems_impact.errors import InvalidParameter
+from mems_impact.export.model import ExportedModel
+from mems_impact.export.model_source import (
+    CONSTANT,
+    EVENT_VARIABLES,
+    INPUT,
+    first_integer,
+    kind_of_number,
+    model_header,
+)
+
+__all__ = ["VERSIONS", "find_compiler", "write_fmu"]
+
+VERSIONS = ("2.0", "3.0")
+TEMPLATES = ("arithmetic.h", "runtime.h")
+DATE = (1980, 1, 1, 0, 0, 0)  # of every file, so that equal models have equal bytes
+DEFAULT_STOP = 100.0  # periods, or units of time of an autonomous system
+COMPILERS = ("cc", "gcc", "clang")
+FLAGS = ("-O2", "-std=c11", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
+
+# --- Variables
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelVariable:
+    """A variable of the model description.
+
+    Attributes
+    ----------
+    name, causality, variability, initial, unit, description : str
+    reference : int
+    start : float or None
+    integer : bool
+    state : int or None
+        Reference of the state of which it is the derivative.
+    """
+
+    name: str
+    reference: int
+    causality: str
+    variability: str
+    initial: str = ""
+    start: float | None = None
+    unit: str = ""
+    description: str = ""
+    integer: bool = False
+    state: int | None = None
+
+
+def identifier(name: str) -> str:
+    """Return a name as an identifier."""
+    made = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return made if made and not made[0].isdigit() else f"_{made}"
+
+
+def rate_unit(unit: str, time: str) -> str:
+    """Return the unit of a time derivative."""
+    if not time:
+        return ""
+    return f"{unit}/{time}" if unit else f"1/{time}"
+
+
+def model_variables(model: ExportedModel) -> list[ModelVariable]:
+    """Return all variables, in the order of their references."""
+    automaton = model.automaton
+    n, m = len(automaton.states), len(automaton.guards)
+    found = [
+        ModelVariable(
+            name="time",
+            reference=0,
+            causality="independent",
+            variability="continuous",
+            unit=model.time_unit,
+        )
+    ]
+    starts = [
+        float(value) * factor
+        for value, factor in zip(model.initial.y, model.state_factors, strict=True)
+    ]
+    for i, state in enumerate(automaton.states):
+        found.append(
+            ModelVariable(
+                name=state,
+                reference=1 + i,
+                causality="output",
+                variability="continuous",
+                initial="exact",
+                start=starts[i],
+                unit=model.state_units[i],
+            )
+        )
+    for i, state in enumerate(automaton.states):
+        found.append(
+            ModelVariable(
+                name=f"der({state})",
+                reference=1 + n + i,
+                causality="local",
+                variability="continuous",
+                initial="calculated",
+                unit=rate_unit(model.state_units[i], model.time_unit),
+                state=1 + i,
+            )
+        )
+    for i, number in enumerate(model.numbers):
+        kind = kind_of_number(model, i)
+        causality = {CONSTANT: "local", INPUT: "input"}.get(kind, "parameter")
+        variability = {CONSTANT: "constant", INPUT: "continuous"}.get(kind, "fixed")
+        found.append(
+            ModelVariable(
+                name=number.name,
+                reference=1 + 2 * n + i,
+                causality=causality,
+                variability=variability,
+                initial="" if kind == INPUT else "exact",
+                start=number.value,
+                unit=number.unit,
+            )
+        )
+    first = 1 + 2 * n + len(model.numbers)
+    guards = [identifier(guard.name) for guard in automaton.guards]
+    for offset, what in ((0, "margin"), (m, "margin_rate")):
+        for i, guard in enumerate(automaton.guards):
+            if offset and not guard.impact:
+                continue
+            found.append(
+                ModelVariable(
+                    name=f"{guards[i]}.{what}",
+                    reference=first + offset + i,
+                    causality="local",
+                    variability="continuous",
+                    initial="calculated",
+                    description="event indicator, in the units of the numerics",
+                )
+            )
+    found.append(
+        ModelVariable(
+            name="event_time",
+            reference=first + 2 * m,
+            causality="output",
+            variability="discrete",
+            initial="calculated",
+            unit=model.time_unit,
+            description="time of the latest event",
+        )
+    )
+    for i in range(m):
+        found.append(
+            ModelVariable(
+                name=f"{guards[i]}.time",
+                reference=first + 2 * m + 1 + i,
+                causality="output",
+                variability="discrete",
+                initial="calculated",
+                unit=model.time_unit,
+                description=f"time of the latest transition of the guard {automaton.guards[i].name}",
+            )
+        )
+    modes = ", ".join(f"{i}: {name}" for i, name in enumerate(automaton.modes))
+    names = ", ".join(f"{i}: {guard.name}" for i, guard in enumerate(automaton.guards, 1))
+    integers = (
+        ("mode", f"mode ({modes})", int(model.initial.mode)),
+        ("event_count", "number of events", None),
+        ("event_kind", "latest event (1: transition, 2: end of chatter, 3: switch)", None),
+        ("event_guard", f"guard of the latest event (0: none, {names})", None),
+    )
+    assert len(integers) == EVENT_VARIABLES
+    place = first_integer(model)
+    for i, (name, description, start) in enumerate(integers):
+        found.append(
+            ModelVariable(
+                name=name,
+                reference=place + i,
+                causality="output",
+                variability="discrete",
+                initial="calculated" if start is None else "exact",
+                start=start,
+                description=description,
+                integer=True,
+            )
+        )
+    for i, guard in enumerate(automaton.guards):
+        found.append(
+            ModelVariable(
+                name=f"{guards[i]}.count",
+                reference=place + EVENT_VARIABLES + i,
+                causality="output",
+                variability="discrete",
+                initial="calculated",
+                description=f"number of transitions of the guard {guard.name}",
+                integer=True,
+            )
+        )
+    return with_unique_names(found)
+
+
+def with_unique_names(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
+    """Return variables with names that differ: a later one gets underscores."""
+    from dataclasses import replace
+
+    taken: set[str] = set()
+    found = []
+    for variable in variables:
+        name = variable.name
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        found.append(variable if name == variable.name else replace(variable, name=name))
+    return found
+
+
+# --- Model description
+
+BASE_UNITS = {
+    "m": "m='1'", "s": "s='1'", "kg": "kg='1'", "A": "A='1'", "rad": "rad='1'",
+    "m/s": "m='1' s='-1'", "m/s^2": "m='1' s='-2'", "1/s": "s='-1'", "Hz": "s='-1'",
+    "rad/s": "rad='1' s='-1'", "N": "kg='1' m='1' s='-2'", "N/m": "kg='1' s='-2'",
+    "kg/s": "kg='1' s='-1'", "J": "kg='1' m='2' s='-2'", "Pa": "kg='1' m='-1' s='-2'",
+    "V": "kg='1' m='2' s='-3' A='-1'", "C": "A='1' s='1'", "F": "kg='-1' m='-2' s='4' A='2'",
+    "ohm": "kg='1' m='2' s='-3' A='-2'", "W": "kg='1' m='2' s='-3'",
+}  # fmt: skip
+
+
+def attributes(**values: object) -> str:
+    """Return XML attributes; empty ones are omitted."""
+    parts = []
+    for name, value in values.items():
+        if value is None or value == "":
+            continue
+        shown = str(value).lower() if isinstance(value, bool) else value
+        shown = repr(shown) if isinstance(shown, float) else str(shown)
+        parts.append(f"{name}={quoteattr(shown)}")
+    return " ".join(parts)
+
+
+def unit_lines(variables: Sequence[ModelVariable]) -> list[str]:
+    """Return the definitions of all units."""
+    units = sorted({variable.unit for variable in variables if variable.unit})
+    if not units:
+        return []
+    lines = ["  <UnitDefinitions>"]
+    for unit in units:
+        base = f"<BaseUnit {BASE_UNITS[unit]}/>" if unit in BASE_UNITS else ""
+        lines.append(f"    <Unit name={quoteattr(unit)}>{base}</Unit>")
+    return [*lines, "  </UnitDefinitions>"]
+
+
+def experiment(model: ExportedModel) -> str:
+    """Return the default experiment."""
+    unit = model.problem.period * model.time_factor
+    stop = model.start_time + DEFAULT_STOP * unit
+    text = attributes(
+        startTime=model.start_time, stopTime=stop, tolerance=model.problem.options.rtol
+    )
+    return f"  <DefaultExperiment {text}/>"
+
+
+def description_2(
+    model: ExportedModel, variables: Sequence[ModelVariable], token: str, name: str, title: str
+) -> str:
+    """Return ``modelDescription.xml`` of FMI 2.0."""
+    guards = model.automaton.guards
+    indicators = len(guards) + sum(guard.impact for guard in guards)
+    saves = attributes(
+        modelIdentifier=name, canGetAndSetFMUstate=True, canSerializeFMUstate=True
+    )
+    sources = "<SourceFiles><File name='fmi2.c'/></SourceFiles>"
+    lines = [
+        "<?xml version='1.0' encoding='UTF-8'?>",
+        "<fmiModelDescription fmiVersion='2.0' "
+        + attributes(
+            modelName=title,
+            guid=token,
+            generationTool="mems_impact",
+            variableNamingConvention="flat",
+            numberOfEventIndicators=indicators,
+        )
+        + ">",
+        f"  <ModelExchange {saves}>{sources}</ModelExchange>",
+        f"  <CoSimulation {saves} canHandleVariableCommunicationStepSize='true' "
+        f"maxOutputDerivativeOrder='1'>{sources}</CoSimulation>",
+        *unit_lines(variables),
+        experiment(model),
+        "  <ModelVariables>",
+    ]
+    places = {variable.reference: i for i, variable in enumerate(variables, 1)}
+    for variable in variables:
+        outer = attributes(
+            name=variable.name,
+            valueReference=variable.reference,
+            causality=variable.causality,
+            variability=variable.variability,
+            initial=variable.initial,
+            description=variable.description,
+        )
+        if variable.integer:
+            inner = f"<Integer {attributes(start=variable.start)}/>"
+        else:
+            state = None if variable.state is None else places[variable.state]
+            inner = attributes(start=variable.start, unit=variable.unit, derivative=state)
+            inner = f"<Real {inner}/>"
+        lines.append(f"    <ScalarVariable {outer}>{inner}</ScalarVariable>")
+    lines += ["  </ModelVariables>", "  <ModelStructure>", "    <Outputs>"]
+    outputs = [each for each in variables if each.causality == "output"]
+    rates = [each for each in variables if each.state is not None]
+    unknowns = [each for each in outputs if each.initial == "calculated"] + rates
+    lines += [f"      <Unknown index='{places[each.reference]}'/>" for each in outputs]
+    lines += ["    </Outputs>", "    <Derivatives>"]
+    lines += [f"      <Unknown index='{places[each.reference]}'/>" for each in rates]
+    lines += ["    </Derivatives>", "    <InitialUnknowns>"]
+    indices = sorted(places[each.reference] for each in unknowns)
+    lines += [f"      <Unknown index='{index}'/>" for index in indices]
+    lines += ["    </InitialUnknowns>", "  </ModelStructure>", "</fmiModelDescription>", ""]
+    return "\n".join(lines)
+
+
+def description_3(
+    model: ExportedModel, variables: Sequence[ModelVariable], token: str, name: str, title: str
+) -> str:
+    """Return ``modelDescription.xml`` of FMI 3.0."""
+    saves = attributes(
+        modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True
+    )
+    lines = [
+        "<?xml version='1.0' encoding='UTF-8'?>",
+        "<fmiModelDescription fmiVersion='3.0' "
+        + attributes(
+            modelName=title,
+            instantiationToken=token,
+            generationTool="mems_impact",
+            variableNamingConvention="flat",
+        )
+        + ">",
+        f"  <ModelExchange {saves} needsCompletedIntegratorStep='true'/>",
+        f"  <CoSimulation {saves} canHandleVariableCommunicationStepSize='true' "
+        "maxOutputDerivativeOrder='1' hasEventMode='true' mightReturnEarlyFromDoStep='true'/>",
+        *unit_lines(variables),
+        experiment(model),
+        "  <ModelVariables>",
+    ]
+    for variable in variables:
+        kind = "Int32" if variable.integer else "Float64"
+        text = attributes(
+            name=variable.name,
+            valueReference=variable.reference,
+            description=variable.description,
+            causality=variable.causality,
+            variability=variable.variability,
+            initial=variable.initial,
+            unit=variable.unit,
+            derivative=variable.state,
+            start=variable.start,
+        )
+        lines.append(f"    <{kind} {text}/>")
+    lines += ["  </ModelVariables>", "  <ModelStructure>"]
+    outputs = [each for each in variables if each.causality == "output"]
+    rates = [each for each in variables if each.state is not None]
+    unknowns = [each for each in outputs if each.initial == "calculated"] + rates
+    margins = [each for each in variables if each.description.startswith("event indicator")]
+    for element, members in (
+        ("Output", outputs),
+        ("ContinuousStateDerivative", rates),
+        ("InitialUnknown", unknowns),
+        ("EventIndicator", margins),
+    ):
+        lines += [f"    <{element} valueReference='{each.reference}'/>" for each in members]
+    lines += ["  </ModelStructure>", "</fmiModelDescription>", ""]
+    return "\n".join(lines)
+
+
+def build_description(name: str) -> str:
+    """Return ``buildDescription.xml`` of FMI 3.0."""
+    return "\n".join(
+        [
+            "<?xml version='1.0' encoding='UTF-8'?>",
+            "<fmiBuildDescription fmiVersion='3.0'>",
+            f"  <BuildConfiguration modelIdentifier='{name}'>",
+            "    <SourceFileSet language='C11'>",
+            "      <SourceFile name='fmi3.c'/>",
+            "    </SourceFileSet>",
+            "  </BuildConfiguration>",
+            "</fmiBuildDescription>",
+            "",
+        ]
+    )
+
+
+# --- Binary
+
+
+def find_compiler() -> list[str]:
+    """Return the command of a C compiler: that of the variable CC, or cc; empty without one."""
+    given = os.environ.get("CC", "")
+    if given:
+        return shlex.split(given)
+    found = next((each for each in COMPILERS if shutil.which(each)), None)
+    return [found] if found else []
+
+
+def binary_path(fmi: str, name: str) -> str:
+    """Return the path in the archive of the binary for this platform."""
+    system = {"linux": "linux", "win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    suffix = {"windows": "dll", "darwin": "dylib"}.get(system, "so")
+    machine = platform.machine().lower()
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    if fmi == "3.0":
+        return f"binaries/{machine}-{system}/{name}.{suffix}"
+    short = {"windows": "win", "darwin": "darwin"}.get(system, "linux")
+    if machine == "x86_64":
+        return f"binaries/{short}64/{name}.{suffix}"
+    return f"binaries/{short}64-{machine}/{name}.{suffix}"
+
+
+def compile_binary(sources: dict[str, str], main: str) -> tuple[bytes, str]:
+    """Return the compiled library; empty, with the reason, if that is impossible."""
+    compiler = find_compiler()
+    if not compiler:
+        return b"", "no C compiler was found (cc, or that in the environment variable CC)"
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in sources.items():
+            Path(folder, name).write_text(content, encoding="utf-8")
+        command = [*compiler, *FLAGS, main, "-o", "model", "-lm"]
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, check=False, timeout=600
+            )
+        except OSError as error:
+            return b"", f"{shlex.join(compiler)} cannot be run ({error.strerror})"
+        if done.returncode != 0:
+            said = next((line for line in done.stderr.splitlines() if "error" in line), "")
+            return b"", f"{shlex.join(compiler)} failed: {said.strip()}"
+        return Path(folder, "model").read_bytes(), ""
+
+
+# --- Archive
+
+
+def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.0") -> Path:
+    """Write a model as an FMU.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+    model : ExportedModel
+    fmi : {"3.0", "2.0"}
+        Version of the standard.
+
+    Raises
+    ------
+    InvalidParameter
+        If the version or an input is unknown.
+    FunctionError
+        If a function cannot be translated to C.
+    """
+    if fmi not in VERSIONS:
+        raise InvalidParameter("fmi", fmi, f"one of {', '.join(VERSIONS)}")
+    target = Path(path)
+    name = identifier(target.stem)
+    title = model.name or target.stem
+    main = "fmi3.c" if fmi == "3.0" else "fmi2.c"
+    folder = files("mems_impact.export") / "templates"
+    sources = {
+        each: (folder / each).read_text(encoding="utf-8") for each in (*TEMPLATES, main)
+    }
+    variables = model_variables(model)
+    describe = description_3 if fmi == "3.0" else description_2
+    digest = hashlib.sha256()
+    for content in (*sources.values(), model_header(model, ""), describe(model, variables, "", name, title)):
+        digest.update(content.encode() + b"\0")
+    code = digest.hexdigest()
+    token = "{" + "-".join((code[:8], code[8:12], code[12:16], code[16:20], code[20:32])) + "}"
+    sources["model.h"] = model_header(model, token)
+    contents: dict[str, bytes] = {
+        "modelDescription.xml": describe(model, variables, token, name, title).encode()
+    }
+    if fmi == "3.0":
+        contents["sources/buildDescription.xml"] = build_description(name).encode()
+    contents |= {f"sources/{each}": text.encode() for each, text in sorted(sources.items())}
+    binary, reason = compile_binary(sources, main)
+    if binary:
+        contents[binary_path(fmi, name)] = binary
+    else:
+        warnings.warn(
+            f"{target.name} contains C sources without a binary: {reason}; "
+            "an importer has to compile them",
+            stacklevel=3,
+        )
+    with replacing(target) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for place, content in contents.items():
+            entry = zipfile.ZipInfo(place, DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = (0o755 if place.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, content)
+    return target

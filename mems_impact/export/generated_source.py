@@ -1,0 +1,69 @@
+"""The automaton of a definition, with the source texts of its generated functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.definition import (
+    GENERATED,
+    Definition,
+    Typical,
+    _CodeWriter,
+    _ScalingWriter,
+    automaton_of,
+    function,
+    resolve_order,
+    scaled,
+)
+
+__all__ = ["automaton_with_source"]
+
+
+class AutomatonWriter(_CodeWriter):
+    """Writes an automaton, and keeps the texts."""
+
+    def functions(self) -> dict[str, Any]:
+        """Return flow, margins and transition; `texts` has their source."""
+        texts = [self.flow(), self.margins(), self.transition()]
+        exec(compile("\n\n".join(texts), GENERATED, "exec"), self.space)
+        names = ("flow", "margins", "transition")
+        self.texts = {
+            self.space[name].__code__: text for name, text in zip(names, texts, strict=True)
+        }
+        return {name: self.space[name] for name in names}
+
+    def projection(self) -> Callable[..., Any] | None:
+        """Return None: only continuation projects states onto constraints."""
+        return None
+
+
+class ScaledWriter(_ScalingWriter):
+    """Writes scaled functions, and keeps the texts."""
+
+    texts: dict[Any, str]
+
+    def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
+        """Return the function with these lines as its body."""
+        made = super().make(name, arguments, lines)
+        self.__dict__.setdefault("texts", {})[made.__code__] = function(
+            f"{name}({arguments})", lines
+        )
+        return made
+
+
+def automaton_with_source(
+    definition: Definition, typical: Typical | None
+) -> tuple[Automaton, dict[Any, str]]:
+    """Return the automaton of a definition, and the texts of its functions by code object."""
+    texts: dict[Any, str] = {}
+    original = definition if typical is None else scaled(definition, typical)
+    if typical is not None:
+        scaling = ScaledWriter(definition, typical)
+        definition = scaling.scaled()
+        texts |= scaling.texts
+    writer = AutomatonWriter(definition, resolve_order(definition.guards))
+    functions = writer.functions()
+    return replace(automaton_of(original), **functions), {**texts, **writer.texts}
