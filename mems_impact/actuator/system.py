@@ -460,14 +460,14 @@ class ActuatorSystem(ActuatorNumerics):
         """Whether compiled functions check array bounds, as functions of users require."""
         return not self.is_data_only
 
-    def exported(
+    def export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,
         options: Options | None = None,
     ) -> ExportedModel:
         """Return the system as plain data for export."""
-        model = super().exported(inputs, initial, options)
+        model = super().export_model(inputs, initial, options)
         return replace(model, name=self.name or "actuator", mode_by_switch=True)
 
     @property

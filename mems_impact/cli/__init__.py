@@ -42,6 +42,7 @@ COMMAND_NAMES = (
     "docs",
     "drive",
     "explore",
+    "export",
     "fit",
     "map",
     "new",

@@ -64,6 +64,7 @@ class Array:
 
     @property
     def ctype(self) -> str:
+        """The C type."""
         return "double *"
 
     @property
@@ -81,6 +82,7 @@ class Tuple:
 
     @property
     def ctype(self) -> str:
+        """The C type."""
         return "tuple_" + "".join(_mangled(item) for item in self.items)
 
 
@@ -93,6 +95,7 @@ class Record:
 
     @property
     def ctype(self) -> str:
+        """The C type."""
         return f"{self.name} *"
 
 
@@ -148,7 +151,7 @@ def constant(value: Any) -> Expression:
     return Expression(Fixed(value))
 
 
-def literal(value: float) -> str:
+def literal(value: Any) -> str:
     """Return a number as C source."""
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
@@ -199,7 +202,11 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
     try:
         tree = ast.parse(text)
     except SyntaxError:  # a lambda within a longer expression
-        tree = ast.parse("(" + text.strip().rstrip(",") + "\n)") if "lambda" in text else ast.Module([], [])
+        tree = (
+            ast.parse("(" + text.strip().rstrip(",") + "\n)")
+            if "lambda" in text
+            else ast.Module([], [])
+        )
     code = function.__code__
     wanted = code.co_name
     arguments = code.co_varnames[: code.co_argcount]
@@ -319,6 +326,11 @@ BINARY: dict[type, Callable[..., Any]] = {
     ast.BitXor: operator.xor,
     ast.LShift: operator.lshift,
     ast.RShift: operator.rshift,
+}
+UNARY: dict[type, Callable[[Any], Any]] = {
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Invert: operator.invert,
 }
 SIGNS: dict[type, str] = {
     ast.Add: "+",
@@ -466,17 +478,13 @@ def _ordered(function: Translated, order: list[Translated]) -> None:
 
 def _structure(kind: Tuple) -> str:
     fields = "".join(
-        f" {item.ctype} f{i};"
-        for i, item in enumerate(kind.items)
-        if not isinstance(item, Fixed)
+        f" {item.ctype} f{i};" for i, item in enumerate(kind.items) if not isinstance(item, Fixed)
     )
     lines = [f"typedef struct {{{fields} }} {kind.ctype};"]
     if kind.items and all(item == kind.items[0] for item in kind.items):
         item = kind.items[0]
         if not isinstance(item, Fixed):
-            cases = " ".join(
-                f"case {i}: return x.f{i};" for i in range(len(kind.items) - 1)
-            )
+            cases = " ".join(f"case {i}: return x.f{i};" for i in range(len(kind.items) - 1))
             lines.append(
                 f"static inline {item.ctype} {kind.ctype}_at({kind.ctype} x, int64_t i)\n"
                 f"{{ switch (i < 0 ? i + {len(kind.items)} : i) {{ {cases} "
@@ -558,7 +566,9 @@ class FunctionWriter:
             if isinstance(kind, Fixed):
                 if not isinstance(own, Fixed):
                     value = self.runtime(Expression(kind))
-                    copies.append(f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};")
+                    copies.append(
+                        f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};"
+                    )
                 continue
             self.note(kind)
             if own == kind:
@@ -578,9 +588,7 @@ class FunctionWriter:
         body = ["    " + line for line in lines] + self.lines
         if ctype != "void":
             empty = "{0}" if isinstance(result, Tuple) else "0"
-            body.append(
-                f"    {{ {ctype} nothing = {empty}; return nothing; }}"
-            )
+            body.append(f"    {{ {ctype} nothing = {empty}; return nothing; }}")
         made.text = "\n".join([signature, "{", *body, "}"])
         made.calls = list(self.calls)
         made.signature = signature
@@ -641,7 +649,9 @@ class FunctionWriter:
             return constant(self.closure[name])
         if name in self.function.__code__.co_freevars:
             cells = dict(
-                zip(self.function.__code__.co_freevars, self.function.__closure__ or (), strict=True)
+                zip(
+                    self.function.__code__.co_freevars, self.function.__closure__ or (), strict=True
+                )
             )
             return constant(cells[name].cell_contents)
         if name in self.function.__globals__:
@@ -710,7 +720,9 @@ class FunctionWriter:
                 if made.kind.ctype == kind.ctype:
                     return made.code
                 held = self.temporary(made)
-                made = replace(held, items=tuple(self.item(held, i) for i in range(len(kind.items))))
+                made = replace(
+                    held, items=tuple(self.item(held, i) for i in range(len(kind.items)))
+                )
             if made.items is None:
                 self.refuse("a number in place of a tuple", "return as many values everywhere")
             parts = ", ".join(
@@ -786,9 +798,7 @@ class FunctionWriter:
             self.refuse("results with and without a value", "return as many values everywhere")
         kind = self.runtime(found).kind
         if found.items is not None:
-            kind = Tuple(
-                tuple(self.runtime(item).kind for item in found.items), found.kind.names
-            )
+            kind = Tuple(tuple(self.runtime(item).kind for item in found.items), found.kind.names)
         self.result = self.joined(self.result, kind)
         code = self.converted(found, self.result)
         self.emit(f"return {code};" if code else "return;")
@@ -806,9 +816,7 @@ class FunctionWriter:
             self.assign(node.target, self.value(node.value))
 
     def do_AugAssign(self, node: ast.AugAssign) -> None:
-        read: Any = ast.copy_location(
-            ast.BinOp(_as_read(node.target), node.op, node.value), node
-        )
+        read: Any = ast.copy_location(ast.BinOp(_as_read(node.target), node.op, node.value), node)
         self.assign(node.target, self.value(read))
 
     def assign(self, target: ast.expr, value: Expression) -> None:
@@ -1268,8 +1276,7 @@ class FunctionWriter:
             return Expression(BOOLEAN, code) if known is None else constant(known)
         found = self.value(node.operand)
         if found.fixed and _is_number(found.kind.value):
-            sign = {ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Invert: operator.invert}
-            return constant(sign[type(node.op)](found.kind.value))
+            return constant(UNARY[type(node.op)](found.kind.value))
         made = self.number(found, "a sign")
         kind = INTEGER if made.kind == BOOLEAN else made.kind
         mark = {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~"}[type(node.op)]
@@ -1291,9 +1298,7 @@ class FunctionWriter:
         is_sum = kind is ast.Add
         if is_sum and all(isinstance(self.runtime(each).kind, Tuple) for each in (left, right)):
             held = [self.runtime(each) for each in (left, right)]
-            items = tuple(
-                self.item(part, i) for part in held for i in range(len(part.kind.items))
-            )
+            items = tuple(self.item(part, i) for part in held for i in range(len(part.kind.items)))
             return Expression(Tuple(tuple(item.kind for item in items)), "", items)
         what = f"the operator {kind.__name__}"
         one, two = self.number(left, what), self.number(right, what)
@@ -1327,8 +1332,12 @@ class FunctionWriter:
             if 0 <= n <= LARGEST_POWER:
                 suffix = "_i" if result == INTEGER else ""
                 return Expression(result, f"integer_power{suffix}({base.code}, {n})")
-            return Expression(REAL, f"(1.0 / integer_power({base.code}, {-n}))" if n < 0 else
-                              f"pow({base.code}, {exponent.code})")
+            return Expression(
+                REAL,
+                f"(1.0 / integer_power({base.code}, {-n}))"
+                if n < 0
+                else f"pow({base.code}, {exponent.code})",
+            )
         if result == INTEGER:
             return Expression(INTEGER, f"integer_power_i({base.code}, {exponent.code})")
         return Expression(REAL, f"pow({base.code}, {exponent.code})")
@@ -1500,7 +1509,9 @@ class FunctionWriter:
         given.update(named)
         defaults = function.__defaults__ or ()
         positional = code.co_varnames[: code.co_argcount]
-        for name, value in zip(positional[len(positional) - len(defaults) :], defaults, strict=True):
+        for name, value in zip(
+            positional[len(positional) - len(defaults) :], defaults, strict=True
+        ):
             given.setdefault(name, constant(value))
         if set(given) != set(names) or len(arguments) > len(names):
             self.refuse(f"a call of {function.__name__!r}", "give each of its arguments", node)
@@ -1544,9 +1555,8 @@ class FunctionWriter:
                 return constant(function(*(each.kind.value for each in arguments)))
             except (ArithmeticError, TypeError, ValueError):
                 pass
-        if named and (pure or function in (np.zeros, np.empty, np.ones, np.array)):
-            if function not in (np.zeros, np.empty, np.ones, np.array):
-                self.refuse("arguments by name", "give them by position", node)
+        if named and pure:
+            self.refuse("arguments by name", "give them by position", node)
         if function in REAL_FUNCTIONS:
             codes = ", ".join(self.number(each, "a function").code for each in arguments)
             if function is np.abs and self.number(arguments[0], "a function").kind != REAL:
@@ -1572,10 +1582,8 @@ class FunctionWriter:
         if function in (min, max):
             return self.extreme(function, arguments, node)
         if function is math.log:
-            codes = [self.number(each, "log").code for each in arguments]
-            if len(codes) == 2:
-                return Expression(REAL, f"(log({codes[0]}) / log({codes[1]}))")
-            return Expression(REAL, f"log({codes[0]})")
+            logs = [f"log({self.number(each, 'log').code})" for each in arguments]
+            return Expression(REAL, logs[0] if len(logs) == 1 else f"({logs[0]} / {logs[1]})")
         if function is pow and len(arguments) == 2:
             return self.binary(ast.Pow(), arguments[0], arguments[1], node)
         if function is len:

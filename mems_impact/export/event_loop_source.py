@@ -25,7 +25,7 @@ from mems_impact.export.c_source import (
     Record,
 )
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.event_loop import chatter, flights, loop, workspace
+from mems_impact.hybrid.event_loop import flights, loop, workspace
 from mems_impact.hybrid.event_loop.chatter import (
     CHATTER_END_RTOL,
     acceleration,
@@ -44,13 +44,16 @@ from mems_impact.hybrid.event_loop.workspace import (
     DONE,
     ENTERED,
     HIT_BEGIN,
+    HIT_SPEED,
     HIT_TIME,
     INADMISSIBLE,
     LEFT,
     MARGINS_AFTER,
+    MARGINS_AT,
     NONE,
     PAST,
     SWITCHES,
+    G,
     Y,
     log_event,
     table_row,
@@ -91,6 +94,8 @@ def record_structure(record: Record, pointers: Sequence[str]) -> str:
 
 
 # --- Instants in model exchange, where the importer integrates
+
+BLUR = 0.02  # relative error of a flight beyond which an importer does not resolve it
 
 
 def first_instant(engine, s):  # type: ignore[no-untyped-def]
@@ -150,6 +155,30 @@ def imported_step(engine, s):  # type: ignore[no-untyped-def]
     return missed and first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE) != NONE
 
 
+def flight_blurred(engine, s, guard):  # type: ignore[no-untyped-def]
+    """Return whether the importer's error is no small part of the flight that ends now.
+
+    Its state before the impact, in PAST, is compared with a step of the classical Runge-Kutta
+    method, and that with two half steps. Overwrites ENTERED and LEFT.
+    """
+    begin, length = s.arc_start, s.t - s.arc_start
+    if not (length > 0.0 and table_row(s, HIT_TIME)[guard] == begin):
+        return False
+    g, start, mode = table_row(s, G), stepper.row(engine, stepper.START), engine.mode
+    whole, halves = table_row(s, LEFT), table_row(s, ENTERED)
+    rk4_probe(engine, s, mode, begin, start, length, whole)
+    rk4_probe(engine, s, mode, begin, start, 0.5 * length, halves)
+    rk4_probe(engine, s, mode, begin + 0.5 * length, halves, 0.5 * length, halves)
+    interface.margins(engine, mode, s.t, table_row(s, PAST), g)
+    imported = g[guard]
+    interface.margins(engine, mode, s.t, whole, g)
+    coarse = g[guard]
+    interface.margins(engine, mode, s.t, halves, g)
+    error, doubt = abs(imported - g[guard]), abs(coarse - g[guard])
+    height = 0.25 * table_row(s, HIT_SPEED)[guard] * length
+    return error > BLUR * height and error > 100.0 * doubt
+
+
 def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
     """Enter the sticking contact of a chatter sequence that would end soon.
 
@@ -158,7 +187,14 @@ def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
     """
     past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
     mode, t, code = s.mode, s.t, s.m + guard
+    blurred = flight_blurred(engine, s, guard)
+    before, speed = table_row(s, HIT_SPEED)[guard], table_row(s, MARGINS_AT)[s.m + guard]
     remaining, interval = remaining_chatter_time(engine, s, t, y, guard)
+    if remaining == math.inf and blurred and 0.0 <= speed < before:
+        a = acceleration(engine, s, mode, t, y, guard, 0.125 * (t - s.arc_start))
+        if a < 0.0:
+            interval = 2.0 * before / -a
+            remaining = 2.0 * speed / -a / (1.0 - speed / before)
     if remaining == math.inf:
         return False
     for j in range(s.n):

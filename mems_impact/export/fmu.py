@@ -26,6 +26,7 @@ from mems_impact.export.model_source import (
     CONSTANT,
     EVENT_VARIABLES,
     INPUT,
+    TOKEN,
     first_integer,
     kind_of_number,
     model_header,
@@ -54,7 +55,7 @@ class ModelVariable:
     start : float or None
     integer : bool
     state : int or None
-        Reference of the state of which it is the derivative.
+        Reference of the state, for a derivative.
     """
 
     name: str
@@ -174,7 +175,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                 variability="discrete",
                 initial="calculated",
                 unit=model.time_unit,
-                description=f"time of the latest transition of the guard {automaton.guards[i].name}",
+                description=f"time of the latest transition of {automaton.guards[i].name}",
             )
         )
     modes = ", ".join(f"{i}: {name}" for i, name in enumerate(automaton.modes))
@@ -208,7 +209,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                 causality="output",
                 variability="discrete",
                 initial="calculated",
-                description=f"number of transitions of the guard {guard.name}",
+                description=f"number of transitions of {guard.name}",
                 integer=True,
             )
         )
@@ -282,9 +283,7 @@ def description_2(
     """Return ``modelDescription.xml`` of FMI 2.0."""
     guards = model.automaton.guards
     indicators = len(guards) + sum(guard.impact for guard in guards)
-    saves = attributes(
-        modelIdentifier=name, canGetAndSetFMUstate=True, canSerializeFMUstate=True
-    )
+    saves = attributes(modelIdentifier=name, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
     sources = "<SourceFiles><File name='fmi2.c'/></SourceFiles>"
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
@@ -339,9 +338,7 @@ def description_3(
     model: ExportedModel, variables: Sequence[ModelVariable], token: str, name: str, title: str
 ) -> str:
     """Return ``modelDescription.xml`` of FMI 3.0."""
-    saves = attributes(
-        modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True
-    )
+    saves = attributes(modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True)
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
         "<fmiModelDescription fmiVersion='3.0' "
@@ -480,23 +477,22 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
     title = model.name or target.stem
     main = "fmi3.c" if fmi == "3.0" else "fmi2.c"
     folder = files("mems_impact.export") / "templates"
-    sources = {
-        each: (folder / each).read_text(encoding="utf-8") for each in (*TEMPLATES, main)
-    }
+    sources = {each: (folder / each).read_text(encoding="utf-8") for each in (*TEMPLATES, main)}
     variables = model_variables(model)
     describe = description_3 if fmi == "3.0" else description_2
     digest = hashlib.sha256()
-    for content in (*sources.values(), model_header(model, ""), describe(model, variables, "", name, title)):
+    header = model_header(model)
+    for content in (*sources.values(), header, describe(model, variables, "", name, title)):
         digest.update(content.encode() + b"\0")
     code = digest.hexdigest()
     token = "{" + "-".join((code[:8], code[8:12], code[12:16], code[16:20], code[20:32])) + "}"
-    sources["model.h"] = model_header(model, token)
+    sources["model.h"] = header.replace(TOKEN, token)
     contents: dict[str, bytes] = {
         "modelDescription.xml": describe(model, variables, token, name, title).encode()
     }
     if fmi == "3.0":
         contents["sources/buildDescription.xml"] = build_description(name).encode()
-    contents |= {f"sources/{each}": text.encode() for each, text in sorted(sources.items())}
+    contents |= {f"sources/{each}": content.encode() for each, content in sorted(sources.items())}
     binary, reason = compile_binary(sources, main)
     if binary:
         contents[binary_path(fmi, name)] = binary
@@ -507,9 +503,9 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
             stacklevel=3,
         )
     with replacing(target) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-        for place, content in contents.items():
+        for place, data in contents.items():
             entry = zipfile.ZipInfo(place, DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = (0o755 if place.startswith("binaries/") else 0o644) << 16
-            archive.writestr(entry, content)
+            archive.writestr(entry, data)
     return target

@@ -15,10 +15,11 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD
 from mems_impact.integrators.dop853 import stepper
 
-__all__ = ["EVENT_VARIABLES", "first_integer", "model_header"]
+__all__ = ["EVENT_VARIABLES", "TOKEN", "first_integer", "model_header"]
 
 EVENT_ROWS = 512  # of the event buffer; transitions of one instant fit
 EVENT_VARIABLES = 4  # mode, and number, kind and guard of the latest event
+TOKEN = "@token@"
 CONSTANT, PARAMETER, INPUT = 0, 1, 2  # kinds of numbers
 
 LOOP_POINTERS = ("double *table", "double *events", "double *samples")
@@ -49,8 +50,8 @@ def kind_of_number(model: ExportedModel, i: int) -> int:
     return PARAMETER if number.place is not None else CONSTANT
 
 
-def model_header(model: ExportedModel, token: str) -> str:
-    """Return the source of ``model.h``."""
+def model_header(model: ExportedModel) -> str:
+    """Return the source of ``model.h``, with TOKEN in place of the token of instantiation."""
     automaton, problem = model.automaton, model.problem
     source, names = event_loop_source(automaton, len(problem.parameters), model.generated)
     n, m = len(automaton.states), len(automaton.guards)
@@ -91,7 +92,7 @@ def model_header(model: ExportedModel, token: str) -> str:
         "ATOL": literal(problem.options.atol),
         "STEPS_PER_PERIOD": literal(STEPS_PER_PERIOD),
         "TIME_UNIT": literal(model.time_factor),
-        "TOKEN": f'"{token}"',
+        "TOKEN": f'"{TOKEN}"',
         "MODEL_FLOW": names["flow"],
         "MODEL_MARGINS": names["margins"],
         "MODEL_TRANSITION": names["transition"],
@@ -112,7 +113,7 @@ def model_header(model: ExportedModel, token: str) -> str:
         reals("GUARD_ORDERS", [float(guard.order or 0) for guard in guards]),
         reals("GUARD_IMPACTS", [float(guard.impact) for guard in guards]),
         reals("GUARD_RECORDS", [float(guard.records) for guard in guards]),
-        f"static const char *const GUARD_NAMES[GUARDS] = {{ "
+        "static const char *const GUARD_NAMES[GUARDS] = { "
         + ", ".join(text(guard.name) for guard in guards)
         + " };",
         reals("VALUE_STARTS", [number.value for number in model.numbers] or [0.0]),
@@ -231,5 +232,3 @@ def mode_function(model: ExportedModel, source: CSource) -> str:
 def block(head: str, lines: Sequence[str]) -> str:
     """Return a C function."""
     return "\n".join([head, "{", *("    " + line for line in lines), "}"])
-
-

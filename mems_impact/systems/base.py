@@ -614,9 +614,9 @@ class HybridSystem(Result, ABC):
         """
         from mems_impact.export.fmu import write_fmu
 
-        return write_fmu(path, self.exported(inputs, initial, options), fmi)
+        return write_fmu(path, self.export_model(inputs, initial, options), fmi)
 
-    def exported(
+    def export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,

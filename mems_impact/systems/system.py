@@ -384,7 +384,7 @@ class System(HybridSystem):
             time_scale=scale,
         )
 
-    def exported(
+    def export_model(
         self,
         inputs: Sequence[str] = (),
         initial: State | Mapping[str, float] | None = None,
@@ -395,7 +395,7 @@ class System(HybridSystem):
 
         automaton, generated = automaton_with_source(self.definition, self.typical)
         return replace(
-            super().exported(inputs, initial, options),
+            super().export_model(inputs, initial, options),
             automaton=automaton,
             generated=generated,
             mode_of=self._begin,

@@ -7,7 +7,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* The event loop relies on exact zeros of differences, which fused operations do not preserve. */
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC optimize ("fp-contract=off")
+#else
 #pragma STDC FP_CONTRACT OFF
+#endif
 
 #ifndef M_PI
 #define M_PI 3.14159265358979323846

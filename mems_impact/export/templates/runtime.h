@@ -432,7 +432,12 @@ static void event_indicators(Memory *memory, double *out)
     int i, k = 0;
     double margins[2 * GUARDS];
     evaluate(memory, NULL, margins);
-    for (i = 0; i < GUARDS; i++) out[k++] = margins[i];
+    for (i = 0; i < GUARDS; i++) {
+        /* A gap that opens is not closed: between impacts lower than its tolerance an importer
+           may interpolate a negative gap, and would locate events without end. */
+        int opens = GUARD_IMPACTS[i] != 0.0 && margins[GUARDS + i] > 0.0;
+        out[k++] = opens && margins[i] <= 0.0 ? 1e-300 : margins[i];
+    }
     for (i = 0; i < GUARDS; i++)
         if (GUARD_IMPACTS[i] != 0.0) out[k++] = margins[GUARDS + i];
 }

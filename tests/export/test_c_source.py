@@ -1,0 +1,221 @@
+"""Functions in C give the numbers that they give in Python."""
+
+import ctypes
+import math
+import subprocess
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.export.c_source import BOOLEAN, INTEGER, REAL, Array, CSource
+from mems_impact.export.fmu import find_compiler
+
+needs_compiler = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
+NODES = (0.5, -0.25, 2.0)
+TABLE = np.array([[1.0, 2.0], [3.0, 4.5]])
+ARITHMETIC = mi.__path__[0] + "/export/templates"
+
+
+class Pair(NamedTuple):
+    first: float
+    second: float = 3.0
+
+
+def arithmetic(x, y):
+    return x // y + x % y - x**3 + y**-2 + abs(x) ** 0.5 + (x if x < y else -y) / 7
+
+
+def integers(i, j):
+    return i // j * 100 + i % j + (i**2 if j > 0 else i & 5) + (i < j) + (i > j)
+
+
+def loops(x, n):
+    total, k = 0, 0
+    for i in range(n):
+        if i == 3:
+            continue
+        for weight in NODES:
+            total += weight * x**i
+            if total > 1e6:
+                break
+    while True:
+        k += 1
+        if k >= 4:
+            break
+    for i, (a, b) in enumerate(zip(NODES, (1, 2, 3))):  # noqa: B905
+        total += i * a * b
+    return total + k
+
+
+def swapped(x, y):
+    x, y = y, x
+    pair = Pair(x)
+    first, second = pair
+    return first - second * y + pair.second + Pair(second=y, first=2.0).second
+
+
+def numpy_scalars(x, y):
+    first = np.sin(x) + np.hypot(x, y) + np.sign(-x) * np.arctan2(y, x) + np.maximum(x, y)
+    second = math.copysign(2.0, -x) + math.floor(x) + round(y) + min(x, y, 0.25) - max(x, y)
+    return first + second + float(math.isfinite(x)) + math.tanh(x) * math.log(abs(y), 3)
+
+
+def arrays(x, y):
+    work = np.zeros(3)
+    for i in range(3):
+        work[i] = NODES[i] * x
+    part = work[1:]
+    part[-1] += y
+    local = np.array([x, y])
+    return work[2] + len(part) + work[-2] + TABLE[1, 0] * local[1] + sum(NODES[:2]) + TABLE[0][1]
+
+
+def of_functions(x, y):
+    def_total = 0.0
+    for function in (math.cos, squared):
+        def_total += function(x)
+    return def_total + chosen(None, x) + chosen(squared, y)
+
+
+def squared(x):
+    return x * x
+
+
+def chosen(function, x):
+    if function is None:
+        return 1.0
+    return function(x)
+
+
+def logic(x, y):
+    inside = (0 < x <= 1.5 and y != 2) or x in (3.0, 4.0)
+    return 2.0 * inside + (1 if x is None else 0)
+
+
+def written(x, y):
+    out = np.zeros(4)
+    fill(x, out)
+    fill(y, out[2:])
+    return out[0] + 10.0 * out[1] + 100.0 * out[2] + 1000.0 * out[3]
+
+
+def fill(x, out):
+    out[0], out[1] = x, x + 1.0
+
+
+CASES = [
+    (arithmetic, REAL), (swapped, REAL), (arrays, REAL), (of_functions, REAL), (logic, REAL),
+    (written, REAL), (numpy_scalars, REAL), (integers, INTEGER), (loops, None),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    source, exports = CSource(), []
+    for function, kind in CASES:
+        kinds = (REAL, INTEGER) if kind is None else (kind, kind)
+        made = source.function(function, kinds)
+        arguments = ", ".join(
+            f"{each.ctype} {name}" for each, name in zip(kinds, "ab", strict=True)
+        )
+        exports.append(
+            f"double try_{function.__name__}({arguments}) {{ return {made.name}(a, b); }}"
+        )
+    folder = tmp_path_factory.mktemp("c")
+    text = '#include "arithmetic.h"\n' + source.text() + "\n".join(exports)
+    (folder / "all.c").write_text(text)
+    command = [*find_compiler(), "-O1", "-Wall", "-Werror", "-Wno-unused", "-std=c11", "-fPIC"]
+    command += ["-shared", f"-I{ARITHMETIC}", "all.c", "-o", "all.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "all.so"))
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("function", "kind"), CASES, ids=lambda each: getattr(each, "__name__", "")
+)
+def test_c_gives_the_numbers_of_python(library, function, kind):
+    compiled = library[f"try_{function.__name__}"]
+    compiled.restype = ctypes.c_double
+    first = ctypes.c_int64 if kind == INTEGER else ctypes.c_double
+    second = ctypes.c_double if kind == REAL else ctypes.c_int64
+    compiled.argtypes = [first, second]
+    places = [(0.7, -1.3), (1.5, 2.0), (-2.25, 0.5), (3.0, 4.0)]
+    if kind == INTEGER:
+        places = [(7, 3), (-7, 3), (7, -3), (2, 9)]
+    elif kind is None:
+        places = [(0.7, 5), (-1.25, 2), (30.0, 6), (1.0, 0)]
+    for place in places:
+        assert compiled(*place) == pytest.approx(float(function(*place)), rel=1e-15, abs=1e-15)
+
+
+def vector_sum(x):
+    y = np.zeros(3)
+    return y * x
+
+
+def generator(x):
+    return sum(x * each for each in NODES)
+
+
+def of_scipy(x):
+    return np.linalg.norm(x)
+
+
+def endless(x):
+    return endless(x - 1.0)
+
+
+def changing(x):
+    value = 1.0
+    if x > 0.0:
+        value = (x, x)
+    return value
+
+
+def try_and_catch(x):
+    try:
+        return 1.0 / x
+    except ZeroDivisionError:
+        return 0.0
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (vector_sum, "the operator Mult of an array"),
+        (generator, "GeneratorExp"),
+        (of_scipy, "norm"),
+        (endless, "it is recursive"),
+        (changing, "several types"),
+        (try_and_catch, "the statement Try"),
+    ],
+    ids=lambda each: getattr(each, "__name__", ""),
+)
+def test_what_has_no_translation_is_refused_by_name_and_line(function, said):
+    with pytest.raises(mi.FunctionError, match=said) as refusal:
+        CSource().function(function, (REAL,))
+    error = refusal.value
+    assert function.__name__ in str(error)
+    assert "test_c_source.py" in str(error)
+    first = function.__code__.co_firstlineno
+    assert first <= error.line <= first + 6
+
+
+def test_an_index_out_of_range_is_refused():
+    with pytest.raises(mi.FunctionError, match="the index 5 of 2 elements"):
+        CSource().function(lambda y: y[5], (Array((2,)),))
+
+
+def test_conditions_on_constants_are_decided():
+    source = CSource()
+    assert source.function(chosen, (source_kind(None), REAL)).text.count("return") == 2
+    assert source.function(lambda flag: 1.0 if flag else 2.0, (BOOLEAN,)).result == REAL
+
+
+def source_kind(value):
+    from mems_impact.export.c_source import Fixed
+
+    return Fixed(value)

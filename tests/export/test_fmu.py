@@ -1,0 +1,183 @@
+"""FMUs in FMPy have the events of `simulate`."""
+
+import math
+import zipfile
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.export.fmu import find_compiler
+from tests.export.systems import BALL, belt
+
+fmpy = pytest.importorskip("fmpy")
+pytestmark = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
+
+NAMES = ("event_time", "event_count", "event_kind", "event_guard", "mode")
+
+
+def events_of(path, stop, kind="CoSimulation", **options):
+    """Return times and kinds of all events of a run in FMPy, and its result."""
+    if kind == "CoSimulation":
+        options = {"early_return_allowed": True, "use_event_mode": True, **options}
+    states = [
+        variable.name
+        for variable in fmpy.read_model_description(str(path)).modelVariables
+        if variable.causality == "output" and variable.variability == "continuous"
+    ]
+    result = fmpy.simulate_fmu(
+        str(path),
+        fmi_type=kind,
+        stop_time=stop,
+        output=[*NAMES, *states],
+        **{"output_interval": stop / 50, **options},
+    )
+    counts, rows = np.unique(result["event_count"], return_index=True)
+    found = {
+        int(count): (float(result["event_time"][row]), int(result["event_kind"][row]))
+        for count, row in zip(counts, rows, strict=True)
+        if count > 0
+    }
+    return found, result
+
+
+def compared(found, run):
+    """Return the largest difference of the times of events, and how many were compared."""
+    times = run.events["t"].to_numpy()
+    pairs = [(times[count - 1], at) for count, (at, _) in found.items() if count <= len(times)]
+    return max(abs(one - two) for one, two in pairs), len(pairs)
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    return BALL.to_fmu(tmp_path_factory.mktemp("fmu") / "ball.fmu")
+
+
+def problems_of(path):
+    from fmpy.validation import validate_fmu
+
+    return validate_fmu(str(path))
+
+
+def test_the_ball_is_valid_and_contains_sources_and_a_binary(ball):
+    assert problems_of(ball) == []
+    with zipfile.ZipFile(ball) as archive:
+        names = archive.namelist()
+        assert not any(b"/home/" in archive.read(name) for name in names)
+    assert {"modelDescription.xml", "sources/fmi3.c", "sources/model.h"} <= set(names)
+    assert sum(name.startswith("binaries/") for name in names) == 1
+
+
+def test_the_ball_bounces_and_comes_to_rest_as_the_closed_form_says(ball):
+    found, result = events_of(ball, 3.0)
+    first = math.sqrt(2.0 / 9.81)
+    # Impact k at first * (1 + 2 (e + … + e^(k-1))), so that the last is at 3 first, for e = 1/2.
+    impacts = {count: at for count, (at, kind) in found.items() if kind == 1}
+    for count, at in impacts.items():
+        assert at == pytest.approx(first * (3.0 - 2.0 * 0.5 ** (count - 1)), abs=1e-12)
+    assert len(impacts) > 12
+    (end,) = [at for at, kind in found.values() if kind == 2]
+    assert end == pytest.approx(3.0 * first, abs=1e-9)
+    assert (result["mode"][-1], result["x"][-1], result["v"][-1]) == (1, 0.0, 0.0)
+    run = mi.simulate(BALL, duration=3.0, options=mi.Options(method="dop853", engine="interpreted"))
+    difference, count = compared(found, run)
+    assert difference < 1e-12
+    assert count == len(run.events) == result["event_count"][-1]
+
+
+def test_the_motion_does_not_depend_on_communication_points(ball):
+    runs = [
+        fmpy.simulate_fmu(
+            str(ball),
+            fmi_type="CoSimulation",
+            stop_time=1.2,
+            output_interval=step,
+            output=["x", "v"],
+        )[-1]
+        for step in (0.3, 0.05)
+    ]
+    assert list(runs[0]) == pytest.approx(list(runs[1]), rel=1e-14)
+
+
+def test_start_values_and_parameters_can_be_set(ball):
+    result = fmpy.simulate_fmu(
+        str(ball),
+        fmi_type="CoSimulation",
+        stop_time=1.0,
+        output_interval=0.25,
+        start_values={"x": 0.5, "v": 1.0, "g": 2.0},
+        output=["x", "v"],
+    )
+    t = result["time"]
+    assert result["x"] == pytest.approx(0.5 + t - t**2, abs=1e-12)
+
+
+def test_an_importer_integrates_the_ball_until_it_rests(ball):
+    for tolerance, exact in ((1e-5, 0), (1e-11, 12)):
+        found, result = events_of(ball, 3.0, "ModelExchange", relative_tolerance=tolerance)
+        first = math.sqrt(2.0 / 9.81)
+        times = [first * (3.0 - 2.0 * 0.5**k) for k in range(exact)]
+        assert all(abs(found[k + 1][0] - time) < 1e-6 for k, time in enumerate(times))
+        assert result["mode"][-1] == 1
+        assert result["x"][-1] == 0.0
+
+
+def test_equal_models_have_equal_bytes_and_without_a_compiler_sources(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    contents = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        with pytest.warns(UserWarning, match=r"without a binary: no-such-compiler cannot be run"):
+            path = BALL.to_fmu(tmp_path / name / "ball.fmu", fmi="2.0")
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1]
+    assert problems_of(path) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"fmi": "1.0"}, "fmi = '1.0': must be one of 2.0, 3.0"),
+        ({"inputs": ("f",)}, "inputs = 'f': must be among g, e"),
+        ({"inputs": "g"}, "a sequence of names"),
+        ({"initial": {"w": 1.0}}, "w"),
+        ({"options": mi.Options(method="bdf")}, "method = 'bdf': must be 'dop853' for export"),
+    ],
+)
+def test_wrong_arguments_are_refused(tmp_path, wrong, said):
+    with pytest.raises(mi.InvalidParameter, match=said):
+        BALL.to_fmu(tmp_path / "ball.fmu", **wrong)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+@pytest.mark.parametrize(
+    ("make", "periods"),
+    [
+        (lambda: mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5)), 20),
+        (lambda: mi.load_actuator("mita2003").under(mi.Square(amplitude=60.0, frequency=100.0)), 6),
+        (belt, 10),
+    ],
+    ids=["zhao2004", "mita2003 square", "belt"],
+)
+def test_every_event_is_that_of_simulate(tmp_path, make, periods, fmi):
+    system = make()
+    path = system.to_fmu(tmp_path / "model.fmu", fmi=fmi)
+    assert problems_of(path) == []
+    run = mi.simulate(system, periods=periods, options=mi.Options(method="dop853"))
+    stop = periods * system.forcing_period
+    assert len(run.events) > 10
+    quick = {} if fmi == "3.0" else {"output_interval": stop / 20000}
+    for kind, options in (
+        ("CoSimulation", quick),
+        ("ModelExchange", {"relative_tolerance": 1e-10}),
+    ):
+        found, result = events_of(path, stop, kind, **options)
+        assert result["event_count"][-1] == len(run.events)
+        difference, count = compared(found, run)
+        assert difference < 1e-6 * system.forcing_period
+        assert count >= 0.9 * len(run.events)
+        for name in system.states:
+            scale = np.ptp(result[name])
+            assert result[name][-1] == pytest.approx(run.final[name], abs=1e-5 * scale)
