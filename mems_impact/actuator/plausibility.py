@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.terms.base import Device, Term
+from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import InvalidParameter, UnitsWarning
 
@@ -85,7 +85,7 @@ TERM_RANGES = {
 }
 """Ranges of the parameters of terms."""
 
-VOLTAGE, CHARGE = Range(1e-9, 30.0, 1e4), Range(1e-19, 1e-12, 1e-7)
+VOLTAGE, CHARGE = Range(0.0, 30.0, 1e4), Range(1e-19, 1e-12, 1e-7)
 PERIOD = Range(1e-8, 1e-3, 300.0)
 TARGETS = {
     "m": Range(1e-13, 1e-7, 1e-3),
@@ -136,11 +136,10 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
     """Warn once of voltages and times that seem to be given in other units."""
     if actuator.units != "SI":
         return
-    charge = any(term.drive_unit == "C" for term in actuator.terms)
     for name in drive.names:
         if drive.unit(name) == "V":
-            unit, within = ("C", CHARGE) if charge else ("V", VOLTAGE)
-            _check(name, drive.number(name), unit, within)
+            unit = drive_unit(actuator.terms)
+            _check(name, drive.number(name), unit, CHARGE if unit == "C" else VOLTAGE)
     _check_times(actuator, drive, "")
 
 
@@ -150,8 +149,10 @@ def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
-    near = all(term.drive_unit == "V" for term in actuator.terms)
-    near = near and resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
+    near = (
+        drive_unit(actuator.terms) == "V"
+        and resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
+    )
     if (
         near
         and frequency * QUASI_STATIC_RATIO < resonance

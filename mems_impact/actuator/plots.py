@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+    from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = [
     "forcing_period_of",
@@ -295,6 +296,9 @@ def _voltages(run: ActuatorRun, shown: pd.DataFrame) -> dict[str, Any]:
     """Return the voltage of each electrode at the times of the frames."""
     # The period of the force may be half of that of the voltage.
     time = np.remainder(shown["t"].to_numpy(), 2.0 * run.system.forcing_period)
+    if run.system.shows_node:
+        sides = zip(("right", "left"), NODES, strict=True)
+        return {side: shown[name].to_numpy() for side, name in sides if name in shown}
     volts = {"right": run.drive.value(time)}
     if run.drive.left_voltage is not None:
         volts["left"] = run.drive.value(time, left=True)
@@ -445,21 +449,30 @@ def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Ex
     """Return one forcing period of a drive, divided at its switches.
 
     The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2 for parallel plates;
-    without an actuator it is in units of alpha/d^2.
+    without an actuator it is in units of alpha/d^2. With an actuator, the voltages are those of the
+    source, and terms that depend on the sign of the voltage are omitted.
     """
-    from mems_impact.actuator.design.static_forces import force_constants
-
-    own, other = (1.0, 1.0) if actuator is None else force_constants(actuator)
-    borders = sorted({0.0, *drive.switches, drive.period})
+    system = None if actuator is None else _unsigned(actuator, drive)
+    shown = drive if system is None else system.source
+    borders = sorted({0.0, *drive.switches, *shown.switches, drive.period})
     stretches = []
     for begin, end in pairwise(borders):
         count = max(
             MIN_SAMPLES_BETWEEN_SWITCHES, round(SAMPLES_PER_WAVEFORM * (end - begin) / drive.period)
         )
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
-        right, left = drive.value(time), drive.value(time, left=True)
-        stretches.append(Excerpt(time, right, left, own * right**2 - other * left**2))
+        right, left = shown.value(time), shown.value(time, left=True)
+        force = right**2 - left**2 if system is None else system.resting_pull(right, left)
+        stretches.append(Excerpt(time, right, left, force))
     return stretches
+
+
+def _unsigned(actuator: Actuator, drive: Drive) -> ActuatorSystem:
+    """Return the device under the drive, without terms that depend on the sign of the voltage."""
+    from mems_impact.actuator.system import ActuatorSystem
+
+    signed = [term.name() for term in actuator.terms if term.signed]
+    return ActuatorSystem(actuator.without(*signed) if signed else actuator, drive)
 
 
 @styled
@@ -498,11 +511,19 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     si = actuator is not None and actuator.units == "SI"
     stretches = forcing_period_of(drive, actuator)
     time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
-    two = drive.left_voltage is not None
-    own = color("voltage")
-    above.plot(time, right, color=own, label="right electrode")
+    two, own = drive.left_voltage is not None, color("voltage")
+    system = None if actuator is None else _unsigned(actuator, drive)
+    limited = system is not None and system.source is not drive
+    if limited:
+        for left_side in (False, True)[: 1 + two]:
+            values = _joined([drive.value(s.time, left=left_side) for s in stretches])
+            above.plot(time, values, color=color("guide"), linestyle=LINES[left_side],
+                       linewidth=thickness(0.8), label=None if left_side else "drive")  # fmt: skip
+    side = "right electrode" if two else "source"
+    above.plot(time, right, color=own, label=side)
     if two:
         above.plot(time, left, color=own, linestyle=LINES[1], label="left electrode")
+    if two or limited:
         legend_above(above)
     below.plot(time, force, color="black")
     guide = {"color": color("guide"), "linewidth": 0.5, "zorder": 0}
@@ -512,8 +533,9 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
             for switch in drive.switches:
                 panel.axvline(switch, linestyle=(0, (1, 3)), **guide)
     below.set_xlim(0.0, drive.period)
-    volt, newton, second = ("V", "N", "s") if si else ("", "", "")
-    label_axis(above.yaxis, Label("voltage", volt))
+    charge = system is not None and system.drive_unit == "C"
+    volt, newton, second = ("C" if charge else "V", "N", "s") if si else ("", "", "")
+    label_axis(above.yaxis, Label("charge" if charge else "voltage", volt))
     unit = r"$\alpha/d^2$" if actuator is None else newton
     label_axis(below.yaxis, Label("force at $x_2 = 0$", unit))
     label_axis(below.xaxis, Label("time", second))
@@ -792,6 +814,8 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
 
 # --- Runs
 
+NODES = ("node voltage", "left node voltage")  # columns of samples
+
 
 @styled
 def plot_run(
@@ -802,14 +826,16 @@ def plot_run(
 ) -> tuple[Any, Any]:
     """Draw x2 and x1 over time, with impacts marked and slips shaded.
 
+    A third panel shows the voltage at the electrodes if it differs from that of the drive.
+
     Parameters
     ----------
     run : ActuatorRun
         A run with recorded events.
     first, last : float, optional
         Range in forcing periods; the last 6 of the run by default.
-    ax : two matplotlib Axes, optional
-        Axes for x2 and x1; a new figure by default.
+    ax : two or three matplotlib Axes, optional
+        Axes for x2, x1 and the voltage; a new figure by default.
 
     Returns
     -------
@@ -829,10 +855,19 @@ def plot_run(
     samples = run.samples(RUN_POINTS_PER_PERIOD, first, last)
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]
+    nodes = [name for name in NODES if name in samples]
     if ax is None:
-        ax = new_figure(1.3).subplots(2, sharex=True, height_ratios=(3, 2))
+        heights = (3, 2, 2) if nodes else (3, 2)
+        figure = new_figure(1.75 if nodes else 1.3)
+        ax = figure.subplots(len(heights), sharex=True, height_ratios=heights)
         letter_panels(ax)
-    block, frame = given_axes(ax, 2, "one for the block, one for the frame")
+    if nodes and np.size(ax) == 3:
+        words = "one for the block, one for the frame, one for the voltage"
+        block, frame, voltage = given_axes(ax, 3, words)
+        _draw_voltages(voltage, run, samples, nodes, period)
+    else:
+        block, frame = given_axes(ax, 2, "one for the block, one for the frame")
+        voltage = frame
 
     for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
         for panel in (block, frame):
@@ -853,9 +888,28 @@ def plot_run(
     frame.set_xlim(left, right)
     label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
     label_axis(frame.yaxis, label_of(samples, "x1", "frame $x_1$"))
-    label_axis(frame.xaxis, Label("time / forcing period"))
+    label_axis(voltage.xaxis, Label("time / forcing period"))
     _key(block)
     return block, frame
+
+
+def _draw_voltages(
+    ax: Any, run: ActuatorRun, samples: pd.DataFrame, nodes: list[str], period: float
+) -> None:
+    """Draw the voltages at the electrodes, and those of the drive."""
+    time = samples["t"] / period
+    for name in nodes:
+        look = {"linestyle": LINES[NODES.index(name)]}
+        if run.system.drive_unit == "V":
+            drive = run.drive.value(np.remainder(samples["t"], 2.0 * period), left=name == NODES[1])
+            ax.plot(time, drive, color=color("guide"), linewidth=thickness(0.8), **look,
+                    label="drive" if name == nodes[0] else None)  # fmt: skip
+        side = f"{'left' if name == NODES[1] else 'right'} electrode"
+        ax.plot(time, samples[name], color=color("voltage"), **look,
+                label=side if len(nodes) > 1 else "electrode")  # fmt: skip
+    label_axis(ax.yaxis, label_of(samples, nodes[0], "voltage"))
+    if len(ax.lines) > 1:
+        legend_above(ax)
 
 
 def _key(ax: Any) -> None:

@@ -49,7 +49,7 @@ from mems_impact.actuator.statistics import (
     measures,
     standstill_period,
 )
-from mems_impact.actuator.terms.base import Term, TermKind, Validity
+from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel
@@ -107,8 +107,7 @@ class ActuatorNumerics(HybridSystem):
     @cached_property
     def drive_unit(self) -> str:
         """The SI unit of the values of the drive: "V", or "C" if it sets a charge."""
-        units = {kind.term.drive_unit for kind in self._kinds} - {"V"}
-        return units.pop() if units else "V"
+        return drive_unit(self.actuator.terms)
 
     def into_drive(self, values: Any) -> Any:
         """Convert values of the drive to scaled units."""
@@ -406,6 +405,7 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         if actuator.units == "dimensionless":
             drive.check_without_units()
+        drive.check_texts(drive_unit(actuator.terms))
         drive.check()
         self._put(actuator, drive, scales or actuator.scales)
         if self._signed or self.source is not drive:
@@ -571,6 +571,15 @@ class ActuatorSystem(ActuatorNumerics):
             values = [electrode.node(waveform(t, q), side * at[X2], at, p) for t, at in rows]
             found[name] = np.array(values, dtype=np.float64)
         return found
+
+    def resting_pull(self, right: Floats, left: Floats) -> Floats:
+        """Return the force on the block at rest in the middle for values of both sources."""
+        sides = 1 if self.drive.left_voltage is None else 2
+        model, p = compose(self._kinds, sides), self.numbers().parameters
+        y = np.zeros(len(model.layout.states))
+        rows = zip(self.into_drive(right), self.into_drive(left), strict=True)
+        pulls = np.array([model.pull(v, w, y, p) for v, w in rows], dtype=np.float64)
+        return np.asarray(self._scales.out(pulls, "N"))
 
     def with_energy(self) -> ActuatorSystem:
         """Return the system with energy accounting of the drive's input.

@@ -128,7 +128,7 @@ def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
     columns = {name: places}
     sides = ("slip", "on", "off", "steady from", "steady to")
     shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
-    units = {name: "Hz", **dict.fromkeys(shown, "V")} if system.scales.named else {}
+    units = {name: "Hz", **dict.fromkeys(shown, system.drive_unit)} if system.scales.named else {}
     for boundary in shown:
         columns[boundary] = np.full(MAX_FREQUENCY_ROWS, math.nan)
         for of, _, _, points in chart.pieces:

@@ -521,7 +521,7 @@ def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...
         return ()
     phase = np.remainder(motion.frames["t"], system.forcing_period)
     sides = (False, True) if system.drive.left_voltage is not None else (False,)
-    return tuple(system.drive.value(phase, left=left) for left in sides)
+    return tuple(system.source.value(phase, left=left) for left in sides)
 
 
 def _cycles(run: Run, unit: float) -> Cycles:
@@ -580,6 +580,9 @@ def _headlines(run: Run) -> tuple[Headline, ...]:
         for name, (statistic, quantity) in ACTUATOR_HEADLINES.items()
     ]
     try:
+        if system.drive_unit == "C":
+            pull_in = mi.pull_in_charge(system.actuator)
+            return (*found, Headline(name="pull-in charge", value=pull_in, quantity="amplitude"))
         pull_in = mi.pull_in_voltage(system.actuator)
     except mi.InvalidParameter:
         pull_in = math.nan

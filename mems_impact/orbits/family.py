@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -104,6 +105,17 @@ class Family(ABC):
     def convert(self, error: RunError) -> None:  # noqa: B027 - there may be no other units
         """Convert the numbers in an error of a run to the system's units."""
 
+    @cached_property
+    def _switch_count(self) -> int:
+        return len(self.numbers().switches)
+
+    def check_switches(self, numbers: ProblemParameters) -> None:
+        """Raise OrbitError unless there are as many switching times as at the present values."""
+        count, own = len(numbers.switches), self._switch_count
+        if count != own:
+            reason = f"the forcing has {count} switching times there instead of {own}"
+            raise OrbitError(reason, "find an orbit beyond, and continue it")
+
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.
 
@@ -118,6 +130,7 @@ class Family(ABC):
         def numbers(step: float) -> Floats:
             nonlocal count
             there = self.numbers(**{name: value + step})
+            self.check_switches(there)
             count = len(there.parameters)
             return np.concatenate([there.parameters, there.switches, [there.period]])
 
@@ -169,6 +182,7 @@ class ParameterPoint:
         """Return the numbers at `values` of the parameters `active`."""
         there = family.at(**dict(zip(active, values.tolist(), strict=True)))
         numbers = there.numbers()
+        family.check_switches(numbers)
         p, switches = np.asarray(numbers.parameters, dtype=float), np.array(numbers.switches)
         k = len(active)
         directions = np.zeros((max(1, k), p.size))

@@ -100,10 +100,19 @@ def automaton():
     return plot_automaton(found.tables["transitions"])
 
 
-def two_sided():
+def two_sided(*terms):
     pulse = mi.Pulse(amplitude=40.0, period=2e-3, width=5e-4)
     return mi.plot_drive(mi.TwoSided(right=pulse, left=pulse.replace(amplitude=30.0)),
-                         mi.load_actuator("mita2003"))[0]  # fmt: skip
+                         mi.load_actuator("mita2003").adding(*terms))[0]  # fmt: skip
+
+
+def resisted():
+    """A run with two electrodes behind resistances."""
+    pulse = mi.Pulse(amplitude=0.5, period=12.0, width=3.8)
+    drive = mi.TwoSided(right=pulse, left=pulse.replace(amplitude=0.4, phase=3.0))
+    device = mi.load_actuator("zhao2004").adding(mi.SeriesResistance(resistance=0.3))
+    options = mi.Options(engine="interpreted")
+    return mi.simulate(device, drive, 4, initial=mi.State(v2=0.6), options=options)
 
 
 def real():
@@ -147,6 +156,7 @@ LONG = {
     "plot_return_map": lambda _: mi.plot_return_map(mi.simulate(quadratic_map(), 60)),
     "plot_curve": lambda _: mi.plot_curve(curves()),
     "plot_drive": lambda _: two_sided(),
+    "plot_drive of a source with a slew rate": lambda _: two_sided(mi.SlewRate(rate=2e5)),
     "plot_energy": lambda _: mi.plot_energy(energy()),
     "plot_load": lambda _: mi.plot_load(load()),
     "plot_map of a column": lambda _: mi.plot_map(made_map(), "speed"),
@@ -157,6 +167,7 @@ LONG = {
     "plot_response": lambda _: mi.plot_response(response())[0],
     "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
     "plot_run of an actuator": lambda _: mi.plot_run(real()),
+    "plot_run of an actuator behind a resistance": lambda _: mi.plot_run(resisted()),
     "plot_run of its states": lambda _: mi.plot_run(real(), states=("x1", "v1", "x2", "v2")),
     "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(made_analysis()),
     "plot_sensitivity": lambda _: mi.plot_sensitivity(made_sensitivity(MITA), "mean speed"),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.studies.sweep import sweep
@@ -226,7 +228,7 @@ def frequency_response(
     result = pd.concat([first, found[columns]], axis=1)
     units = {**table.attrs["units"]}
     if system.units:
-        units |= {"deflection": "m", "amplitude": "V"}
+        units |= {"deflection": "m", "amplitude": system.drive_unit}
     shown = {name: unit for name, unit in units.items() if name in result}
     result.attrs = {"units": shown, "system": repr(system), "symbols": dict(system.symbols)}
     return result
@@ -451,6 +453,8 @@ class PeriodOneWindow(SummaryRepr):
         Half the width divided by the middle: the relative tolerance of a voltage in the middle.
     si : bool
         Whether these are in SI, those of a device that is.
+    drive_unit : str
+        Their SI unit: "C" under a `ChargeDrive`.
 
     See Also
     --------
@@ -466,13 +470,21 @@ class PeriodOneWindow(SummaryRepr):
     True
     """
 
-    si_units = {"low": "V", "high": "V"}  # noqa: RUF012 - ClassVar in Summarized
-
     low: float
     high: float
     low_kind: str
     high_kind: str
     si: bool = False
+    drive_unit: str = "V"
+
+    @property
+    def si_units(self) -> Mapping[str, str]:  # type: ignore[override]
+        """SI units of the amplitudes."""
+        return dict.fromkeys(("low", "high"), self.drive_unit)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the ends, their special points and the margin."""
+        return {name: each for name, each in super().summary().items() if name != "drive_unit"}
 
     @property
     def margin(self) -> float:  # noqa: D102 - above
@@ -545,7 +557,12 @@ def period_one_window(
         lasts_until(orbit, stop, transient) for stop in (low, high)
     )
     return PeriodOneWindow(
-        low=low, low_kind=low_kind, high=high, high_kind=high_kind, si=actuator.scales.named
+        low=low,
+        low_kind=low_kind,
+        high=high,
+        high_kind=high_kind,
+        si=actuator.scales.named,
+        drive_unit=drive_unit(actuator.terms),
     )
 
 

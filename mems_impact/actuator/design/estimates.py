@@ -19,6 +19,7 @@ from mems_impact.actuator.automaton_with_terms import Model, compose
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.impact_statistics import frame_steps
 from mems_impact.actuator.parameters import Actuator, numbers_for
+from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Events
 
@@ -144,7 +145,7 @@ def pull_in_charge(actuator: Actuator) -> float:
     >>> f"{1e12 * mi.pull_in_charge(charged):.2f} pC"
     '2.05 pC'
     """
-    if all(term.drive_unit != "C" for term in actuator.terms):
+    if drive_unit(actuator.terms) != "C":
         problem = "the drive sets a voltage; use pull_in_voltage, or add ChargeDrive"
         raise InvalidParameter("terms", actuator.terms, "", problem=problem)
     return float(actuator.scales.out(StaticForces(actuator).pull_in(), "C"))
@@ -152,7 +153,7 @@ def pull_in_charge(actuator: Actuator) -> float:
 
 def _check_voltage(actuator: Actuator) -> None:
     """Raise InvalidParameter if the drive sets a charge."""
-    if any(term.drive_unit == "C" for term in actuator.terms):
+    if drive_unit(actuator.terms) == "C":
         problem = "ChargeDrive sets a charge instead of a voltage; use pull_in_charge"
         raise InvalidParameter("terms", actuator.terms, "", problem=problem)
 

@@ -24,6 +24,7 @@ from mems_impact.actuator.parameters import (
     parameter_named,
 )
 from mems_impact.actuator.plausibility import check_plausible_target
+from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
@@ -498,6 +499,7 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
     values = []
     for name in drive.names:
         unit = drive.unit(name) if actuator.scales.named else ""
+        unit = drive_unit(actuator.terms) if unit == "V" else unit
         values.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
     return f"{type(drive).__name__}({', '.join(values)})"
 

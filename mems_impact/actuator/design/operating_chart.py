@@ -22,7 +22,7 @@ from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
-from mems_impact.actuator.design.estimates import contact_voltage
+from mems_impact.actuator.design.estimates import contact_voltage, pull_in_charge
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import Actuator
@@ -486,7 +486,8 @@ class ChartBuilder:
         self.regions: list[tuple[GrazingType, float, float]] = []
         self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
         self.done = self.total = 0  # number of completed parts, and of all parts
-        self.pull_in = system.into(AMPLITUDE, contact_voltage(system.actuator))
+        compute = pull_in_charge if system.drive_unit == "C" else contact_voltage
+        self.pull_in = system.into(AMPLITUDE, compute(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
         """Compute the parts, the slowest last; `chart` returns the completed ones."""
@@ -982,6 +983,8 @@ def operating_chart(
             raise _uncharted(term, "without impacts there is no grazing of the paper's types")
         if term.signed:
             raise _uncharted(term, "every grazing occurs twice in a period of the voltage")
+        if term.source(drive) is not drive:
+            raise _uncharted(term, "its switching times change with the amplitude")
     if not {AMPLITUDE, name} <= set(system.parameters):
         raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
     low, high = _range(name, frequency or omega or (None, None), system)

@@ -19,7 +19,7 @@ from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.charge_drive import ChargeDrive
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["StaticForces", "force_constants", "parameters_of"]
+__all__ = ["StaticForces", "parameters_of"]
 
 FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
 BALANCED = 1e-9  # rates of states at rest, in scaled units
@@ -210,15 +210,3 @@ def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
     """Return the parameter array of the equations of a dimensionless actuator with `terms`."""
     scales = actuator.scales
     return np.concatenate([actuator.to_array(), *(term.numbers(scales) for term in terms)])
-
-
-def force_constants(actuator: Actuator) -> tuple[float, float]:
-    """Return the forces of the right and the left electrode at x2 = 0 over squared voltage."""
-    if not any(term.instead == "electrode" for term in actuator.terms):
-        return (actuator.alpha / actuator.d**2,) * 2
-    scales, inner = actuator.scales, actuator.to_dimensionless()
-    terms = [term for term in inner.terms if term.instead == "electrode"]
-    model = compose(tuple(term.kind for term in terms), 2)
-    p = parameters_of(inner, terms)
-    right, left = (float(scales.out(0.5 * each.slope(0.0, p), "F/m")) for each in model.electrodes)
-    return right, left

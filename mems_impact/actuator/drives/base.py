@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import model_validator
 
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.actuator.parameter_base import Checked
+from mems_impact.actuator.parameter_base import TEXTS, Checked
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
@@ -133,6 +133,15 @@ class Drive(Checked, ABC):
             except InvalidParameter:
                 pass
             raise
+
+    def check_texts(self, unit: str) -> None:
+        """Raise InvalidParameter if a text is a charge under a voltage drive, or a voltage."""
+        for name, value in vars(self).get(TEXTS, {}).items():
+            if self.unit_of(name) == "V":
+                quantity(name, value, unit)
+        for name in type(self).model_fields:
+            if isinstance(inner := getattr(self, name), Drive):
+                inner.check_texts(unit)
 
     @model_validator(mode="before")
     @classmethod

@@ -46,6 +46,7 @@ __all__ = [
     "TermContribution",
     "TermKind",
     "Validity",
+    "drive_unit",
     "field_energy",
     "reach",
 ]
@@ -455,6 +456,11 @@ class Device(Protocol):
     @property
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
+
+
+def drive_unit(terms: Sequence[Term]) -> str:
+    """Return the SI unit of the values of a drive: "V", or "C" if a term sets a charge."""
+    return next((term.drive_unit for term in terms if term.drive_unit != "V"), "V")
 
 
 def field_energy(electrode: Electrode, parasitic: int) -> Function:

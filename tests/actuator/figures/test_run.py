@@ -1,5 +1,6 @@
 """A run of an actuator: block between its stoppers, and frame."""
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -71,3 +72,24 @@ def test_units_are_those_of_the_device():
     assert ax.get_ylabel() == "$x_2$ [µm]"
     low, high = ax.get_ylim()
     assert -1.3 * device.delta < low < high < 1.3 * device.delta
+
+
+def test_a_voltage_that_differs_from_the_drive_has_a_panel():
+    device = ZHAO.adding(mi.SeriesResistance(resistance=0.1))
+    options = mi.Options(engine="interpreted")
+    run = mi.simulate(device, DRIVE, 1, options=options)
+    _, frame, voltage = mi.plot_run(run).figure.axes
+    drive, node = voltage.lines
+    assert voltage.get_ylabel() == "voltage"
+    assert [text.get_text() for text in voltage.get_legend().get_texts()] == ["drive", "electrode"]
+    t = drive.get_xdata() * run.system.forcing_period
+    assert drive.get_ydata() == pytest.approx(0.24 * np.cos(0.5 * t), abs=1e-12)
+    assert node.get_ydata() == pytest.approx(run.samples(len(t) - 1)["node voltage"], abs=1e-12)
+    # On two axes without it, on three with it.
+    assert len(mi.plot_run(run, ax=Figure().subplots(2)).figure.axes[1].lines) == len(frame.lines)
+    assert len(mi.plot_run(run, ax=Figure().subplots(3)).figure.axes[2].lines) == 2
+    # The drive of a charge is no voltage.
+    charged = ZHAO.adding(mi.ChargeDrive())
+    run = mi.simulate(charged, DRIVE, 1, options=options)
+    (node,) = mi.plot_run(run).figure.axes[2].lines
+    assert node.get_ydata()[0] == pytest.approx(0.24 / 2.0, abs=1e-12)

@@ -129,8 +129,10 @@ def test_refusals_name_the_remedy():
 def test_implausible_charges_and_voltages():
     with pytest.warns(mi.UnitsWarning, match="amplitude = 30 C, outside the range.*30 pC"):
         MITA.adding(mi.ChargeDrive()).under(mi.Sine(amplitude=30.0, omega=600.0))
-    with pytest.warns(mi.UnitsWarning, match="amplitude = 2e-12 V, outside the range"):
+    with pytest.raises(mi.InvalidParameter, match=r"amplitude = '2 pC': must be a number \[V\]"):
         MITA.under(mi.Sine(amplitude="2 pC", omega=600.0))
+    with pytest.raises(mi.InvalidParameter, match=r"amplitude = '30 V': must be a number \[C\]"):
+        MITA.adding(mi.ChargeDrive()).under(mi.Sine(amplitude="30 V", omega=600.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         MITA.adding(mi.ChargeDrive()).under(mi.Sine(amplitude="2 pC", omega=600.0))

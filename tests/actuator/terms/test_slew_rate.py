@@ -162,3 +162,16 @@ def test_is_a_parameter_of_orbits():
     there = mi.find_orbit(last.system, options=INTERPRETED, guess=last.state, periods=1)
     assert last.system.value("slew_rate.rate") < 0.3
     assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
+
+
+def test_a_branch_ends_where_the_source_begins_to_limit():
+    # The rate of the sine reaches that of the source at amplitude = 0.1/0.8.
+    system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.1)).under(
+        mi.Sine(amplitude=0.1, omega=0.8)
+    )  # fmt: skip
+    orbit = mi.find_orbit(system, options=INTERPRETED, transient=30, periods=1)
+    branch = mi.continue_orbit(orbit, "amplitude", stop=0.15)
+    assert "the forcing has 2 switching times there instead of 0" in branch.ended
+    assert branch.orbits[-1].system.value("amplitude") == pytest.approx(0.125, rel=0.02)
+    with pytest.raises(mi.InvalidParameter, match="no chart with SlewRate: its switching times"):
+        mi.operating_chart(system.actuator)
