@@ -1,0 +1,975 @@
+"""Verilog-A modules of devices, for circuit simulators.
+
+Verilog-A has no statement that changes a state at an event, and ``idt`` with a reset already
+returns the new value at the event, where the old one is needed. So a module with events holds each
+state in two integrators: one integrates while the reset holds the other. An event computes the new
+state from the one that integrates, and the integrators change places.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic.fields import FieldInfo
+
+from mems_impact._util.files import replacing
+from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
+from mems_impact.actuator.terms.adhesion import Adhesion
+from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
+from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
+from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
+from mems_impact.actuator.terms.frame_load import FrameLoad
+from mems_impact.actuator.terms.frame_spring import FrameSpring
+from mems_impact.actuator.terms.fringing import Fringing
+from mems_impact.actuator.terms.power_law_restitution import PowerLawRestitution
+from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
+from mems_impact.actuator.terms.series_resistance import SeriesResistance
+from mems_impact.actuator.terms.squeeze_film import (
+    FIFTH,
+    FOURTH,
+    SqueezeFilm,
+    share,
+    share_of_row,
+)
+from mems_impact.actuator.terms.stribeck_friction import StribeckFriction
+from mems_impact.actuator.terms.tabulated_restitution import TabulatedRestitution
+from mems_impact.actuator.terms.tilt import Tilt
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["verilog_a", "write_verilog_a"]
+
+PI = repr(math.pi)
+REST_SPEED = 1e-4  # rest speed in units of d w0
+EVENT_TOL = 1e-8  # of event location, in units of the guard and of 1/w0
+OFFSET = "0.01*event_tol"  # of guards, so that none is exactly zero after its event
+POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
+STEPS = 0.1  # longest step in units of 1/w0
+
+Expression = Callable[[str], str]
+"""An expression of the state whose variables have the given suffix."""
+
+
+# --- Code of terms
+
+
+@dataclass(frozen=True)
+class State:
+    """A state: its name, its unit as an expression, its derivative and its initial value."""
+
+    name: str
+    unit: str
+    rate: Expression
+    start: str = "0.0"
+
+
+@dataclass(frozen=True)
+class Side:
+    """An electrode: the prefix of its variables, its direction and the voltage at its port."""
+
+    prefix: str
+    sign: int
+    voltage: str
+
+    def position(self, suffix: str) -> str:
+        """Return the position of the block towards it."""
+        return f"x2{suffix}" if self.sign > 0 else f"-x2{suffix}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermCode:
+    """The contributions of a term to the module, named as those of `TermContribution`.
+
+    Attributes
+    ----------
+    force, on_frame, on_block
+        Forces on the block with the reaction on the frame, and external forces.
+    normal : str
+        A factor of the normal force.
+    friction, restitution, stopper : str
+        Bodies of the functions of these names, which assign to the name.
+    adhesion : str
+        The pull-off force.
+    sticks : bool
+    states : tuple of State
+    functions : tuple of str
+        Further functions.
+    fringes : tuple of str
+        Sizes of the electrode with fringing fields.
+    constants : tuple of pairs
+        Variables that depend on parameters alone.
+    """
+
+    force: Expression | None = None
+    on_frame: Expression | None = None
+    on_block: Expression | None = None
+    normal: str = ""
+    friction: str = ""
+    restitution: str = ""
+    stopper: str = ""
+    adhesion: str = ""
+    sticks: bool = True
+    states: tuple[State, ...] = ()
+    functions: tuple[str, ...] = ()
+    fringes: tuple[str, ...] = ()
+    constants: tuple[tuple[str, str], ...] = ()
+
+
+def function(name: str, inputs: str, body: str, variables: str = "") -> str:
+    """Return an analog function of real numbers."""
+    more = f", {variables}" if variables else ""
+    lines = "\n".join(f"      {line}" for line in body.strip().split("\n"))
+    return (
+        f"  analog function real {name};\n    input {inputs};\n    real {inputs}{more};\n"
+        f"    begin\n{lines}\n    end\n  endfunction"
+    )
+
+
+def tilt(term: Term) -> TermCode:
+    """Return the code of inclined ground."""
+    return TermCode(
+        on_frame=lambda s: "- m1*g*sin(tilt_angle)",
+        on_block=lambda s: "- m2*g*sin(tilt_angle)",
+        normal="cos(tilt_angle)",
+    )
+
+
+def squeeze_film(term: Term) -> TermCode:
+    """Return the code of the films, one state for each compartment."""
+    assert isinstance(term, SqueezeFilm)
+    sizes = film_sizes(term.modes)
+    states, forces = [], []
+    for prefix, sign in (("", 1), ("left_", -1)) if term.sides == "both" else (("", 1),):
+        side = Side(prefix, sign, "")
+        names = [f"{prefix}film_{i + 1}" for i in range(len(sizes))]
+        parts = zip(names, (part for part, _ in sizes), strict=True)
+        forces.append((side, [(name, repr(part)) for name, part in parts]))
+        states += [
+            State(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
+            for i, name in enumerate(names)
+        ]
+
+    def force(s: str) -> str:
+        texts = []
+        for side, parts in forces:
+            filling = " + ".join(f"{part}*{name}{s}" for name, part in parts)
+            sign = "-" if side.sign > 0 else "+"
+            gap = f"electrode_gap({side.position(s)})"
+            texts.append(f"{sign} film_stiffness*({filling})/{gap}")
+        return " ".join(texts)
+
+    return TermCode(
+        force=force,
+        states=tuple(states),
+        functions=(
+            function(
+                "film_size",
+                "along, across",
+                f"film_size = 1.0/({PI}*{PI}*(pow(along/squeeze_film_length, 2)\n"
+                "  + pow(across/squeeze_film_width, 2)));",
+            ),
+            function(
+                "film_mobility",
+                "gap",
+                "knudsen = squeeze_film_free_path_pressure/(squeeze_film_pressure*gap);\n"
+                "rarefied = (knudsen > 0.0) ? 1.0 + 9.638*pow(knudsen, 1.159) : 1.0;\n"
+                "film_mobility = squeeze_film_pressure*gap*gap*rarefied\n"
+                "  /(12.0*squeeze_film_viscosity);",
+                "knudsen, rarefied",
+            ),
+        ),
+        constants=(
+            ("film_stiffness", "squeeze_film_length*squeeze_film_width*squeeze_film_pressure"),
+            ("film_ratio", f"0.5*{PI}*squeeze_film_length/squeeze_film_width"),
+            *((f"film_size_{i + 1}", size) for i, (_, size) in enumerate(sizes)),
+        ),
+    )
+
+
+def film_rate(side: Side, name: str, size: str) -> Expression:
+    """Return the rate of a compartment."""
+    closing = "v2" if side.sign > 0 else "-v2"
+
+    def rate(s: str) -> str:
+        flow = f"{name}{s}*film_mobility(electrode_gap({side.position(s)}))/{size}"
+        return f"{closing}{s} - {flow}"
+
+    return rate
+
+
+def film_sizes(modes: int) -> list[tuple[float, str]]:
+    """Return share and size of each compartment, as `squeeze_film.compartments`."""
+    found = []
+    width = "pow(squeeze_film_width, 2)"
+    for row in range(modes):
+        across = 2 * row + 1
+        odd = range(1, 2 * (modes - row), 2)
+        shares = [share(along, across) for along in odd]
+        found += [
+            (part, f"film_size({along}.0, {across}.0)")
+            for along, part in zip(odd, shares, strict=True)
+        ]
+        rest = share_of_row(across) - sum(shares)
+        ends = f"(1.0 - tanh({across}.0*film_ratio)/({across}.0*film_ratio))"
+        total = f"8.0*{width}/pow({PI}*{across}.0, 4)*{ends}"
+        resolved = "".join(
+            f" - {part!r}*film_size({along}.0, {across}.0)"
+            for along, part in zip(odd, shares, strict=True)
+        )
+        found.append((rest, f"({total}{resolved})/{rest!r}"))
+    rest = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
+    rows = range(1, 2 * modes, 2)
+    fourth = FOURTH - sum(across**-4.0 for across in rows)
+    fifth = FIFTH - sum(across**-5.0 for across in rows)
+    first = 2 * modes + 1
+    ends = f"({fifth!r} - (1.0 - tanh({first}.0*film_ratio))/{float(first**5)!r})/film_ratio"
+    found.append((rest, f"8.0*{width}/pow({PI}, 4)*({fourth!r} - {ends})/{rest!r}"))
+    return found
+
+
+def tabulated_restitution(term: Term) -> TermCode:
+    """Return the code of the monotone cubic, with the numbers of the table."""
+    assert isinstance(term, TabulatedRestitution)
+    x, y = term.speeds, term.values
+    slopes = monotone_slopes(x, y)
+    lines = [f"if (speed <= {x[0]!r})\n  restitution = {y[0]!r};"]
+    for i in range(len(x) - 1):
+        h = x[i + 1] - x[i]
+        lines.append(
+            f"else if (speed <= {x[i + 1]!r}) begin\n"
+            f"  u = (speed - {x[i]!r})/{h!r};\n"
+            "  w = 1.0 - u;\n"
+            f"  restitution = w*w*(1.0 + 2.0*u)*{y[i]!r} + u*u*(1.0 + 2.0*w)*{y[i + 1]!r}\n"
+            f"    + {h!r}*u*w*(w*({slopes[i]!r}) - u*({slopes[i + 1]!r}));\n"
+            "end"
+        )
+    lines.append(f"else\n  restitution = {y[-1]!r};")
+    return TermCode(restitution="\n".join(lines))
+
+
+def monotone_slopes(x: Sequence[float], y: Sequence[float]) -> list[float]:
+    """Return the slopes of the interpolant of Fritsch and Butland, 0 at both ends."""
+    slopes = [0.0]
+    for i in range(1, len(x) - 1):
+        short, long = x[i] - x[i - 1], x[i + 1] - x[i]
+        before, after = (y[i] - y[i - 1]) / short, (y[i + 1] - y[i]) / long
+        if before * after <= 0.0:
+            slopes.append(0.0)
+            continue
+        one, two = 2.0 * long + short, long + 2.0 * short
+        slopes.append((one + two) / (one / before + two / after))
+    return [*slopes, 0.0]
+
+
+STRIBECK = """\
+square = (speed/stribeck_friction_speed)*(speed/stribeck_friction_speed);
+fallen = (speed > 0.0) ? exp(-square) : 1.0 - square/(1.0 + 0.5*square);
+friction = mu_d + (mu_s - mu_d)*fallen + stribeck_friction_viscous*speed;"""
+
+POWER_LAW = """\
+relative = speed/power_law_restitution_speed;
+restitution = e*pow(1.0 + relative*relative, -0.5*power_law_restitution_exponent);"""
+
+STOPPER = """\
+stopper = compliant_stopper_stiffness*depth
+  *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
+  *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
+
+TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
+    Adhesion: lambda term: TermCode(adhesion="adhesion_force"),
+    CompliantStopper: lambda term: TermCode(stopper=STOPPER),
+    CubicStiffness: lambda term: TermCode(
+        force=lambda s: f"- cubic_stiffness_k3*x2{s}*x2{s}*x2{s}"
+    ),
+    DielectricCharging: lambda term: TermCode(),  # see `electrode_states`
+    FrameLoad: lambda term: TermCode(on_frame=lambda s: "- frame_load_force"),
+    FrameSpring: lambda term: TermCode(on_frame=lambda s: f"- frame_spring_k1*x1{s}"),
+    Fringing: lambda term: TermCode(
+        fringes=tuple(f"fringing_{name}" for name in numbers_of(term)),
+        functions=(
+            function(
+                "fringe",
+                "gap, size",
+                f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));",
+            ),
+            function(
+                "fringe_slope", "gap, size", f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
+            ),
+        ),
+    ),
+    PowerLawRestitution: lambda term: TermCode(restitution=POWER_LAW),
+    RegularizedFriction: lambda term: TermCode(
+        friction="friction = mu_d*tanh(speed/regularized_friction_width);", sticks=False
+    ),
+    SeriesResistance: lambda term: TermCode(),  # see `electrode_states`
+    SqueezeFilm: squeeze_film,
+    StribeckFriction: lambda term: TermCode(friction=STRIBECK),
+    TabulatedRestitution: tabulated_restitution,
+    Tilt: tilt,
+}
+"""Terms with a Verilog-A form. A table is part of the code; all other numbers are parameters."""
+
+LOCALS = {STRIBECK: "square, fallen", POWER_LAW: "relative"}
+
+
+def numbers_of(term: Term) -> dict[str, float]:
+    """Return the numbers of a term that are parameters of the module."""
+    found = {name: getattr(term, name) for name in type(term).model_fields}
+    return {name: value for name, value in found.items() if isinstance(value, float)}
+
+
+# --- The module
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the module of a device consists of."""
+
+    actuator: Actuator
+    codes: tuple[TermCode, ...]
+    sides: tuple[Side, ...]
+    series: bool
+    charging: bool
+    rigid: bool
+    sticks: bool
+
+    @property
+    def events(self) -> bool:
+        """Whether the module has events."""
+        return self.rigid or self.sticks
+
+    def every(self, name: str) -> list[Any]:
+        """Return a contribution of all terms that have it."""
+        return [found for code in self.codes if (found := getattr(code, name))]
+
+    def body(self, name: str, default: Any) -> Any:
+        """Return a contribution that at most one term has."""
+        return next(iter(self.every(name)), default)
+
+    @property
+    def fringes(self) -> tuple[str, ...]:
+        """Sizes of electrodes with fringing fields."""
+        return self.body("fringes", ())
+
+    def sum_of(self, name: str, suffix: str) -> str:
+        """Return the sum of a contribution, each with its sign."""
+        return "".join(f" {part(suffix)}" for part in self.every(name))
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """All states."""
+        return (
+            State("x1", "d", lambda s: f"v1{s}", "x1_0"),
+            State("v1", "(d*w0)", lambda s: f"a1{s}", "v1_0"),
+            State("x2", "d", lambda s: f"v2{s}", "x2_0"),
+            State("v2", "(d*w0)", lambda s: f"a2{s}", "v2_0"),
+            *(state for code in self.codes for state in code.states),
+            *(state for side in self.sides for state in electrode_states(self, side)),
+        )
+
+
+def electrode_states(layout: Layout, side: Side) -> list[State]:
+    """Return charge and offset of an electrode."""
+    found = []
+    node = f"{side.prefix}node"
+    if layout.series:
+        found.append(
+            State(
+                f"{side.prefix}charge",
+                "charge_unit",
+                lambda s: f"({side.voltage} - {node}{s})/series_resistance_resistance",
+            )
+        )
+    if layout.charging:
+        offset = f"{side.prefix}offset"
+        found.append(
+            State(
+                offset,
+                "voltage_unit",
+                lambda s: (
+                    f"(dielectric_charging_share*{node}{s} - {offset}{s})/dielectric_charging_time"
+                ),
+            )
+        )
+    return found
+
+
+def layout_of(actuator: Actuator, electrodes: int) -> Layout:
+    """Return the layout; refuse terms without a Verilog-A form by name."""
+    missing = [term.name() for term in actuator.terms if type(term) not in TERM_CODES]
+    if missing:
+        names = ", ".join(missing)
+        calls = ", ".join(f'"{name}"' for name in missing)
+        form = "has no Verilog-A form" if len(missing) == 1 else "have no Verilog-A form"
+        problem = f"{form}; export the device without: actuator.without({calls})"
+        raise InvalidParameter("terms", names, "", problem=problem)
+    kinds = {type(term) for term in actuator.terms}
+    sides = (Side("", 1, "V(electrode)"), Side("left_", -1, "V(left_electrode)"))
+    codes = tuple(TERM_CODES[type(term)](term) for term in actuator.terms)
+    return Layout(
+        actuator=actuator,
+        codes=codes,
+        sides=sides[:electrodes],
+        series=SeriesResistance in kinds,
+        charging=DielectricCharging in kinds,
+        rigid=CompliantStopper not in kinds,
+        sticks=all(code.sticks for code in codes),
+    )
+
+
+class Text:
+    """Statements of the analog block, and the variables that they assign."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.reals: dict[str, None] = {}
+        self.integers: dict[str, None] = {}
+
+    def add(self, *lines: str) -> None:
+        """Append lines."""
+        self.lines += lines
+
+    def let(self, name: str, expression: str, *, integer: bool = False, indent: str = "") -> None:
+        """Append an assignment."""
+        (self.integers if integer else self.reals).setdefault(name)
+        self.lines.append(f"{indent}{name} = {expression};")
+
+    def note(self, text: str) -> None:
+        """Append a comment after an empty line."""
+        self.lines += ["", f"// {text}"]
+
+
+def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
+    """Append the forces in the state with suffix `s`, Equations (2) and (3)."""
+    pulls = []
+    for side in layout.sides:
+        x, prefix = side.position(s), side.prefix
+        offset = f"{prefix}offset{s}" if layout.charging else ""
+        node = side.voltage
+        if layout.series:
+            text.let(f"{prefix}cap{s}", f"capacitance({x})", indent=indent)
+            trapped = f" + {prefix}cap{s}*{offset}" if offset else ""
+            total = f"({prefix}cap{s} + series_resistance_parasitic)"
+            node = f"({prefix}charge{s}{trapped})/{total}"
+        if layout.series or layout.charging:
+            text.let(f"{prefix}node{s}", node, indent=indent)
+            node = f"{prefix}node{s}"
+        across = f"{node} - {offset}" if offset else node
+        pulls.append(f"attraction({x}, {across})")
+    text.let(f"pull{s}", " - ".join(pulls), indent=indent)
+    inner = layout.sum_of("force", s)
+    own = f"k*x2{s} + c*v2{s} - pull{s}"
+    text.let(f"load{s}", f"{own} - ({inner.strip()})" if inner else own, indent=indent)
+    if not layout.rigid:
+        text.let(f"load{s}", f"load{s} + stopper_load(x2{s}, v2{s})", indent=indent)
+    for name in ("frame", "block"):
+        expression = f"F(at_{name}){layout.sum_of(f'on_{name}', s)}"
+        text.let(f"on_{name}{s}", expression, indent=indent)
+
+
+def add_accelerations(text: Text, layout: Layout, s: str, indent: str = "") -> None:
+    """Append the accelerations in the state and mode with suffix `s`, Equations (1) to (3)."""
+    push, mass = f"load{s} + on_frame{s}", "m1"
+    if layout.rigid:
+        push = f"(side{s} != 0) ? on_frame{s} + on_block{s} : {push}"
+        mass = f"((side{s} != 0) ? m1 + m2 : m1)"
+    text.let(f"push{s}", push, indent=indent)
+    if layout.sticks:
+        slipping = f"(push{s} - dir{s}*friction(dir{s}*v1{s})*normal)/{mass}"
+        text.let(f"a1{s}", f"(dir{s} == 0) ? 0.0 : {slipping}", indent=indent)
+    else:
+        text.let(f"a1{s}", f"(push{s} - friction(v1{s})*normal)/{mass}", indent=indent)
+    free = f"(on_block{s} - load{s})/m2 - a1{s}"
+    text.let(f"a2{s}", f"(side{s} != 0) ? 0.0 : {free}" if layout.rigid else free, indent=indent)
+
+
+def smooth_block(layout: Layout) -> Text:
+    """Return the analog block of a device without events."""
+    text = Text()
+    add_constants(text, layout)
+    text.note("State and forces, Equations (1) to (3)")
+    for state in layout.states:
+        text.let(state.name, f"{state.unit}*State(n_{state.name})")
+    add_forces(text, layout, "")
+    add_accelerations(text, layout, "")
+    text.note("Integrators")
+    for state in layout.states:
+        rate = f"({state.rate('')})/{state.unit}"
+        text.add(f"State(n_{state.name}) <+ idt({rate}, {state.start}/{state.unit});")
+    add_ports(text, layout)
+    return text
+
+
+SETS = ("_a", "_b")
+
+
+def hybrid_block(layout: Layout) -> Text:
+    """Return the analog block of a device with events."""
+    text = Text()
+    add_constants(text, layout)
+    for s in SETS:
+        text.note(f"Integrators {s[1]}: state, forces and accelerations, Equations (1) to (3)")
+        for state in layout.states:
+            text.let(f"{state.name}{s}", f"{state.unit}*State(n_{state.name}{s})")
+        add_forces(text, layout, s)
+        add_accelerations(text, layout, s)
+        text.integers.setdefault(f"hold{s}")
+        if layout.sticks:
+            text.integers.setdefault(f"dir{s}")
+        if layout.rigid:
+            text.integers.setdefault(f"side{s}")
+    text.note("The integrators that are not held")
+    forces = ["load", "on_block", "push", "a1"] if layout.rigid else ["push"]
+    modes = ["dir"] * layout.sticks + ["side"] * layout.rigid
+    for name in [*(state.name for state in layout.states), *forces, *modes]:
+        text.let(name, f"(active == 0) ? {name}_a : {name}_b", integer=name in modes)
+    add_guards(text, layout)
+    add_event(text, layout)
+    text.note("An event holds the integrators that take over, at the state after it")
+    for i, s in enumerate(SETS):
+        at_event = f"($abstime == event_time) ? (active == {i}) : (active != {i})"
+        text.let(f"hold{s}", at_event, integer=True)
+    for s in SETS:
+        for state in layout.states:
+            rate = f"({state.rate(s)})/{state.unit}"
+            start = f"{state.name}_after/{state.unit}"
+            text.add(f"State(n_{state.name}{s}) <+ idt({rate}, {start}, hold{s});")
+    add_ports(text, layout)
+    return text
+
+
+def add_constants(text: Text, layout: Layout) -> None:
+    """Append variables that depend on parameters alone."""
+    text.let("w0", "sqrt(k/m2)")
+    normal = "".join(f"*{factor}" for factor in layout.every("normal"))
+    text.let("normal", f"(m1 + m2)*g{normal}")
+    if layout.series:
+        text.let("charge_unit", "sqrt(k*d*alpha)")
+    if layout.charging:
+        text.let("voltage_unit", "sqrt(k*d*d*d/alpha)")
+    for constants in layout.every("constants"):
+        for name, expression in constants:
+            text.let(name, expression)
+
+
+def add_guards(text: Text, layout: Layout) -> None:
+    """Append guards, which are negative before an event, and the events."""
+    text.note("Guards: an event is a crossing to positive values")
+    guards = {}
+    if layout.rigid:
+        guards["right"] = f"(side == 0) ? (x2 - delta)/d - {OFFSET} : -1.0"
+        guards["left"] = f"(side == 0) ? -(x2 + delta)/d - {OFFSET} : -1.0"
+        pressing = f"side*(on_block - load - m2*a1){add_of(layout, 'adhesion')}"
+        guards["release"] = f"(side != 0) ? -({pressing})/(k*d) - {OFFSET} : -1.0"
+    if layout.sticks:
+        guards["slip_end"] = f"(dir != 0) ? -dir*v1/(d*w0) - {OFFSET} : -1.0"
+        reserve = f"(abs(push) - mu_s*normal)/(k*d) - {OFFSET}"
+        guards["break_away"] = f"(dir == 0) ? {reserve} : -1.0"
+    for name, guard in guards.items():
+        text.let(f"guard_{name}", guard)
+    for name in ("start", *(f"hit_{name}" for name in guards)):
+        text.let(name, "0", integer=True)
+    text.add("@(initial_step) begin", "  start = 1;", "  active = 1;")
+    if layout.rigid:
+        text.add("  impacts = 0;")
+    text.add("end")
+    for name in guards:
+        text.add(f"@(cross(guard_{name}, +1, event_tol/w0, event_tol)) hit_{name} = 1;")
+
+
+def add_of(layout: Layout, name: str) -> str:
+    """Return a sum of contributions to be added, empty without any."""
+    return "".join(f" + {part}" for part in layout.every(name))
+
+
+def add_event(text: Text, layout: Layout) -> None:
+    """Append the state after an event: transition and mode."""
+    s = "_after"
+    names = ["right", "left", "release"] * layout.rigid
+    names += ["slip_end", "break_away"] * layout.sticks
+    text.note("State and mode after an event, Equations (4) to (6)")
+    text.add(f"if ({' || '.join(('start', *(f'hit_{name}' for name in names)))}) begin")
+    for state in layout.states:
+        start = f"start ? {state.start} : {state.name}"
+        text.let(f"{state.name}{s}", start, indent="  ")
+    if layout.sticks:
+        impact = " && !hit_right && !hit_left" if layout.rigid else ""
+        text.add(f"  if (hit_slip_end{impact})", f"    v1{s} = 0.0;")
+    if layout.rigid:
+        add_contact(text, layout)
+    add_forces(text, layout, s, "  ")
+    if layout.sticks:
+        free = f"load{s} + on_frame{s}"
+        resting = f"(side{s} != 0) ? on_frame{s} + on_block{s} : "
+        text.let(f"push{s}", f"{resting if layout.rigid else ''}{free}", indent="  ")
+        slip = f"direction(v1{s}, push{s}, mu_s*normal)"
+        text.let(f"dir{s}", slip, integer=True, indent="  ")
+    text.add("  active = 1 - active;")
+    text.integers.setdefault("active")
+    text.let("event_time", "$abstime", indent="  ")
+    modes = ["dir"] * layout.sticks + ["side"] * layout.rigid
+    for i, own in enumerate(SETS):
+        text.add(f"  if (active == {i}) begin")
+        text.add(*(f"    {name}{own} = {name}{s};" for name in modes))
+        text.add("  end")
+    for name in [*(state.name for state in layout.states), *modes]:
+        text.add(f"  {name} = {name}{s};")
+    text.add("  $discontinuity(0);", "end")
+
+
+def add_contact(text: Text, layout: Layout) -> None:
+    """Append the impact, or the contact of a block at rest that the stopper carries."""
+    s = "_after"
+    text.reals.update(dict.fromkeys(("rebound", "kick", "pressing")))
+    text.integers.update(dict.fromkeys(("contact", f"side{s}", "impacts")))
+    touching = "(v2_0 == 0.0 && abs(x2_0) >= delta) ? ((x2_0 > 0.0) ? 1 : -1) : 0"
+    text.add(
+        "  rebound = 0.0;",
+        f"  contact = start ? ({touching}) : (hit_release ? 0 : side);",
+        "  if (hit_right || hit_left) begin",
+        "    contact = hit_right ? 1 : -1;",
+        f"    x2{s} = contact*delta;",
+        f"    rebound = restitution(abs(v2{s}));",
+        "    impacts = impacts + 1;",
+        "  end",
+        f"  side{s} = 0;",
+        "  if (contact != 0) begin",
+        f"    kick = m2*v2{s}/(m1 + m2);",
+        f"    pressing = rebound*abs(v2{s}) - rest_speed;",
+        "    if (pressing < 0.0) begin",
+        "      // Without rebound, if the stopper carries the block",
+        f"      v1{s} = v1{s} + kick;",
+        f"      v2{s} = 0.0;",
+        f"      side{s} = contact;",
+    )
+    add_forces(text, layout, s, "      ")
+    text.let(f"push{s}", f"on_frame{s} + on_block{s}", indent="      ")
+    if layout.sticks:
+        slip = f"direction(v1{s}, push{s}, mu_s*normal)"
+        text.let(f"dir{s}", slip, integer=True, indent="      ")
+    add_accelerations(text, layout, s, "      ")
+    force = f"contact*(on_block{s} - load{s} - m2*a1{s}){add_of(layout, 'adhesion')}"
+    text.add(
+        f"      pressing = {force};",
+        "      if (pressing <= 0.0) begin",
+        f"        side{s} = 0;",
+        f"        v1{s} = v1{s} + rebound*kick;",
+        f"        v2{s} = -rebound*kick*(m1 + m2)/m2;",
+        "      end",
+        "    end else begin",
+        f"      v1{s} = v1{s} + (1.0 + rebound)*kick;",
+        f"      v2{s} = -rebound*v2{s};",
+        "    end",
+        "  end",
+    )
+
+
+def add_ports(text: Text, layout: Layout) -> None:
+    """Append the contributions to the ports."""
+    text.note("Ports")
+    text.add("Pos(at_frame) <+ x1;", "Pos(at_block) <+ x1 + x2;")
+    for side in layout.sides:
+        branch = side.voltage.replace("V(", "I(")
+        if layout.series:
+            rate = f"({side.voltage} - {side.prefix}node_now)/series_resistance_resistance"
+            offset = f"{side.prefix}offset" if layout.charging else ""
+            text.let(f"{side.prefix}cap_now", f"capacitance({side.position('')})")
+            trapped = f" + {side.prefix}cap_now*{offset}" if offset else ""
+            total = f"({side.prefix}cap_now + series_resistance_parasitic)"
+            charge = f"({side.prefix}charge{trapped})/{total}"
+            text.let(f"{side.prefix}node_now", charge)
+            text.add(f"{branch} <+ {rate};")
+        else:
+            across = f"({side.voltage} - {side.prefix}offset)" if layout.charging else side.voltage
+            text.add(f"{branch} <+ ddt(capacitance({side.position('')})*{across});")
+    text.add(f"$bound_step({STEPS}/w0);")
+
+
+# --- Functions, parameters and the file
+
+
+def functions_of(layout: Layout) -> list[str]:
+    """Return the functions of the module."""
+    found = [
+        function("electrode_gap", "x", "electrode_gap = d - min(x, 0.5*(delta + d));"),
+        *(text for code in layout.codes for text in code.functions),
+    ]
+    factors = [f"fringe(gap, {size})" for size in layout.fringes]
+    product = "".join(f"*{factor}" for factor in factors)
+    found.append(
+        function(
+            "capacitance",
+            "x",
+            f"gap = electrode_gap(x);\ncapacitance = 2.0*alpha{product}/gap;",
+            "gap",
+        )
+    )
+    if factors:
+        slopes = [f"fringe_slope(gap, {size})" for size in layout.fringes]
+        slope = slopes[0]
+        if len(factors) == 2:
+            slope = f"({slopes[0]}*{factors[1]} + {factors[0]}*{slopes[1]})"
+        half = f"alpha*({'*'.join(factors)}/gap - {slope})/gap"
+    else:
+        half = "alpha/(gap*gap)"
+    found.append(
+        function(
+            "attraction",
+            "x, voltage",
+            f"gap = electrode_gap(x);\nattraction = {half}*voltage*voltage;",
+            "gap",
+        )
+    )
+    friction = layout.body("friction", "friction = mu_d;")
+    found.append(function("friction", "speed", friction, LOCALS.get(friction, "")))
+    if layout.rigid:
+        body = layout.body("restitution", "restitution = e;")
+        found.append(
+            function(
+                "restitution", "speed", body, LOCALS.get(body, "u, w" if "u = " in body else "")
+            )
+        )
+    else:
+        adhesion = "".join(f" - {part}" for part in layout.every("adhesion"))
+        found.append(function("stopper", "depth, rate", layout.body("stopper", "")))
+        found.append(
+            function(
+                "stopper_load",
+                "x, v",
+                "sign = (x > 0.0) ? 1.0 : -1.0;\n"
+                "depth = sign*x - delta;\n"
+                f"stopper_load = (depth > 0.0) ? sign*(stopper(depth, sign*v){adhesion}) : 0.0;",
+                "sign, depth",
+            )
+        )
+    if layout.sticks:
+        found.append(
+            function(
+                "direction",
+                "v, push, limit",
+                "if (v != 0.0)\n  direction = (v > 0.0) ? 1.0 : -1.0;\n"
+                "else if (abs(push) <= limit)\n  direction = 0.0;\n"
+                "else\n  direction = (push > 0.0) ? 1.0 : -1.0;",
+            )
+        )
+    return found
+
+
+INITIAL = {"x1_0": "position", "v1_0": "velocity", "x2_0": "position", "v2_0": "velocity"}
+
+RESERVED = """
+above abs absdelay absdelta ac_stim access acos acosh aliasparam always analog analysis and
+asin asinh assert assign atan atan2 atanh automatic begin branch buf case casex casez ceil cell
+cmos config connect connectmodule connectrules continuous cos cosh cross ddt ddt_nature ddx
+deassign default defparam design disable discipline discrete domain driver_update edge else end
+endcase endconfig endconnectrules enddiscipline endfunction endgenerate endmodule endnature
+endparamset endprimitive endspecify endtable endtask event exclude exp final_step flicker_noise
+floor flow for force forever fork from function generate genvar ground highz0 highz1 hypot idt
+idt_nature idtmod if ifnone incdir include inf initial initial_step inout input instance integer
+join laplace_nd laplace_np laplace_zd laplace_zp large last_crossing liblist library limexp ln
+localparam log macromodule max medium merged min module nand nature negedge net_resolution
+nmos noise_table nor not notif0 notif1 or output parameter paramset pmos posedge potential pow
+primitive pull0 pull1 pulldown pullup rcmos real realtime reg release repeat resolveto rtran
+scalared sin sinh slew small specify specparam split sqrt string strong0 strong1 supply0 supply1
+table tan tanh task time timer tran transition tri tri0 tri1 triand trior trireg units unsigned
+use vectored wait wand weak0 weak1 while white_noise wire wor wreal xnor xor zi_nd zi_np zi_zd
+zi_zp electrical kinematic voltage current
+"""
+
+KEYWORDS = frozenset(RESERVED.split())
+"""Words that cannot be the name of a module."""
+
+
+def module_name(path: str | PathLike[str]) -> str:
+    """Return the name of a file as that of a module."""
+    name = re.sub(r"\W", "_", Path(path).stem, flags=re.ASCII)
+    if not name or name[0].isdigit() or name in KEYWORDS:
+        name = f"device_{name}"
+    return name
+
+
+def range_of(field: FieldInfo) -> str:
+    """Return the range of a field."""
+    low, high = "(-inf", "inf)"
+    for each in field.metadata:
+        if isinstance(each, Gt):
+            low = f"({number(each.gt)}"
+        elif isinstance(each, Ge):
+            low = f"[{number(each.ge)}"
+        elif isinstance(each, Lt):
+            high = f"{number(each.lt)})"
+        elif isinstance(each, Le):
+            high = f"{number(each.le)}]"
+    return f"{low}:{high}"
+
+
+def number(value: Any) -> str:
+    """Return a number as a real literal."""
+    return repr(float(value))
+
+
+def parameters_of(layout: Layout) -> list[str]:
+    """Return the declarations of parameters, each with unit and range."""
+    actuator = layout.actuator
+    ranges = {"delta": "(0.0:d)", "mu_d": "[0.0:mu_s]"}
+    found = []
+
+    def declare(name: str, value: str, limits: str, comment: str) -> None:
+        found.append(f"  parameter real {name} = {value} from {limits};  // {comment}")
+
+    fields = type(actuator).model_fields
+    for name in PARAMETER_NAMES:
+        unit = actuator.unit_of(name) or "-"
+        limits = ranges.get(name) or range_of(fields[name])
+        comment = f"{PARAMETER_MEANINGS.get(name, name)} [{unit}]"
+        declare(name, number(getattr(actuator, name)), limits, comment)
+    for term in actuator.terms:
+        for name, value in numbers_of(term).items():
+            if isinstance(term, TabulatedRestitution):
+                continue
+            limits = range_of(type(term).model_fields[name])
+            comment = f"{type(term).__name__} [{term.units.get(name, '-')}]"
+            declare(f"{term.name()}_{name}", number(value), limits, comment)
+    for name, kind in INITIAL.items():
+        frame = "the frame" if name[1] == "1" else "the block in the frame"
+        limits = "[-delta:delta]" if name == "x2_0" else "(-inf:inf)"
+        unit = "m" if kind == "position" else "m/s"
+        declare(name, "0.0", limits, f"initial {kind} of {frame} [{unit}]")
+    if layout.rigid:
+        comment = "rebounds below it end in contact, if the stopper carries the block [m/s]"
+        declare("rest_speed", f"{REST_SPEED}*d*sqrt(k/m2)", "(0.0:inf)", comment)
+    if layout.events:
+        declare("event_tol", repr(EVENT_TOL), "(0.0:0.001)", "relative tolerance of events [-]")
+    return found
+
+
+WITH_EVENTS = """\
+// It has events, @(cross()), and idt with reset: it needs a simulator of the whole of Verilog-A,
+// such as Spectre or ADS. OpenVAF refuses it; it compiles devices with the terms compliant_stopper
+// and regularized_friction, which have no events."""
+
+WITHOUT_EVENTS = "// It has no events: compilers for compact models, such as OpenVAF, accept it."
+
+HEADER = """\
+// Impact microactuator, written by mems_impact.
+//
+// Ports: p, {left}n are the electrode{plural} and the block (electrical); block, frame are their
+// positions above the ground, moved by the forces at these ports. Leave them open, or load them.
+// The equations are (1) to (6) of X. Zhao et al. (2004){terms}.
+{events}
+// For transient analysis, which starts in the initial state, not in an operating point.
+
+`ifndef POSITION_ABSTOL
+`define POSITION_ABSTOL {position}
+`endif
+`ifndef FORCE_ABSTOL
+`define FORCE_ABSTOL {force}
+`endif
+`include "disciplines.vams"
+
+`ifndef MEMS_IMPACT_STATE
+`define MEMS_IMPACT_STATE
+nature Mems_impact_state
+  units = "1";
+  access = State;
+  abstol = 1e-9;
+endnature
+discipline mems_impact_state
+  potential Mems_impact_state;
+enddiscipline
+`endif
+"""
+
+MEANINGS = {
+    "x1": "position of the frame",
+    "v1": "velocity of the frame",
+    "x2": "position of the block in the frame",
+    "v2": "velocity of the block in the frame",
+    "impacts": "count of impacts",
+}
+
+
+def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
+    """Return the module of a device."""
+    if actuator.units != "SI":
+        problem = (
+            "the ports of a circuit are in V, A, m and N; export a device in SI, such as "
+            "actuator.to_si(scales)"
+        )
+        raise InvalidParameter("units", actuator.units, "", problem=problem)
+    if isinstance(electrodes, bool) or electrodes not in (1, 2):
+        raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left one")
+    layout = layout_of(actuator, electrodes)
+    block = hybrid_block(layout) if layout.events else smooth_block(layout)
+    left = "left, " if electrodes == 2 else ""
+    words = [term.name() for term in actuator.terms]
+    lines = [header(layout, left, words)]
+    lines += [
+        f"module {name}(p, {left}n, block, frame);",
+        f"  inout p, {left}n, block, frame;",
+        f"  electrical p, {left}n;",
+        "  kinematic block, frame;",
+        "  branch (p, n) electrode;",
+    ]
+    if left:
+        lines.append("  branch (left, n) left_electrode;")
+    lines += ["  branch (block) at_block;", "  branch (frame) at_frame;", ""]
+    suffixes = SETS if layout.events else ("",)
+    lines += [
+        f"  mems_impact_state {', '.join(f'n_{state.name}{s}' for s in suffixes)};"
+        for state in layout.states
+    ]
+    lines += ["", *parameters_of(layout), ""]
+    for kind, names in (("integer", block.integers), ("real", block.reals)):
+        shown_names = [each for each in names if each in MEANINGS]
+        lines += [f'  (* desc="{MEANINGS[each]}" *) {kind} {each};' for each in shown_names]
+        lines += wrapped(kind, [each for each in names if each not in MEANINGS])
+    lines += ["", "\n\n".join(functions_of(layout)), "", "  analog begin"]
+    lines += [f"    {line}" if line else "" for line in block.lines]
+    lines += ["  end", "endmodule", ""]
+    return "\n".join(lines)
+
+
+def header(layout: Layout, left: str, words: Sequence[str]) -> str:
+    """Return what precedes the module."""
+    actuator = layout.actuator
+    return HEADER.format(
+        left=left,
+        plural="s" if left else "",
+        terms=f", with {', '.join(words)}" if words else "",
+        events=WITH_EVENTS if layout.events else WITHOUT_EVENTS,
+        position=power_of_ten(POSITION_ABSTOL_RATIO * actuator.d),
+        force=power_of_ten(POSITION_ABSTOL_RATIO * actuator.k * actuator.d),
+    )
+
+
+def power_of_ten(value: float) -> str:
+    """Return the power of ten below a value."""
+    return f"1e{math.floor(math.log10(value))}"
+
+
+def wrapped(kind: str, names: Iterable[str]) -> list[str]:
+    """Return declarations of variables, several per line."""
+    lines, row = [], ""
+    for name in names:
+        if row and len(row) + len(name) > 80:
+            lines.append(row)
+            row = ""
+        row = f"{row}, {name}" if row else name
+    return [f"  {kind} {each};" for each in [*lines, *([row] if row else [])]]
+
+
+def write_verilog_a(actuator: Actuator, path: str | PathLike[str], electrodes: int = 1) -> None:
+    """Write the module of a device, named like the file; see `Actuator.to_verilog_a`."""
+    if not isinstance(path, str | PathLike) or not isinstance(fspath(path), str):
+        raise InvalidParameter("path", path, "the path of a file, such as dev.va")
+    text = verilog_a(actuator, module_name(path), electrodes)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="ascii")
