@@ -336,6 +336,49 @@ class Actuator(Checked):
 
         return actuator_from_design(quantities, terms)
 
+    def to_verilog_a(self, path: str | PathLike[str], *, electrodes: Literal[1, 2] = 1) -> None:
+        """Write the device as a Verilog-A module for circuit simulators, named like the file.
+
+        The ports are ``p``, ``n`` (electrode and block, electrical) and ``block``, ``frame``
+        (kinematic: positions above the ground, moved by the forces at the ports). Numbers of device
+        and terms, and the initial state, are parameters of the module.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file, such as ``dev.va``.
+        electrodes : {1, 2}, optional
+            With 2, the port ``left`` between ``p`` and ``n`` is the left electrode.
+
+        Raises
+        ------
+        InvalidParameter
+            If the device is dimensionless, or a term has no Verilog-A form: those of the source,
+            which belong to the circuit, and terms of your own.
+
+        See Also
+        --------
+        load_actuator, CompliantStopper, RegularizedFriction
+
+        Notes
+        -----
+        Impacts, sticking and slipping are events, ``@(cross())`` and ``idt`` with reset, as Spectre
+        and ADS have them. Of each state there are two integrators, which change places at an event.
+        A device with `CompliantStopper` and `RegularizedFriction` has no events, so that OpenVAF
+        compiles it for ngspice or VACASK. Rebounds slower than ``rest_speed`` end in contact.
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> from pathlib import Path
+        >>> mi.load_actuator("mita2003").to_verilog_a("dev.va")
+        >>> [line for line in Path("dev.va").read_text().splitlines() if line[:6] == "module"]
+        ['module dev(p, n, block, frame);']
+        """
+        from mems_impact.actuator.verilog_a import write_verilog_a
+
+        write_verilog_a(self, path, electrodes)
+
     @property
     def datasheet(self) -> DataSheet:
         """Parameters and derived quantities, such as quality factor and pull-in voltage.

@@ -282,6 +282,19 @@ stopper = compliant_stopper_stiffness*depth
   *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
   *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
 
+SOURCE_CURRENT = {
+    False: "source_current = drop/series_resistance_resistance;",
+    True: """\
+source_current = min(max(drop/series_resistance_resistance,
+  -series_resistance_current_limit), series_resistance_current_limit);""",
+}
+
+
+def has(term: Term, name: str) -> bool:
+    """Return whether a term has an optional number."""
+    return getattr(term, name) is not None
+
+
 TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     Adhesion: lambda term: TermCode(adhesion="adhesion_force"),
     CompliantStopper: lambda term: TermCode(stopper=STOPPER),
@@ -308,7 +321,9 @@ TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     RegularizedFriction: lambda term: TermCode(
         friction="friction = mu_d*tanh(speed/regularized_friction_width);", sticks=False
     ),
-    SeriesResistance: lambda term: TermCode(),  # see `electrode_states`
+    SeriesResistance: lambda term: TermCode(  # see `electrode_states`
+        functions=(function("source_current", "drop", SOURCE_CURRENT[has(term, "current_limit")]),)
+    ),
     SqueezeFilm: squeeze_film,
     StribeckFriction: lambda term: TermCode(friction=STRIBECK),
     TabulatedRestitution: tabulated_restitution,
@@ -384,7 +399,7 @@ def electrode_states(layout: Layout, side: Side) -> list[State]:
             State(
                 f"{side.prefix}charge",
                 "charge_unit",
-                lambda s: f"({side.voltage} - {node}{s})/series_resistance_resistance",
+                lambda s: f"source_current({side.voltage} - {node}{s})",
             )
         )
     if layout.charging:
@@ -403,13 +418,7 @@ def electrode_states(layout: Layout, side: Side) -> list[State]:
 
 def layout_of(actuator: Actuator, electrodes: int) -> Layout:
     """Return the layout; refuse terms without a Verilog-A form by name."""
-    missing = [term.name() for term in actuator.terms if type(term) not in TERM_CODES]
-    if missing:
-        names = ", ".join(missing)
-        calls = ", ".join(f'"{name}"' for name in missing)
-        form = "has no Verilog-A form" if len(missing) == 1 else "have no Verilog-A form"
-        problem = f"{form}; export the device without: actuator.without({calls})"
-        raise InvalidParameter("terms", names, "", problem=problem)
+    refuse([term.name() for term in actuator.terms if type(term) not in TERM_CODES])
     kinds = {type(term) for term in actuator.terms}
     sides = (Side("", 1, "V(electrode)"), Side("left_", -1, "V(left_electrode)"))
     codes = tuple(TERM_CODES[type(term)](term) for term in actuator.terms)
@@ -422,6 +431,18 @@ def layout_of(actuator: Actuator, electrodes: int) -> Layout:
         rigid=CompliantStopper not in kinds,
         sticks=all(code.sticks for code in codes),
     )
+
+
+def refuse(names: Sequence[str]) -> None:
+    """Raise InvalidParameter if there are terms, or numbers of them, without a Verilog-A form."""
+    if names:
+        terms = dict.fromkeys(name.partition(".")[0] for name in names)
+        calls = ", ".join(f'"{term}"' for term in terms)
+        problem = (
+            f"no Verilog-A form; export actuator.without({calls}), and let the circuit contain "
+            "what belongs to the source"
+        )
+        raise InvalidParameter("terms", ", ".join(names), "", problem=problem)
 
 
 class Text:
@@ -678,7 +699,7 @@ def add_ports(text: Text, layout: Layout) -> None:
     for side in layout.sides:
         branch = side.voltage.replace("V(", "I(")
         if layout.series:
-            rate = f"({side.voltage} - {side.prefix}node_now)/series_resistance_resistance"
+            rate = f"source_current({side.voltage} - {side.prefix}node_now)"
             offset = f"{side.prefix}offset" if layout.charging else ""
             text.let(f"{side.prefix}cap_now", f"capacitance({side.position('')})")
             trapped = f" + {side.prefix}cap_now*{offset}" if offset else ""
@@ -815,6 +836,15 @@ def number(value: Any) -> str:
     return repr(float(value))
 
 
+def term_numbers(actuator: Actuator) -> list[tuple[str, str]]:
+    """Return the numbers of terms, by name, and their names in the module."""
+    return [
+        (f"{term.name()}.{name}", f"{term.name()}_{name}")
+        for term in actuator.terms
+        for name in numbers_of(term)
+    ]
+
+
 def parameters_of(layout: Layout) -> list[str]:
     """Return the declarations of parameters, each with unit and range."""
     actuator = layout.actuator
@@ -832,8 +862,6 @@ def parameters_of(layout: Layout) -> list[str]:
         declare(name, number(getattr(actuator, name)), limits, comment)
     for term in actuator.terms:
         for name, value in numbers_of(term).items():
-            if isinstance(term, TabulatedRestitution):
-                continue
             limits = range_of(type(term).model_fields[name])
             comment = f"{type(term).__name__} [{term.units.get(name, '-')}]"
             declare(f"{term.name()}_{name}", number(value), limits, comment)
@@ -908,6 +936,11 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
         raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left one")
     layout = layout_of(actuator, electrodes)
     block = hybrid_block(layout) if layout.events else smooth_block(layout)
+    functions = functions_of(layout)
+    code = "\n".join([*functions, *block.lines])
+    refuse(
+        [name for name, symbol in term_numbers(actuator) if not re.search(rf"\b{symbol}\b", code)]
+    )
     left = "left, " if electrodes == 2 else ""
     words = [term.name() for term in actuator.terms]
     lines = [header(layout, left, words)]
@@ -931,7 +964,7 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
         shown_names = [each for each in names if each in MEANINGS]
         lines += [f'  (* desc="{MEANINGS[each]}" *) {kind} {each};' for each in shown_names]
         lines += wrapped(kind, [each for each in names if each not in MEANINGS])
-    lines += ["", "\n\n".join(functions_of(layout)), "", "  analog begin"]
+    lines += ["", "\n\n".join(functions), "", "  analog begin"]
     lines += [f"    {line}" if line else "" for line in block.lines]
     lines += ["  end", "endmodule", ""]
     return "\n".join(lines)

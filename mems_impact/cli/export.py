@@ -7,17 +7,29 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+from click.core import ParameterSource
 
 from mems_impact.cli.inputs import load_subject
-from mems_impact.cli.options import Initial, device_options, drive_options, initial_option
+from mems_impact.cli.options import (
+    Initial,
+    actuator_from,
+    device_options,
+    drive_options,
+    initial_option,
+)
 from mems_impact.cli.output import add_json_files, show
 
 
 class Format(NamedTuple):
-    """A format: its name, and a function of DEVICE, ``--set``, FILE and the other options."""
+    """A format: its name, a function of DEVICE, ``--set``, FILE and the other options, and these.
+
+    `options` are those that only this format takes; `driven` formats take a drive and a state.
+    """
 
     name: str
     write: Callable[[str, dict[str, float], str, Mapping[str, Any]], object]
+    options: tuple[str, ...]
+    driven: bool
 
 
 def _write_fmu(
@@ -27,8 +39,28 @@ def _write_fmu(
     system.to_fmu(file, fmi=options["fmi"], inputs=options["inputs"], initial=state)
 
 
-FORMATS = {".fmu": Format("a functional mock-up unit", _write_fmu)}
+def _write_verilog_a(
+    device: str, changes: dict[str, float], file: str, options: Mapping[str, Any]
+) -> None:
+    actuator_from(device, changes).to_verilog_a(file, electrodes=options["electrodes"])
+
+
+FORMATS = {
+    ".fmu": Format("a functional mock-up unit", _write_fmu, ("fmi", "inputs"), driven=True),
+    ".va": Format("a Verilog-A module", _write_verilog_a, ("electrodes",), driven=False),
+}
 """Formats by the extension of the file."""
+
+
+def _refuse_options(ctx: click.Context, file: str, chosen: Format) -> None:
+    """Refuse options of other formats."""
+    known = {"device", "changes", "file", *chosen.options}
+    others = {name for each in FORMATS.values() for name in each.options}
+    for option in ctx.command.params:
+        name = option.name or ""
+        given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and name not in known and (name in others or not chosen.driven):
+            raise click.UsageError(f"{file}: {chosen.name} takes no {option.opts[0]}")
 
 
 @click.command(short_help="Write a device as a model of another tool.")
@@ -51,7 +83,16 @@ FORMATS = {".fmu": Format("a functional mock-up unit", _write_fmu)}
     help="A parameter that becomes an input of the FMU; of a device also voltage, in place of the "
     "drive. May be repeated.",
 )
+@click.option(
+    "--electrodes",
+    type=click.Choice((1, 2)),
+    default=1,
+    show_default=True,
+    help="2 for a Verilog-A module with a port of the left electrode.",
+)
+@click.pass_context
 def command(
+    ctx: click.Context,
     *,
     device: str,
     changes: dict[str, float],
@@ -62,17 +103,19 @@ def command(
     """Write DEVICE under a voltage to FILE, whose extension determines the format.
 
     \b
-    Example:
+    Examples:
       mems-impact export zhao2004 dev.fmu --amplitude 0.24 --omega 0.5
+      mems-impact export mita2003 dev.va
 
     dev.fmu is a functional mock-up unit for model exchange and co-simulation, with C sources and,
     if a C compiler is available, a binary for this platform. A system of your own can replace
-    DEVICE: FILE.py:NAME.
+    DEVICE: FILE.py:NAME. dev.va is a Verilog-A module of a device in SI, for circuits that drive it.
     """  # noqa: D301 - click looks for the backspace itself
     suffix = Path(file).suffix.lower()
     if suffix not in FORMATS:
         known = ", ".join(f"{name} ({each.name})" for name, each in FORMATS.items())
         raise click.UsageError(f"{file}: no format has the extension {suffix!r}; known: {known}")
+    _refuse_options(ctx, file, FORMATS[suffix])
     FORMATS[suffix].write(device, changes, file, {**options, "initial": initial})
     add_json_files([file])
     show(f"written: {file}, {FORMATS[suffix].name}")

@@ -1,7 +1,7 @@
 """An interpreter of a subset of Verilog-A, for tests of emitted modules.
 
 It is written from the Verilog-AMS Language Reference Manual (LRM) 2.4 and shares no code with the
-package. A module is compiled to a Python function; SciPy's DOP853 integrates the operators ``idt``
+package. A module is compiled to a Python function; SciPy's DOP853 or LSODA integrates ``idt``,
 and the dense output locates the crossings of ``@(cross())``. What it does not know, it refuses.
 
 Semantics that matter here:
@@ -19,7 +19,7 @@ import re
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, LSODA
 from scipy.optimize import brentq
 
 # Annex D: the disciplines of disciplines.vams that are used, as access functions.
@@ -380,7 +380,7 @@ class Parser:
 
 def to_integer(value):
     """Round as in an assignment to an integer: half away from zero (LRM 4.2.1.1)."""
-    return int(math.floor(abs(value) + 0.5)) * (-1 if value < 0 else 1)
+    return math.floor(abs(value) + 0.5) * (-1 if value < 0 else 1)
 
 
 def divide(a, b):
@@ -699,8 +699,9 @@ class Circuit:
                 return point
         raise VerilogError("the contributions have no solution")
 
-    def run(self, end, times, *, rtol=1e-10, atol=1e-12):
+    def run(self, end, times, *, stiff=False, rtol=1e-10, atol=1e-12):
         """Compute a transient analysis."""
+        method = LSODA if stiff else DOP853
         times = np.asarray(times, float)
         self.evaluate(self.zero, 0.0, None, initial=True)
         point = self.evaluate(self.zero, 0.0, None, initial=True)
@@ -732,7 +733,7 @@ class Circuit:
 
             start = self.evaluate(values, math.nextafter(t, math.inf), y)
             step = min([*start.bounds, end])
-            solver = DOP853(flow, t, y, end, rtol=rtol, atol=atol, max_step=step)
+            solver = method(flow, t, y, end, rtol=rtol, atol=atol, max_step=step)
             before, fired = start.guards, ()
             while not fired and solver.status == "running":
                 message = solver.step()

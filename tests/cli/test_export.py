@@ -1,0 +1,32 @@
+"""`mems-impact export`."""
+
+from pathlib import Path
+
+import pytest
+
+
+def test_verilog_a_module(cli, tmp_path):
+    file = tmp_path / "dev.va"
+    done = cli("export", "mita2003", file, "--set", "tilt.angle=0.05", "--set", "e=0.7")
+    assert f"written: {file}, a Verilog-A module" in done.out
+    text = file.read_text()
+    assert "module dev(p, n, block, frame);" in text
+    assert "parameter real e = 0.7 from [0.0:1.0];" in text
+    assert "parameter real tilt_angle = 0.05" in text
+    cli("export", "mita2003", file, "--electrodes", "2")
+    assert "module dev(p, left, n, block, frame);" in file.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("mita2003", "dev.xyz"), "dev.xyz: no format has the extension '.xyz'; known: .va"),
+        (("mita2003", "dev"), "no format has the extension ''"),
+        (("zhao2004", "dev.va"), "units = 'dimensionless'"),
+        (("mita2003", "dev.va", "--set", "slew_rate.rate=1"), "slew_rate"),
+        (("mita2003", "no/dev.va"), "no/dev.va"),
+    ],
+)
+def test_wrong_input(cli, arguments, problem):
+    assert problem in cli("export", *arguments).complaint()
+    assert not list(Path().iterdir())
