@@ -93,6 +93,7 @@ def _refuse_options(ctx: click.Context, file: str, chosen: Format) -> None:
 @click.pass_context
 def command(
     ctx: click.Context,
+    /,
     *,
     device: str,
     changes: dict[str, float],
@@ -109,7 +110,7 @@ def command(
 
     dev.fmu is a functional mock-up unit for model exchange and co-simulation, with C sources and,
     if a C compiler is available, a binary for this platform. A system of your own can replace
-    DEVICE: FILE.py:NAME. dev.va is a Verilog-A module of a device in SI, for circuits that drive it.
+    DEVICE: FILE.py:NAME. dev.va is a Verilog-A module of a device in SI, for circuit simulators.
     """  # noqa: D301 - click looks for the backspace itself
     suffix = Path(file).suffix.lower()
     if suffix not in FORMATS:

@@ -20,11 +20,14 @@ def test_verilog_a_module(cli, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (("mita2003", "dev.xyz"), "dev.xyz: no format has the extension '.xyz'; known: .va"),
+        (("mita2003", "dev.xyz"), "dev.xyz: no format has the extension '.xyz'; known: .fmu"),
         (("mita2003", "dev"), "no format has the extension ''"),
         (("zhao2004", "dev.va"), "units = 'dimensionless'"),
         (("mita2003", "dev.va", "--set", "slew_rate.rate=1"), "slew_rate"),
         (("mita2003", "no/dev.va"), "no/dev.va"),
+        (("mita2003", "dev.va", "--amplitude", "1"), "a Verilog-A module takes no --amplitude"),
+        (("mita2003", "dev.va", "--fmi", "2.0"), "takes no --fmi"),
+        (("mita2003", "dev.fmu", "--electrodes", "2"), "takes no --electrodes"),
     ],
 )
 def test_wrong_input(cli, arguments, problem):
