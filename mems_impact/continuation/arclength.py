@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.linear_equations import null_vector
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED, ZERO_COMPONENT, Shooting, ShootingEvaluation
 
@@ -82,8 +83,10 @@ def tangent(point: Linearised, along: Floats | None = None) -> Floats:
     along : float array, optional
         Orientation of the tangent; by default, the parameter increases.
     """
-    # The null vector is the last right singular vector.
-    direction = np.linalg.svd(np.hstack([point.jacobian, point.by_parameter]))[2][-1]
+    known = vars(point)
+    if "_null_vector" not in known:  # of a point it is needed several times
+        known["_null_vector"] = null_vector(np.hstack([point.jacobian, point.by_parameter]))
+    direction = known["_null_vector"]
     forward = direction[-1] if along is None else direction @ along
     return np.asarray(direction if forward >= 0.0 else -direction)
 

@@ -11,6 +11,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
+from mems_impact.orbits.linear_equations import SparseFactorization, is_sparse
 from mems_impact.orbits.newton import Linearised, P, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED
 
@@ -28,6 +29,12 @@ def regularity(point: Linearised, direction: Floats) -> float:
     Its sign is that of the determinant. It is zero at a branch point and nonzero at a fold.
     """
     matrix = np.vstack([_derivatives(point), direction])
+    if is_sparse(matrix):
+        try:
+            factors = SparseFactorization(matrix)
+        except np.linalg.LinAlgError:
+            return 0.0
+        return factors.sign * factors.smallest_singular_value()
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return float(np.linalg.slogdet(matrix)[0] * sizes[-1])
 

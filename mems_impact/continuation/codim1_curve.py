@@ -45,6 +45,7 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
+from mems_impact.orbits.linear_equations import null_vector
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
@@ -222,12 +223,12 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         condition = monitor.equation(shooting)
         near = shooting.evaluate(unknowns, point.values)
         gradient, start = condition.gradient(near), np.concatenate([unknowns, point.values])
-        across = null_vector(near, gradient)
+        across = curve_direction(near, gradient)
         there = correct_condition(shooting, condition, gradient, start, across, start).point
         self._linear = there, condition.gradient(there)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
         self.zero = {other.rebased(count, first) for other in self.zero}
-        return there, oriented(null_vector(*self._linear), along, 2)
+        return there, oriented(curve_direction(*self._linear), along, 2)
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
         """Append an orbit to the curve."""
@@ -245,7 +246,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
     def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
         """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = null_vector(point, self._gradient(point))
+        direction = curve_direction(point, self._gradient(point))
         return direction if direction @ along >= 0.0 else -direction
 
     def _gradient(self, point: ShootingEvaluation) -> Floats:
@@ -397,10 +398,10 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return position, CurveEvent(kind, values, orbit)
 
 
-def null_vector(point: Linearised, gradient: Floats) -> Floats:
+def curve_direction(point: Linearised, gradient: Floats) -> Floats:
     """Return a unit tangent of the curve at a point, of arbitrary sign."""
     rows = np.hstack([point.jacobian, point.by_parameter]), gradient
-    return np.asarray(np.linalg.svd(np.vstack(rows))[2][-1])
+    return null_vector(np.vstack(rows))
 
 
 class Condition(Protocol[P_contra]):

@@ -35,7 +35,7 @@ from mems_impact.continuation.branch_point_curve import (
     curve_tangent,
     unfolding,
 )
-from mems_impact.continuation.codim1_curve import correct_condition, null_vector
+from mems_impact.continuation.codim1_curve import correct_condition, curve_direction
 from mems_impact.continuation.equilibrium_branch import (
     BOUNDARY,
     HOPF,
@@ -754,7 +754,7 @@ class _ScalarConditionCurve(_EquilibriumCurveProblem):
 
     def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
         """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = null_vector(point, self._gradient(point))
+        direction = curve_direction(point, self._gradient(point))
         return direction if direction @ along >= 0.0 else -direction
 
 

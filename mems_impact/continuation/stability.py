@@ -162,6 +162,8 @@ class Crossings:
         Matrix of the eigenvalues at a position in the step. It may raise an OrbitError.
     behind : tuple, optional
         A (negative) position before the step, with the spectrum there.
+    start : Spectrum, optional
+        The spectrum at the start of the step, if it is known.
     """
 
     def __init__(
@@ -169,9 +171,10 @@ class Crossings:
         border: Border,
         matrix: Callable[[float], Floats],
         behind: tuple[float, Spectrum] | None = None,
+        start: Spectrum | None = None,
     ) -> None:
         self._border, self._matrix, self._behind = border, matrix, behind
-        self._spectra: dict[float, Spectrum] = {}
+        self._spectra: dict[float, Spectrum] = {} if start is None else {0.0: start}
 
     def spectrum(self, s: float) -> Spectrum:
         """Return the spectrum at a position in the step."""
@@ -352,6 +355,7 @@ class Bifurcations(Generic[P]):
         self._border, self._matrix, self._short = border, matrix, short
         self._behind: tuple[float, Spectrum] | None = None
         self._last: tuple[Floats, Spectrum] | None = None  # start of the last step
+        self._end: tuple[P, Spectrum] | None = None  # its end
         self.branch_points = BranchPoints(equations)
 
     def within(
@@ -382,11 +386,14 @@ class Bifurcations(Generic[P]):
                     raise
         for place in self._turns(step, length):
             found.append(Bifurcation(place, FOLD, step.at(place).point, center))
+        first_point, last_point = step.at(0.0).point, step.at(length).point
+        known = self._end[1] if self._end and self._end[0] is first_point else None
         search = Crossings(
-            self._border, lambda s: self._matrix(step.at(s).point), self._behind_of(step)
+            self._border, lambda s: self._matrix(step.at(s).point), self._behind_of(step), known
         )
         crossings = search.within(length)
         self._last = step.start, search.spectrum(0.0)
+        self._end = last_point, search.spectrum(length)
         for each in unexplained(crossings, [place for place, *_ in found]):
             if not short:
                 raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)

@@ -9,10 +9,12 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
+from mems_impact.orbits.linear_equations import solve_linear
 from mems_impact.orbits.shooting import ACCEPTED, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
+NOISE_RATIO = 0.02  # ratio of two steps below `ACCEPTED` from which they are integration errors
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (
@@ -91,6 +93,7 @@ def newton(
 
     The iteration converges if the next step is below `TOLERANCE`, or if steps no longer shrink
     while no residual exceeds `ACCEPTED`, since they are then at the level of the integration error.
+    So are steps below `ACCEPTED` that no longer shrink quadratically.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
     also ends at residuals of the order of rounding.
 
@@ -108,15 +111,16 @@ def newton(
         if np.all(np.abs(residual) <= np.minimum(rounding, ACCEPTED)):
             return Solution(unknowns, point, min(needed, iteration))
         try:
-            change = np.linalg.solve(matrix, -residual)
+            change = solve_linear(matrix, -residual)
         except np.linalg.LinAlgError:
-            change = np.linalg.lstsq(matrix, -residual)[0]
+            change = np.asarray(np.linalg.lstsq(matrix, -residual)[0], dtype=float)
             if np.abs(matrix @ change + residual).max() > ACCEPTED:
                 break  # no step reduces the residual
         size = float(np.abs(change).max())
         if size < ACCEPTED:
             needed = min(needed, iteration)
-        stalled = size >= previous and float(np.abs(residual).max()) < ACCEPTED
+        slow = size >= (NOISE_RATIO * previous if previous < ACCEPTED else previous)
+        stalled = slow and float(np.abs(residual).max()) < ACCEPTED
         if size < TOLERANCE or stalled:
             return Solution(unknowns, point, min(needed, iteration))
         if not size <= MAX_STEP_NORM:

@@ -412,6 +412,14 @@ class Shooting:
 
         A pinned component depends on the other components of its sum, which is constant.
         """
+        key = first, *self.pinned.items()
+        known = vars(point).setdefault("_monodromies", {})  # of a point it is needed several times
+        if key not in known:
+            known[key] = self._monodromy(point, first)
+            known[key].setflags(write=False)
+        return np.asarray(known[key])
+
+    def _monodromy(self, point: ShootingEvaluation, first: int | None) -> Floats:
         free = self.free
         total: Floats = np.eye(len(free))
         for i, segment in enumerate(self.segments[:first]):

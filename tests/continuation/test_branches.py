@@ -271,9 +271,7 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
     orbit = first.orbit
-    problem = _BranchProblem(
-        found, orbit.shooting, orbit.point, first.direction, 0.1, 0.3, StepControl(), True
-    )
+    problem = _BranchProblem(found, orbit.shooting, 0.1, 0.3, StepControl(), True)
     along = first.direction if listed else -first.direction
     problem._reclassify_coincident(met, orbit.point, orbit.shooting, orbit.point, along)
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [

@@ -1,0 +1,118 @@
+"""Linear equations of multiple shooting: mostly zeros, with one block per segment.
+
+Small matrices are factorized densely. Beyond `SPARSE_SIZE` the sparse factorization is quicker by
+orders of magnitude, since its fill grows with the number of segments only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
+
+from mems_impact._util.arrays import Floats
+
+__all__ = ["SparseFactorization", "is_sparse", "null_vector", "solve_linear"]
+
+SPARSE_SIZE = 64  # least size of a matrix that is factorized sparsely
+MAX_DENSITY = 0.2  # largest part of nonzeros of such a matrix
+INVERSE_ITERATIONS = 4  # for a smallest singular value
+MAX_BORDERED_NORM = 1e6  # of the null vector in units of a border that is almost normal to it
+
+
+class SparseFactorization:
+    """LU factorization of a sparse square matrix.
+
+    Parameters
+    ----------
+    matrix : float array, shape (n, n)
+
+    Raises
+    ------
+    LinAlgError
+        If the matrix is singular.
+    """
+
+    def __init__(self, matrix: Floats) -> None:
+        try:
+            self._lu = splu(csc_matrix(matrix))
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError(str(error)) from error
+
+    def solve(self, right: Floats, *, transposed: bool = False) -> Floats:
+        """Return the solution for a right-hand side."""
+        return np.asarray(self._lu.solve(right, "T" if transposed else "N"))
+
+    @property
+    def sign(self) -> float:
+        """Sign of the determinant."""
+        pivots = np.sign(self._lu.U.diagonal()).prod()
+        return float(pivots * _parity(self._lu.perm_r) * _parity(self._lu.perm_c))
+
+    def smallest_singular_value(self) -> float:
+        """Return the smallest singular value, by inverse iteration."""
+        x = np.ones(self._lu.shape[0])
+        size = 0.0
+        for _ in range(INVERSE_ITERATIONS):
+            x = self.solve(self.solve(x / np.linalg.norm(x), transposed=True))
+            size = float(np.linalg.norm(x))
+        return float(size**-0.5)
+
+
+def _parity(permutation: np.ndarray) -> float:
+    """Return the sign of a permutation."""
+    seen, sign = np.zeros(permutation.size, dtype=bool), 1.0
+    for start in range(permutation.size):
+        length, place = 0, start
+        while not seen[place]:
+            seen[place], place, length = True, permutation[place], length + 1
+        if length and length % 2 == 0:
+            sign = -sign
+    return sign
+
+
+def is_sparse(matrix: Floats) -> bool:
+    """Return whether a matrix is large and has mostly zeros."""
+    if len(matrix) < SPARSE_SIZE:
+        return False
+    return bool(np.count_nonzero(matrix) <= MAX_DENSITY * matrix.size)
+
+
+def solve_linear(matrix: Floats, right: Floats) -> Floats:
+    """Solve a system of linear equations.
+
+    Raises
+    ------
+    LinAlgError
+        If the matrix is singular.
+    """
+    if is_sparse(matrix):
+        return SparseFactorization(matrix).solve(right)
+    return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+
+
+def null_vector(matrix: Floats) -> Floats:
+    """Return a unit null vector of a matrix with one row less than columns, of arbitrary sign."""
+    if is_sparse(matrix):
+        border = np.zeros(matrix.shape[1])
+        border[-1] = 1.0
+        # The null vector is the better border: the bordered matrix is then as regular as can be.
+        for _ in range(2):
+            found = _bordered_null_vector(matrix, border)
+            if found is None:
+                break
+            border = found
+        else:
+            return border
+    # The last right singular vector
+    return np.asarray(np.linalg.svd(matrix)[2][-1])
+
+
+def _bordered_null_vector(matrix: Floats, border: Floats) -> Floats | None:
+    """Return the unit null vector by a solve with a border; None if that is ill-conditioned."""
+    try:
+        found = SparseFactorization(np.vstack([matrix, border])).solve(np.eye(border.size)[-1])
+    except np.linalg.LinAlgError:
+        return None
+    size = float(np.linalg.norm(found))
+    return np.asarray(found / size) if size < MAX_BORDERED_NORM else None
