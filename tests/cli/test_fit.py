@@ -109,3 +109,18 @@ def test_bad_input_is_one_line(cli, arguments, named):
     said = cli(*arguments).complaint()
     for word in named:
         assert word in said
+
+
+def test_a_comb_has_no_pull_in(cli, tmp_path):
+    numbers = "\n".join(f"{name} = {value!r}" for name, value in MITA if name != "units")
+    comb = "[comb_drive]\nfingers = 100\ngap = '2 um'\nthickness = '20 um'\noverlap = '30 um'\n"
+    path = tmp_path / "comb.toml"
+    path.write_text(f"units = 'SI'\n[parameters]\n{numbers}\n{comb}")
+    done = cli("pull-in", str(path))
+    assert done.status == 0
+    assert "no pull-in with CombDrive" in done.out
+    assert "pull-in voltage [V]" not in done.out
+    resting = next(line for line in done.out.splitlines() if "resting voltage [V]" in line)
+    assert float(resting.split()[-1]) == pytest.approx(36.6798112, rel=1e-8)
+    wider = cli("pull-in", str(path), "--set", "comb_drive.gap=4e-6")
+    assert f"{math.sqrt(2.0) * 36.6798112:.6g}" in wider.out

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from mems_impact.actuator.results import ActuatorRun as Run
 
-__all__ = ["OF_RUN", "Fit", "Target", "fit", "of_device"]
+__all__ = ["OF_DEVICE", "OF_RUN", "Fit", "Target", "fit"]
 
 # --- Measured quantities and their computed values
 
@@ -72,11 +72,6 @@ OF_DEVICE: dict[str, tuple[Callable[[Actuator], float], str]] = {
     "resonance": (lambda a: math.sqrt(a.k / a.m2), "rad/s"),
 }
 QUANTITIES = (*OF_RUN, *OF_DEVICE)
-
-
-def of_device(actuator: Actuator) -> dict[str, tuple[float, str]]:
-    """Return the quantities of the device alone, by name, each with its SI unit."""
-    return {name: (value(actuator), unit) for name, (value, unit) in OF_DEVICE.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

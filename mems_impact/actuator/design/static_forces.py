@@ -39,7 +39,7 @@ class StaticForces:
     """
 
     def __init__(self, actuator: Actuator) -> None:
-        self.actuator = actuator.to_dimensionless()
+        self.actuator, self._given = actuator.to_dimensionless(), actuator.terms
         terms = [term for term in self.actuator.terms if term.layer == 0]
         charged = [term for term in self.actuator.terms if isinstance(term, ChargeDrive)]
         self._parasitic = [term.numbers(self.actuator.scales)[0] for term in charged]
@@ -91,7 +91,7 @@ class StaticForces:
                 f"no pull-in with {type(comb).__name__}: its force does not depend on the "
                 "position; use resting_voltage, at which the block reaches the stopper"
             )
-            raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+            raise InvalidParameter("terms", self._given, "", problem=problem)
         return math.sqrt(max(best, 0.0))
 
     def contact(self) -> float:
@@ -172,7 +172,7 @@ class StaticForces:
         if not np.abs(rates(found)).max() <= BALANCED * max(1.0, np.abs(first).max()):
             names = ", ".join(term.name() for term in self._terms if term.states(term.shape))
             problem = f"the equilibrium of the states of {names} is unknown; simulate instead"
-            raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+            raise InvalidParameter("terms", self._given, "", problem=problem)
         return found
 
     def after_impact(self, speed: float) -> Floats:
@@ -203,7 +203,7 @@ class StaticForces:
             if holds:
                 names = ", ".join(term.name() for term in self._terms)
                 problem = f"no formula for the step with {names}: {reason}; simulate instead"
-                raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
+                raise InvalidParameter("terms", self._given, "", problem=problem)
 
 
 def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
