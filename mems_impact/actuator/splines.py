@@ -14,6 +14,7 @@ __all__ = ["COEFFICIENTS", "MIN_POINTS", "TableSpline", "coefficients", "spline_
 
 MIN_POINTS = 4
 COEFFICIENTS = 6  # of an interval
+BEYOND_RATIO = 0.125  # of the length of a table, over which it is continued by a cubic
 MAX_SLOPE_RATIO = 1.25  # of a slope to the adjacent secants, below which an interval is monotone
 
 
@@ -99,7 +100,9 @@ def _limited_slopes(h: Floats, rises: Floats) -> Floats:
 class TableSpline(NamedTuple):
     """A spline through a table, as functions ``f(x, p)`` for numba.
 
-    Beyond the table it is continued by its tangent.
+    Beyond the table it is continued by its Taylor polynomial of third order over an eighth of the
+    table, and then by a tangent: a step that ends at a stopper has trial points beyond it, and
+    differences of derivatives too.
 
     Attributes
     ----------
@@ -123,39 +126,45 @@ def spline_functions(at: int, polynomials: int, count: int) -> TableSpline:
     """
     last = count - 1
 
-    def interval(x, p):  # type: ignore[no-untyped-def]
+    def place(x, p):  # type: ignore[no-untyped-def]
+        # Interval, position in it from 0 to 1, its length, and the distances beyond the table along
+        # the Taylor polynomial and along its tangent.
+        inside = min(max(x, p[at]), p[at + last])
         low, high = 0, last
         while high - low > 1:
             middle = (low + high) // 2
-            if x >= p[at + middle]:
+            if inside >= p[at + middle]:
                 low = middle
             else:
                 high = middle
-        return low
+        h = p[at + low + 1] - p[at + low]
+        most = BEYOND_RATIO * (p[at + last] - p[at])
+        curved = min(max(x - inside, -most), most)
+        return low, (inside - p[at + low]) / h, h, curved, x - inside - curved
+
+    def taylor(i, u, p):  # type: ignore[no-untyped-def]
+        # Value and derivatives by the position in the interval, over their factorials.
+        c = polynomials + COEFFICIENTS * i
+        value, first, second, third = p[c + 5], 0.0, 0.0, 0.0
+        for k in range(4, -1, -1):
+            third = third * u + second
+            second = second * u + first
+            first = first * u + value
+            value = value * u + p[c + k]
+        return value, first, second, third
 
     def value(x, p):  # type: ignore[no-untyped-def]
-        inside = min(max(x, p[at]), p[at + last])
-        i = interval(inside, p)
-        h = p[at + i + 1] - p[at + i]
-        u = (inside - p[at + i]) / h
-        c = polynomials + COEFFICIENTS * i
-        found = p[c + 5]
-        slope = 0.0
-        for k in range(4, -1, -1):
-            slope = slope * u + found
-            found = found * u + p[c + k]
-        return found + slope / h * (x - inside)
+        i, u, h, curved, straight = place(x, p)
+        a, b, c, d = taylor(i, u, p)
+        s = curved / h
+        tangent = (b + s * (2.0 * c + s * 3.0 * d)) / h
+        return a + s * (b + s * (c + s * d)) + straight * tangent
 
     def slope(x, p):  # type: ignore[no-untyped-def]
-        inside = min(max(x, p[at]), p[at + last])
-        i = interval(inside, p)
-        h = p[at + i + 1] - p[at + i]
-        u = (inside - p[at + i]) / h
-        c = polynomials + COEFFICIENTS * i
-        found = 5.0 * p[c + 5]
-        for k in range(4, 0, -1):
-            found = found * u + k * p[c + k]
-        return found / h
+        i, u, h, curved, _ = place(x, p)
+        _, b, c, d = taylor(i, u, p)
+        s = curved / h
+        return (b + s * (2.0 * c + s * 3.0 * d)) / h
 
     def piece(i, u, p):  # type: ignore[no-untyped-def]
         c = polynomials + COEFFICIENTS * i
@@ -165,12 +174,14 @@ def spline_functions(at: int, polynomials: int, count: int) -> TableSpline:
         return found * (p[at + i + 1] - p[at + i])
 
     def integral(x, p):  # type: ignore[no-untyped-def]
-        inside = min(max(x, p[at]), p[at + last])
-        i = interval(inside, p)
-        total = piece(i, (inside - p[at + i]) / (p[at + i + 1] - p[at + i]), p)
+        i, u, h, curved, straight = place(x, p)
+        total = piece(i, u, p)
         for j in range(i):
             total += piece(j, 1.0, p)
-        beyond = x - inside
-        return total + beyond * (value(inside, p) + 0.5 * beyond * slope(inside, p))
+        a, b, c, d = taylor(i, u, p)
+        s = curved / h
+        total += curved * (a + s * (b / 2.0 + s * (c / 3.0 + s * d / 4.0)))
+        end = a + s * (b + s * (c + s * d))
+        return total + straight * (end + 0.5 * straight * (b + s * (2.0 * c + s * 3.0 * d)) / h)
 
     return TableSpline(value, slope, integral)
