@@ -47,8 +47,12 @@ class TabulatedCapacitance(TableTerm):
     the voltage, so that the energy balance holds to the tolerance of the integration.
 
     The spline passes through every point, so its derivative amplifies noise: smooth a noisy
-    measurement first. `alpha` and `d` do not enter the force of these electrodes; `alpha`
-    determines the units of the scaled variables.
+    measurement first. A few points beyond the stoppers make the derivatives there more accurate.
+    ``TabulatedCapacitance.from_csv(path, column_units=("um", "fF"))`` reads a file of two columns;
+    in a device file, these are the entries ``file`` and ``column_units``.
+
+    `alpha` and `d` do not enter the force of these electrodes; `alpha` determines the units of the
+    scaled variables.
 
     Examples
     --------

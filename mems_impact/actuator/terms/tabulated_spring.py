@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import X2
-from mems_impact.actuator.terms.base import ParameterIndices, Shape, TermContribution
+from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, TermContribution
 from mems_impact.actuator.terms.table import TableNumbers, TableTerm
+from mems_impact.errors import InvalidParameter
 
 __all__ = ["TabulatedSpring"]
+
+STIFFNESS_RTOL = 0.01  # difference of k from the stiffness of the table at x2 = 0
 
 
 class TabulatedSpring(TableTerm):
@@ -26,7 +29,8 @@ class TabulatedSpring(TableTerm):
     ------
     InvalidParameter
         If a value is out of range, the positions do not ascend, or the lengths differ; if the table
-        does not cover the travel of the block.
+        does not cover the travel of the block, or its stiffness at x2 = 0 is positive and differs
+        from `k` by more than 1 %.
 
     See Also
     --------
@@ -35,9 +39,13 @@ class TabulatedSpring(TableTerm):
     Notes
     -----
     The interpolant is that of `TabulatedCapacitance`; it is monotone wherever three successive
-    intervals of the table are. The energy of the spring is its integral. `k` does not enter the
-    force: it determines the units of the scaled variables, and the estimates for small deflections.
-    ``slope(0.0)`` is the stiffness of the table at x2 = 0, the natural choice of `k`.
+    intervals of the table are. The energy of the spring is its integral; in the table of `energy`
+    the account "spring" is k x2^2/2, and "tabulated_spring" the rest.
+
+    `k` does not enter the force: it is the stiffness of small oscillations, ``slope(0.0)`` of the
+    table. `Actuator.from_design` takes it from there. ``TabulatedSpring.from_csv(path,
+    column_units=("um", "uN"))`` reads a file of two columns; in a device file, these are the
+    entries ``file`` and ``column_units``.
 
     Examples
     --------
@@ -61,6 +69,17 @@ class TabulatedSpring(TableTerm):
         """Return the energy of the spring at a position, 0 at x2 = 0, in the units of the table."""
         spline, p = self.own_spline()
         return float(spline.integral(position, p) - spline.integral(0.0, p))
+
+    def check_on(self, actuator: Device) -> None:
+        """Raise InvalidParameter if the table does not fit the travel or the stiffness."""
+        super().check_on(actuator)
+        own, unit = self.slope(0.0), " N/m" if actuator.units == "SI" else ""
+        if own > 0.0 and abs(actuator.k / own - 1.0) > STIFFNESS_RTOL:
+            problem = (
+                f"have the stiffness {own:.6g}{unit} at x2 = 0, and k is "
+                f"{actuator.k:.6g}{unit}; set k to that stiffness"
+            )
+            raise InvalidParameter("tabulated_spring.forces", None, "", problem=problem)
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:

@@ -258,6 +258,10 @@ def test_spring_from_a_table():
     assert HARDENING.energy(0.5) == pytest.approx(stored, rel=1e-12)
     kick = mi.kicked_state(ZHAO.adding(HARDENING))
     assert 0.5 * kick.v2**2 == pytest.approx(4.0 * stored, rel=1e-12)
+    with pytest.raises(
+        mi.InvalidParameter, match=r"forces: have the stiffness 1 at x2 = 0, .* k is 2"
+    ):
+        ZHAO.replace(k=2.0).adding(HARDENING)
     x = np.linspace(-3e-6, 3e-6, 31)
     device = mi.Actuator.from_design(
         terms=[mi.TabulatedSpring(positions=x, forces=10.0 * x + 1e12 * x**3)],
