@@ -9,6 +9,8 @@ from .actuator.design.characteristics import impact_onset as impact_onset
 from .actuator.design.characteristics import period_one_window as period_one_window
 from .actuator.design.characteristics import resolution as resolution
 from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
+from .actuator.design.closing import Closing as Closing
+from .actuator.design.closing import closing as closing
 from .actuator.design.data_sheet import DataSheet as DataSheet
 from .actuator.design.energy import Energy as Energy
 from .actuator.design.energy import energy as energy
@@ -26,6 +28,8 @@ from .actuator.design.operating_chart import OperatingChart as OperatingChart
 from .actuator.design.operating_chart import operating_chart as operating_chart
 from .actuator.design.ring_down import RingDown as RingDown
 from .actuator.design.ring_down import ring_down as ring_down
+from .actuator.design.soft_landing import SoftLanding as SoftLanding
+from .actuator.design.soft_landing import soft_landing as soft_landing
 from .actuator.design.wear import WearLife as WearLife
 from .actuator.design.wear import life as life
 from .actuator.drives.base import Drive as Drive
@@ -33,14 +37,17 @@ from .actuator.drives.burst import Burst as Burst
 from .actuator.drives.custom import Custom as Custom
 from .actuator.drives.files import load_drive as load_drive
 from .actuator.drives.pulse import Pulse as Pulse
+from .actuator.drives.pulse_and_hold import PulseAndHold as PulseAndHold
 from .actuator.drives.sampled import Sampled as Sampled
 from .actuator.drives.sine import Sine as Sine
 from .actuator.drives.square import Square as Square
+from .actuator.drives.step import Step as Step
 from .actuator.drives.trapezoid import Trapezoid as Trapezoid
 from .actuator.drives.two_sided import TwoSided as TwoSided
 from .actuator.parameters import Actuator as Actuator
 from .actuator.parameters import load_actuator as load_actuator
 from .actuator.plots import plot_chart as plot_chart
+from .actuator.plots import plot_closing as plot_closing
 from .actuator.plots import plot_drive as plot_drive
 from .actuator.plots import plot_energy as plot_energy
 from .actuator.plots import plot_load as plot_load

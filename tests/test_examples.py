@@ -22,6 +22,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "bifurcation_diagram": {"branch"},
     "basin_boundary": {"basins"},
     "electrodes": {"pull_in"},
+    "contact_switch": {"landing"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},

@@ -46,8 +46,10 @@ from mems_impact.plotting.trajectories import (
 )
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.design.closing import Closing
     from mems_impact.actuator.design.energy import Energy
     from mems_impact.actuator.design.load_curve import LoadCurve
+    from mems_impact.actuator.design.soft_landing import SoftLanding
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
 __all__ = [
     "forcing_period_of",
     "plot_chart",
+    "plot_closing",
     "plot_drive",
     "plot_energy",
     "plot_load",
@@ -546,6 +549,99 @@ def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Join excerpts with a gap in the line between them, where the voltage may jump."""
     gap = np.array([np.nan])
     return np.concatenate([piece for part in parts for piece in (part, gap)])[:-1]
+
+
+# --- Closing of a contact
+
+CLOSING_POINTS = 2000  # of the curve of the block
+CLOSING_MARGIN = 1.3  # length of the figure relative to the settling time
+
+
+@styled
+def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, Any, Any]:
+    """Draw displacement, voltage and contact over time.
+
+    Parameters
+    ----------
+    closing : Closing or SoftLanding
+    ax : three matplotlib Axes, optional
+        Axes for displacement, voltage and contact; a new figure by default.
+
+    Returns
+    -------
+    tuple of Axes
+        ``axes[0].figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    closing, soft_landing, plot_run
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> switch = mi.load_actuator("abdulrahim2016")
+    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> mi.plot_closing(found)[0].figure.savefig("closing.png")
+    """
+    found: Closing = getattr(closing, "closing", closing)
+    run, table = found.run, found.table
+    if ax is None:
+        ax = new_figure(1.5).subplots(3, sharex=True, height_ratios=(4, 2, 1.2))
+        letter_panels(ax)
+    block, volts, contact = given_axes(ax, 3, "for displacement, voltage and contact")
+    drive, delta, period = run.drive, run.actuator.delta, run.system.forcing_period
+    end = run.periods * period
+    if math.isfinite(found.settling_time):
+        late = [time for time in drive.switches if time < period]
+        end = min(end, CLOSING_MARGIN * max(found.settling_time, *late, 0.0))
+    share = end / period
+    samples = run.samples(max(1, math.ceil(CLOSING_POINTS / share)), 0.0, share)
+    sides = {"right": delta, "left": -delta}
+    stoppers = set(table["stopper"]) or {"right"}
+    for name in stoppers:
+        block.axhline(sides[name], color=color("guide"), zorder=1, **DASHES)
+    block.plot(samples["t"], samples["x2"], color=color("motion"))
+    hits = table[table["t"] <= end]
+    if len(hits):
+        places = hits["stopper"].map(sides).astype(float)
+        block.plot(hits["t"], places, color=color("impact"), clip_on=False, **IMPACT)
+    borders = sorted({0.0, *(time for time in drive.switches if time < end), end})
+    for left in (False, True)[: 1 if drive.left_voltage is None else 2]:
+        parts = [np.linspace(a, np.nextafter(b, 0.0), CLOSING_POINTS // 10)
+                 for a, b in pairwise(borders)]  # fmt: skip
+        time = np.concatenate(parts)
+        volts.plot(time, drive.value(time % period, left=left), color=color("voltage"),
+                   linestyle=LINES[int(left)])  # fmt: skip
+    _draw_contacts(contact, found, end)
+    block.set_xlim(0.0, end)
+    label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
+    label_axis(volts.yaxis, Label("voltage", "V" if run.system.scales.named else ""))
+    contact.set_yticks([])
+    contact.set_ylabel("contact")
+    label_axis(contact.xaxis, label_of(samples, "t", "time"))
+    _key_of_closing(block)
+    return block, volts, contact
+
+
+def _draw_contacts(ax: Any, closing: Closing, end: float) -> None:
+    """Draw the times of contact as bars, an instantaneous one as a line."""
+    table, own = closing.table, {"color": color("impact")}
+    for start, length in zip(table["t"], table["contact"], strict=True):
+        if length == 0.0:
+            ax.axvline(start, linewidth=thickness(0.6), **own)
+        elif math.isfinite(length):
+            ax.axvspan(start, start + length, linewidth=0.0, **own)
+    if math.isfinite(closing.settling_time):
+        ax.axvspan(closing.settling_time, end, linewidth=0.0, **own)
+
+
+def _key_of_closing(ax: Any) -> None:
+    from matplotlib.lines import Line2D
+
+    legend_above(ax, [
+        Line2D([], [], label="impact", color=color("impact"), **IMPACT),
+        Line2D([], [], label="stopper", color=color("guide"), **DASHES),
+    ])  # fmt: skip
 
 
 # --- Energy accounts

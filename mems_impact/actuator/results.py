@@ -53,8 +53,10 @@ __all__ = [
 
 ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
 COLUMN_UNITS = {
-    "time": "s",
-    **dict.fromkeys(["x1", "x2", "step", "displacement", "formula", "closest approach"], "m"),
+    **dict.fromkeys(["time", "contact", "flight"], "s"),
+    **dict.fromkeys(
+        ["height", "x1", "x2", "step", "displacement", "formula", "closest approach"], "m"
+    ),
     **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
     **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
     **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),

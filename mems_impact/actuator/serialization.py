@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 
 from mems_impact.actuator.design.characteristics import DutyCycle
+from mems_impact.actuator.design.closing import Closing
 from mems_impact.actuator.design.energy import Energy, WorkSums
 from mems_impact.actuator.design.load_curve import LoadCurve
 from mems_impact.actuator.design.operating_chart import OperatingChart
 from mems_impact.actuator.design.ring_down import RingDown
+from mems_impact.actuator.design.soft_landing import SoftLanding
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
 from mems_impact.actuator.impact_statistics import BlowCounter, RestDetector
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
@@ -103,6 +106,7 @@ register(
     reading=lambda parts, reader: _ledger(_system(parts, reader)),
 )
 register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
+register(PulseAndHold, parts=table_of, reading=lambda parts, reader: drive_of(parts))
 register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})
 register_run(ActuatorRun)
 register(ActuatorOrbit)
@@ -111,6 +115,8 @@ register(Energy)
 register(LoadCurve)
 register(DutyCycle)
 register(RingDown)
+register(Closing)
+register(SoftLanding)
 register(WorkSums)
 register_object(Accumulator)
 register_object(BlowCounter)

@@ -407,6 +407,7 @@ class ActuatorSystem(ActuatorNumerics):
             drive.check_without_units()
         drive.check_texts(drive_unit(actuator.terms))
         drive.check()
+        drive.check_period()
         self._put(actuator, drive, scales or actuator.scales)
         if self._signed or self.source is not drive:
             drive.check_signed()

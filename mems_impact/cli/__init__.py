@@ -34,6 +34,7 @@ __all__ = ["main"]
 COMMAND_NAMES = (
     "basins",
     "chart",
+    "closing",
     "completion",
     "continue",
     "datasheet",
@@ -52,6 +53,7 @@ COMMAND_NAMES = (
     "sensitivity",
     "show",
     "simulate",
+    "soft-landing",
     "sweep",
     "terms",
     "tolerances",

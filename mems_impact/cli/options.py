@@ -517,35 +517,43 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
 # --- Options of the drive
 
 KEY = "mems_impact.drive"
+USUAL_KIND = "sine"
 DRIVE_PREFIX = "drive_"  # keeps names apart from the command's own options
 
 # Options can describe a waveform whose parameters are all among these; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
-    "amplitude": ("Amplitude f of the voltage; top of a square wave or pulse [V].", None),
+    "amplitude": ("Amplitude f of the voltage; top of a square wave, pulse or step [V].", None),
     "omega": ("Angular frequency of the voltage [rad/s].", None),
     "frequency": ("Frequency of the voltage, omega/(2 pi) [Hz].", None),
     "bias": ("Constant part of a sine or trapezoid [V].", "0"),
     "phase": ("Phase lead of the voltage [rad].", "0"),
     "duty": ("Duty cycle of a square wave.", "0.5"),
-    "rise": ("Rise time of a square wave (both flanks) or pulse [s].", "0"),
+    "rise": ("Rise time of a square wave (both flanks), pulse or step [s].", "0"),
     "fall": ("Fall time of a pulse [s].", "0"),
-    "low": ("Voltage between the pulses [V].", "0"),
+    "low": ("Voltage between pulses, or after a pulse [V].", "0"),
     "flat": ("Share of the period in which a trapezoid is constant.", "0.5"),
     "width": ("Width of a pulse [s].", None),
     "period": ("Period of pulses, or of a measured voltage [s].", None),
+    "pause": ("Pause between pulse and hold [s].", "0"),
+    "hold": ("Voltage that holds the block after pulse and pause [V].", None),
+    "duration": ("Time after which a step, or pulse and hold, starts again [s].", "never"),
 }
 """Help text of each number, and its default in words."""
 
 EQUIVALENT = {"omega": "frequency", "frequency": "omega"}
 """Numbers that exclude each other."""
 
-OPTION_NAMES = {"period": "--drive-period"}
-"""The option of a number, where their names differ: --period would resemble --periods."""
+OPTION_NAMES = {"period": "--drive-period", "duration": "--drive-duration"}
+"""The option of a number, where their names differ.
+
+``--period`` would resemble ``--periods``; ``--duration`` is the length of a run.
+"""
 
 
 NUMBER_UNITS = {
     "amplitude": "V", "omega": "rad/s", "frequency": "Hz", "bias": "V", "phase": "rad",
     "rise": "s", "fall": "s", "low": "V", "width": "s", "period": "s",
+    "pause": "s", "hold": "V", "duration": "s",
 }  # fmt: skip
 """SI units of these numbers."""
 
@@ -574,31 +582,39 @@ def _number(name: str) -> Decorator:
     )
 
 
-drive_options = apply_decorators(
-    click.option(
-        "--drive",
-        f"{DRIVE_PREFIX}choice",
-        metavar="KIND|FILE",
-        callback=_collect,
-        expose_value=False,
-        show_default="the table [drive] of the device's file, else a sine",
-        help=f"Waveform of the voltage: a kind ({', '.join(WAVEFORMS)}), described by the numbers "
-        "below, or a file: TOML with a table [drive], or a measured voltage as CSV. Numbers given "
-        "beside a file replace those in it.",
-    ),
-    click.option(
-        "--allow-code",
-        f"{DRIVE_PREFIX}allow_code",
-        is_flag=True,
-        callback=_collect,
-        expose_value=False,
-        help="Run the Python code that a file names. It has all your permissions: read it first.",
-    ),
-    *map(_number, NUMBERS),
-)
+def _drive_options(usual: str) -> Decorator:
+    """Return the options of a drive, of a kind if neither an option nor a file names one."""
+    return apply_decorators(
+        click.option(
+            "--drive",
+            f"{DRIVE_PREFIX}choice",
+            metavar="KIND|FILE",
+            callback=_collect,
+            expose_value=False,
+            show_default=f"the table [drive] of the device's file, else a {usual}",
+            help=f"Waveform of the voltage: a kind ({', '.join(WAVEFORMS)}), described by the "
+            "numbers below, or a file: TOML with a table [drive], or a measured voltage as CSV. "
+            "Numbers given beside a file replace those in it.",
+        ),
+        click.option(
+            "--allow-code",
+            f"{DRIVE_PREFIX}allow_code",
+            is_flag=True,
+            callback=_collect,
+            expose_value=False,
+            help="Run the Python code that a file names. It has all your permissions: read it "
+            "first.",
+        ),
+        *map(_number, NUMBERS),
+    )
 
 
-def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
+drive_options = _drive_options(USUAL_KIND)
+step_options = _drive_options("step")
+pulse_and_hold_options = _drive_options("pulse-and-hold")
+
+
+def drive_from(varied: Mapping[str, float] | None = None, *, usual: str = USUAL_KIND) -> Drive:
     """Return the drive that the options of the running command describe.
 
     Parameters
@@ -606,10 +622,12 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     varied : mapping of str to float, optional
         Parameters that the command varies, and their first values. Parameters that the drive lacks
         are ignored.
+    usual : str, optional
+        Kind of the drive if neither an option nor the file of the device names one.
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
     given.pop("choice", None)
-    choice = drive_choice()
+    choice = drive_choice(usual)
     allow_code = given.pop("allow_code", False)
     for name in varied or {}:
         if name in given:
@@ -622,7 +640,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     return _of_file(choice, given, varied or {}, allow_code)
 
 
-def drive_choice() -> str:
+def drive_choice(usual: str = USUAL_KIND) -> str:
     """Return the kind or file of the drive; for a device file with a drive, that file."""
     from mems_impact.actuator.drives.files import holds_drive
 
@@ -631,7 +649,7 @@ def drive_choice() -> str:
     if chosen is not None:
         return chosen
     device = context.params.get("device")
-    return device if isinstance(device, str) and holds_drive(device) else "sine"
+    return device if isinstance(device, str) and holds_drive(device) else usual
 
 
 def drive_source() -> str:

@@ -67,6 +67,8 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.Square(amplitude=1.0, omega=6.0),
         mi.Pulse(amplitude=1.0, width=0.1, period=1.0),
         mi.Trapezoid(amplitude=1.0, omega=6.0),
+        mi.Step(amplitude=1.0),
+        mi.PulseAndHold(amplitude=1.0, width=0.1, hold=0.5),
         mi.Sampled(times=(0.0, 0.5), voltages=(0.0, 1.0), period=1.0),
         mi.Burst(wave=sine, on=3.0, off=2.0),
         mi.TwoSided(right=sine, left=sine),
@@ -110,6 +112,9 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(mi.fit(actuator, [target], ["k"]), mi.Fit)
     assert_type(mi.load_curve(actuator, drive, [0.0]), mi.LoadCurve)
     assert_type(mi.ring_down(actuator, drive), mi.RingDown)
+    assert_type(mi.closing(actuator, drive, duration="50 us"), mi.Closing)
+    assert_type(mi.soft_landing(actuator), mi.SoftLanding)
+    mi.plot_closing(mi.closing(actuator, drive))
     assert_type(mi.operating_chart(actuator), mi.OperatingChart)
     assert_type(mi.period_one_window(actuator, drive, low=1.0, high=2.0), mi.PeriodOneWindow)
     mi.resolution(mi.speed_over_voltage(actuator, drive, [1.0]))

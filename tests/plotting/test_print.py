@@ -115,6 +115,10 @@ def resisted():
     return mi.simulate(device, drive, 4, initial=mi.State(v2=0.6), options=options)
 
 
+def closing():
+    return mi.closing(mi.load_actuator("abdulrahim2016"), mi.Step(amplitude=90.0, rise=1e-6))
+
+
 def real():
     return mi.simulate(mi.load_actuator("mita2003"), mi.Sine(amplitude=100.0, omega=6.283), 3)
 
@@ -154,6 +158,7 @@ LONG = {
         mi.bifurcation_diagram(quadratic_map(), "a", 2.8, 3.3, depth=1, values=5)),
     "plot_manifold": lambda _: mi.plot_manifold(manifolds()),
     "plot_return_map": lambda _: mi.plot_return_map(mi.simulate(quadratic_map(), 60)),
+    "plot_closing": lambda _: mi.plot_closing(closing())[0],
     "plot_curve": lambda _: mi.plot_curve(curves()),
     "plot_drive": lambda _: two_sided(),
     "plot_drive of a source with a slew rate": lambda _: two_sided(mi.SlewRate(rate=2e5)),

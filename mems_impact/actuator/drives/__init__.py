@@ -8,6 +8,8 @@ WAVEFORMS = {
     "square": "Square",
     "pulse": "Pulse",
     "trapezoid": "Trapezoid",
+    "step": "Step",
+    "pulse-and-hold": "PulseAndHold",
     "sampled": "Sampled",
     "burst": "Burst",
     "two-sided": "TwoSided",

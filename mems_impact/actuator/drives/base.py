@@ -245,6 +245,9 @@ class Drive(Checked, ABC):
             )
             raise InvalidParameter("period", self.period, "", problem=problem)
 
+    def check_period(self) -> None:
+        """Raise InvalidParameter if the drive has no forcing period."""
+
     def check(self) -> None:
         """Raise InvalidParameter if floating-point numbers cannot represent the waveform.
 

@@ -1,0 +1,290 @@
+"""Closing of a contact: closing time, bounces, impact speeds, settling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import has_unit
+from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2, side_of
+from mems_impact.actuator.design.energy import Energy, energy
+from mems_impact.actuator.drives.aperiodic import AperiodicDrive
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.impact_statistics import is_impact
+from mems_impact.actuator.parameter_base import quantity
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.simulation import Trajectory, resample
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number
+from mems_impact.tables import table, words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Closing", "closing"]
+
+LENGTHS = (8.0, 64.0, 512.0)  # natural periods after the voltage is constant, until it settles
+FLIGHT_SAMPLES = 64  # of a bounce, for its height
+MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
+REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
+SIDES = np.array([side_of(mode) for mode in range(9)])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Closing(Result):
+    """Closing of the contact between block and stopper, in the units of the device.
+
+    Attributes
+    ----------
+    closing_time : float
+        Time of the first impact [s]; NaN if the contact does not close.
+    impact_speed : float
+        Speed of the block in the first impact [m/s].
+    bounces : int
+        Number of bounces on the stopper of the first impact that are at least `smallest_bounce`
+        high.
+    settling_time : float
+        Time from which on the block stays on that stopper [s]; NaN if it does not within the run.
+    stopper : str
+        "right" or "left"; empty if the contact does not close.
+    smallest_bounce : float
+        Least height of a bounce that counts, relative to the travel.
+    table : DataFrame
+        One row per impact: time t, stopper, impact speed; contact, the duration of the contact (0
+        for an impact with restitution); flight, the duration of the bounce that follows, and its
+        height. NaN if the block stays on the stopper, or does not return.
+    run : ActuatorRun
+        The run, from which `energy` is computed.
+
+    See Also
+    --------
+    closing, plot_closing, SoftLanding
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> switch = mi.load_actuator("abdulrahim2016")
+    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> f"{found.energy.lost:.3g} J dissipated"
+    '6.97e-11 J dissipated'
+    """
+
+    si_units = {"closing_time": "s", "impact_speed": "m/s", "settling_time": "s"}  # noqa: RUF012 - ClassVar in SummaryRepr
+
+    closing_time: float
+    impact_speed: float
+    bounces: int
+    settling_time: float
+    stopper: str
+    smallest_bounce: float
+    table: pd.DataFrame = field(repr=False)
+    run: ActuatorRun = field(repr=False)
+    si: bool = False
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energy balance of the run: given by the drive, lost and stored."""
+        return energy(self.run, 0.0, self.run.periods)
+
+
+def closing(
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    duration: float | str | None = None,
+    initial: State | Mapping[str, float] | None = None,
+    smallest_bounce: float = 0.01,
+    options: Options = Options(),  # noqa: B008 - immutable
+) -> Closing:
+    """Compute the closing of a contact: closing time, bounces, impact speeds, settling.
+
+    The stopper is the contact of a switch, the block its armature.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        A voltage that is switched on at t = 0: `Step` or `PulseAndHold`, or the first part of any
+        other drive.
+    duration : float or str, optional
+        Length of the run [s], or a text such as ``"50 us"``. By default it ends when the contact
+        stays closed, after at most 512 natural periods of the block; with a periodic drive after
+        one forcing period.
+    initial : State or mapping of str to float, optional
+        Initial state; at rest in the middle by default.
+    smallest_bounce : float, optional
+        Least height of a bounce that counts, relative to the travel; > 0. With restitution, a
+        chatter sequence has infinitely many bounces.
+    options : Options, optional
+        Options of the integration.
+
+    Returns
+    -------
+    Closing
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+
+    See Also
+    --------
+    Closing, plot_closing, soft_landing, pull_in_voltage
+
+    Notes
+    -----
+    An actuator with a heavy frame is a switch on a chip that keeps its place. A compliant stopper
+    (`CompliantStopper`) makes contacts of finite duration.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> switch = mi.load_actuator("abdulrahim2016")
+    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> f"{found.closing_time * 1e6:.1f} us at {found.impact_speed:.3f} m/s"
+    '27.8 us at 0.234 m/s'
+    >>> found.bounces, f"{found.settling_time * 1e6:.1f} us"
+    (2, '37.4 us')
+    """
+    if not isinstance(actuator, Actuator):
+        raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
+    if not isinstance(drive, Drive):
+        raise InvalidParameter("drive", drive, "a Drive, such as Step(amplitude=…)")
+    given: Any = quantity("duration", duration, "s") if has_unit(duration) else duration
+    if given is not None and not (is_number(given) and given > 0.0):
+        raise InvalidParameter("duration", duration, "a finite number > 0")
+    if not (is_number(smallest_bounce) and 0.0 < smallest_bounce < 1.0):
+        raise InvalidParameter("smallest_bounce", smallest_bounce, "between 0 and 1 (exclusive)")
+    natural = natural_period(actuator)
+    if given is None and isinstance(drive, AperiodicDrive) and drive.duration is None:
+        lengths = [drive.switching_time + count * natural for count in LENGTHS]
+    else:
+        lengths = [given or drive.period]
+    for length in lengths:
+        run = run_of(actuator, drive, float(length), initial, options)
+        since = rest_start(run.trajectory)
+        if length - float(run.system.out("time", since)) > REST_LENGTH * natural:
+            break
+    return result_of(run, smallest_bounce)
+
+
+def natural_period(actuator: Actuator) -> float:
+    """Return the period of the free oscillation of the block in a held frame, without damping."""
+    return 2.0 * math.pi * math.sqrt(actuator.m2 / actuator.k)
+
+
+def run_of(
+    actuator: Actuator,
+    drive: Drive,
+    length: float,
+    initial: State | Mapping[str, float] | None,
+    options: Options,
+) -> ActuatorRun:
+    """Return the run from the switching on of a voltage over a length in the device's units."""
+    if isinstance(drive, AperiodicDrive) and drive.duration is None:
+        drive = drive.lasting(length)
+    system = ActuatorSystem(actuator, drive)
+    periods = length / system.forcing_period
+    run: Any = simulate(system, periods, initial=initial, window=(0.0, periods), options=options)
+    return run
+
+
+def rest_start(trajectory: Trajectory) -> float:
+    """Return the time since which the block has been on a stopper; NaN if it is not at the end."""
+    log = trajectory.events
+    if SIDES[trajectory.final.mode] == 0:
+        return math.nan
+    begins = np.flatnonzero((SIDES[log.mode_before] == 0) & (SIDES[log.mode_after] != 0))
+    return float(times(trajectory)[begins[-1]]) if begins.size else 0.0
+
+
+def times(trajectory: Trajectory) -> Floats:
+    """Return the times of all events since the start of the first forcing period."""
+    log = trajectory.events
+    found: Floats = log.cycle * trajectory.period + log.time
+    return found
+
+
+def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
+    """Return the closing of a run."""
+    system, trajectory = run.system, run.trajectory
+    log, when = trajectory.events, times(run.trajectory)
+    hits = np.flatnonzero(is_impact(log))
+    delta = float(system.internal_parameters["delta"])
+    side = np.where(log.guard[hits] == RIGHT_IMPACT, 1, -1)
+    contact, flight, height = (np.full(hits.size, math.nan) for _ in range(3))
+    for i, row in enumerate(hits.tolist()):
+        end, following = row, int(hits[i + 1]) if i + 1 < hits.size else len(log)
+        if SIDES[log.mode_after[row]] != 0:
+            leaves = np.flatnonzero(SIDES[log.mode_after[row:following]] == 0)
+            if not leaves.size:
+                continue
+            end = row + int(leaves[0])
+        contact[i] = when[end] - when[row]
+        if following < len(log):
+            flight[i] = when[following] - when[end]
+            height[i] = bounce_height(trajectory, end, following, delta, int(side[i]))
+    settled = rest_start(trajectory)
+    closed = bool(hits.size)
+    speeds = np.abs(log.before[hits, V2])
+    own = side == side[0] if closed else np.zeros(0, dtype=bool)
+    columns = {
+        "t": when[hits],
+        "impact speed": speeds,
+        "contact": contact,
+        "flight": flight,
+        "height": height,
+    }
+    found = table(columns, system)
+    found.insert(1, "stopper", words(["right", "left"], (side != 1).astype(np.int64)))
+    return Closing(
+        closing_time=float(system.out("time", when[hits[0]])) if closed else math.nan,
+        impact_speed=float(system.out("impact speed", speeds[0])) if closed else math.nan,
+        bounces=int((height[own] >= smallest_bounce * delta).sum()),
+        settling_time=float(system.out("time", settled)) if closed else math.nan,
+        stopper=("right" if side[0] == 1 else "left") if closed else "",
+        smallest_bounce=float(smallest_bounce),
+        table=found,
+        run=run,
+        si=system.scales.named,
+    )
+
+
+def bounce_height(
+    trajectory: Trajectory, leaves: int, returns: int, delta: float, side: int
+) -> float:
+    """Return the largest distance from a stopper in the flight between two events."""
+    log, period = trajectory.events, trajectory.period
+    start, end = log.instant(leaves), log.instant(returns)
+    length = (end.cycle - start.cycle) * period + end.time - start.time
+    speed = abs(float(start.y[V2]))
+    if speed * length < MIN_SAMPLED_HEIGHT * delta:
+        return 0.25 * speed * length  # of a parabola
+    end = HybridState(end.cycle, end.time, int(log.mode_before[returns]), log.before[returns])
+    count = math.ceil(FLIGHT_SAMPLES * period / length)
+    y = resample(trajectory.problem, start, end, count).y
+    x2 = np.concatenate([[start.y[X2]], y[:, X2], [end.y[X2]]])
+    v2 = np.concatenate([[start.y[V2]], y[:, V2], [end.y[V2]]])
+    turns = np.flatnonzero((side * v2[:-1] < 0.0) & (side * v2[1:] >= 0.0))
+    step = period / count
+    # Cubic Hermite interpolation around each turning point.
+    found = [float((delta - side * x2).max())]
+    for i in turns.tolist():
+        if 0 < i < x2.size - 2:
+            piece = CubicHermiteSpline([0.0, step], x2[i : i + 2], v2[i : i + 2])
+            places = piece.derivative().roots(extrapolate=False)
+            found += (delta - side * piece(places)).tolist()
+    return max(found)

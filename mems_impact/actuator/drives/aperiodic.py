@@ -1,0 +1,76 @@
+"""Base of voltages that are switched on once, without a forcing period."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Self
+
+from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, PiecewiseDrive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["AperiodicDrive"]
+
+WAVEFORM_PERIODS = 2.0  # of the switching: length on which a drive without a duration is checked
+
+
+class AperiodicDrive(PiecewiseDrive):
+    """Base of voltages that are switched on at t = 0 and constant from some time on.
+
+    A subclass has the field ``duration``, after which the voltage starts again; None if never.
+    """
+
+    if TYPE_CHECKING:
+        # Not at run time: it would become the first field of every subclass.
+        duration: float | None
+
+    @property
+    @abstractmethod
+    def switching_time(self) -> float:
+        """Time from which on the voltage is constant."""
+
+    @property
+    def period(self) -> float:
+        """Duration, after which the voltage starts again.
+
+        Raises
+        ------
+        InvalidParameter
+            If there is none.
+        """
+        self.check_period()
+        assert self.duration is not None
+        return self.duration
+
+    def check_period(self) -> None:
+        """Raise InvalidParameter if the drive has no duration, and so no forcing period."""
+        if self.duration is None:
+            problem = (
+                f"missing: a {type(self).__name__} without a duration has no forcing period; "
+                "compute its closing, or give the duration after which the voltage starts again"
+            )
+            raise InvalidParameter("duration", None, "", problem=problem)
+
+    def check(self) -> None:
+        """Raise InvalidParameter if floating-point numbers cannot represent the waveform."""
+        timed = self
+        if self.duration is None:
+            timed = self.lasting(WAVEFORM_PERIODS * self.switching_time or 1.0)
+        super(AperiodicDrive, timed).check()
+
+    def lasting(self, duration: float) -> Self:
+        """Return the same voltage with a duration."""
+        return self.replace(duration=duration)
+
+    @property
+    def lead(self) -> float:
+        """Zero: the voltage is switched on at t = 0."""
+        return 0.0
+
+    def _check_duration(self) -> None:
+        """Raise InvalidParameter if the duration ends before the voltage is constant."""
+        if self.duration is None:
+            return
+        first = self.switching_time
+        if not self.duration * (1.0 - MIN_PIECE_PERIODS) > first:
+            allowed = f"above {first:g}, from which on the voltage is constant"
+            raise InvalidParameter("duration", self.duration, allowed)

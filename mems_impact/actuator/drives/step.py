@@ -1,0 +1,68 @@
+"""Voltage steps."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from mems_impact.actuator.drives.aperiodic import AperiodicDrive
+from mems_impact.actuator.drives.piecewise import Piece
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+
+__all__ = ["Step"]
+
+
+class Step(AperiodicDrive):
+    """A voltage that is switched on at t = 0 and stays.
+
+    A step has no forcing period. Functions that need one, such as `find_orbit`, take a step with a
+    duration, after which the voltage starts again at 0.
+
+    Parameters
+    ----------
+    amplitude : float
+        Voltage after the rise [V], >= 0.
+    rise : float, optional
+        Duration of the rise from 0 [s], >= 0.
+    duration : float, optional
+        Time after which the voltage starts again [s], > rise; never by default.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+
+    See Also
+    --------
+    closing, PulseAndHold, Pulse
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Step(amplitude=0.6, rise=0.2, duration=20)
+    >>> float(drive.value(0.1)), float(drive.value(10.0))
+    (0.3, 0.6)
+    """
+
+    amplitude: NonNegative
+    rise: NonNegative = 0.0
+    duration: Positive | None = Field(default=None, description="a finite number > 0")
+
+    units = {"amplitude": "V", "rise": "s", "duration": "s"}  # noqa: RUF012 - ClassVar in Drive
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        self._check_duration()
+        return self
+
+    @property
+    def switching_time(self) -> float:
+        """End of the rise."""
+        return self.rise
+
+    def pieces(self) -> list[Piece]:
+        """Return the rise and the constant voltage."""
+        if self.rise == 0.0:
+            return [Piece(0.0, self.amplitude)]
+        return [Piece(0.0, 0.0, self.amplitude / self.rise), Piece(self.rise, self.amplitude)]

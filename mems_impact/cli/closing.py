@@ -1,0 +1,110 @@
+"""`mems-impact closing`: closing of a contact under a voltage step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.options import (
+    Initial,
+    QuantityType,
+    actuator_from,
+    device_options,
+    drive_from,
+    initial_option,
+    integrator_options,
+    output_options,
+    state_from,
+    step_options,
+)
+from mems_impact.cli.output import Output, OutputValue, show, show_table, show_values
+from mems_impact.cli.runtime import FAILED, say
+from mems_impact.integrators.options import Options
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+FIRST_ROWS = 6
+
+
+@click.command(short_help="Compute closing time and bounces of a contact.")
+@device_options
+@step_options
+@click.option(
+    "--duration",
+    type=QuantityType("s"),
+    show_default="until the contact stays closed",
+    help="Length of the run [s].",
+)
+@initial_option
+@click.option(
+    "--smallest-bounce",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Least height of a bounce that counts, relative to the travel.",
+)
+@integrator_options
+@output_options
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    duration: float | None,
+    initial: Initial,
+    smallest_bounce: float,
+    options: Options,
+    output: Callable[[str], Output],
+) -> None:
+    """Compute closing time, bounces, impact speeds and settling of the contact of DEVICE.
+
+    \b
+    Example:
+      mems-impact closing abdulrahim2016 --amplitude 90
+
+    The voltage is switched on at t = 0, by default as a step. The command writes the impacts as a
+    CSV table, and displacement, voltage and contact as a figure. The exit status is 1 if the
+    contact does not close.
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+
+    actuator = actuator_from(device, changes)
+    drive = drive_from(usual="step")
+    with output("closing") as files:
+        found = mi.closing(
+            actuator,
+            drive,
+            duration=duration,
+            initial=state_from(initial, actuator),
+            smallest_bounce=smallest_bounce,
+            options=options,
+        )
+        files.tables({"impacts": found.table})
+        files.draw(lambda: mi.plot_closing(found)[0].figure)
+        show_closing(found)
+        files.show()
+    if math.isnan(found.closing_time):
+        say("the contact does not close; raise the voltage (see mems-impact pull-in)")
+        ctx.exit(FAILED)
+
+
+def show_closing(found: mi.Closing) -> None:
+    """Show a closing and its first impacts."""
+    names = ("stopper", "closing_time", "impact_speed", "bounces", "settling_time")
+    values = {
+        name.replace("_", " "): OutputValue(getattr(found, name), found.si_units.get(name, ""))
+        for name in names
+    }
+    values["energy given"] = OutputValue(found.energy.given, "J")
+    values["energy lost"] = OutputValue(found.energy.lost, "J")
+    show_values(values, named=found.si)
+    if len(found.table):
+        show("\nFirst impacts:")
+        rows = found.table.head(FIRST_ROWS)
+        rows.attrs = found.table.attrs
+        show_table("impacts", rows, 6)

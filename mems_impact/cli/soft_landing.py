@@ -1,0 +1,80 @@
+"""`mems-impact soft-landing`: pulse-and-hold voltages that close a contact at the least speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from mems_impact.cli.closing import show_closing
+from mems_impact.cli.options import (
+    KEY,
+    actuator_from,
+    device_options,
+    drive_from,
+    orbit_integrator_options,
+    output_options,
+    pulse_and_hold_options,
+    ranges_option,
+)
+from mems_impact.cli.output import Output, OutputValue, show, show_values
+from mems_impact.cli.runtime import FAILED, say
+from mems_impact.integrators.options import Options
+
+
+@click.command("soft-landing", short_help="Find the voltage that closes a contact softly.")
+@device_options
+@pulse_and_hold_options
+@ranges_option(
+    "--over", "width=5e-6:2e-5", "A parameter of the voltage to vary and its bounds.",
+    show_default="width and pause, up to half a natural period",
+)  # fmt: skip
+@orbit_integrator_options
+@output_options
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    over: dict[str, tuple[float, float]],
+    options: Options,
+    output: Callable[[str], Output],
+) -> None:
+    """Find pulse and pause that close the contact of DEVICE at the least impact speed.
+
+    \b
+    Example:
+      mems-impact soft-landing abdulrahim2016
+
+    Without options of the voltage, pulse and hold have 1.2 times the pull-in voltage. Otherwise
+    --amplitude, --width and --hold are required, and those that --over does not vary are kept. The
+    command writes the search as a CSV table, and displacement, voltage and contact as a figure. The
+    exit status is 1 if the search ends before an optimum.
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+
+    actuator = actuator_from(device, changes)
+    given = ctx.meta.get(KEY, {})
+    low = {name: bounds[0] for name, bounds in over.items()}
+    # The function checks the kind.
+    drive: Any = drive_from(low, usual="pulse-and-hold") if any(given.values()) else None
+    with output("soft-landing") as files:
+        found = mi.soft_landing(actuator, drive, over=over or None, options=options)
+        files.tables({"history": found.history, "impacts": found.closing.table})
+        files.draw(lambda: mi.plot_closing(found)[0].figure)
+        shown = {
+            name: OutputValue(found.drive.number(name), found.drive.unit(name))
+            for name in found.drive.names
+        }
+        shown["impact speed"] = OutputValue(found.speed, "m/s")
+        shown["impact speed under a step"] = OutputValue(found.step_speed, "m/s")
+        shown["ended"] = OutputValue(found.ended)
+        show_values(shown, named=found.si)
+        show("\nClosing:")
+        show_closing(found.closing)
+        files.show()
+    if not found.converged:
+        say(f"no optimum reached: {found.ended}")
+        ctx.exit(FAILED)

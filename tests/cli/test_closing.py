@@ -1,0 +1,55 @@
+"""`mems-impact closing` and `soft-landing`, beside what Python gives."""
+
+import json
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+SWITCH = mi.load_actuator("abdulrahim2016")
+
+
+def test_closing_is_that_of_python(cli, tmp_path):
+    done = cli("closing", "abdulrahim2016", "--amplitude", "90 V", "--no-figure", "--json")
+    assert done.status == 0
+    found = mi.closing(SWITCH, mi.Step(amplitude=90))
+    shown = json.loads(done.out)
+    assert shown["values"]["closing time"] == found.closing_time
+    assert shown["values"]["bounces"] == found.bounces
+    assert shown["values"]["energy lost"] == pytest.approx(found.energy.lost)
+    assert shown["units"]["settling time"] == "s"
+    written = pd.read_csv(tmp_path / "out" / "closing-impacts.csv")
+    assert written["impact speed [m/s]"].iloc[0] == pytest.approx(found.impact_speed)
+
+
+def test_a_contact_that_does_not_close(cli):
+    done = cli("closing", "abdulrahim2016", "--amplitude", "60")
+    assert done.status == 1
+    assert "the contact does not close" in done.err
+    assert "closing.png" in done.out
+
+
+def test_soft_landing_is_that_of_python(cli, tmp_path):
+    done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",
+               "--pause", "5.6e-6", "--over", "width=1e-5:2e-5")  # fmt: skip
+    assert done.status == 0
+    drive = mi.PulseAndHold(amplitude=110, width=1e-5, hold=90, pause=5.6e-6)
+    found = mi.soft_landing(SWITCH, drive, over={"width": (1e-5, 2e-5)})
+    shown = json.loads(done.out)
+    assert shown["values"]["width"] == found.drive.width
+    assert shown["values"]["impact speed"] == found.speed
+    assert (tmp_path / "out" / "soft-landing.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["closing", "zhao2004"], "missing option '--amplitude'"),
+        (["simulate", "zhao2004", "--drive", "step", "--amplitude", "1"],
+         "a Step without a duration has no forcing period"),
+        (["soft-landing", "zhao2004", "--amplitude", "1"], "missing option '--width'"),
+    ],
+)  # fmt: skip
+def test_wrong_options(cli, arguments, message):
+    assert message in cli(*arguments).complaint()
