@@ -583,7 +583,7 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     >>> found = mi.closing(switch, mi.Step(amplitude=90))
     >>> mi.plot_closing(found)[0].figure.savefig("closing.png")
     """
-    found: Closing = getattr(closing, "closing", closing)
+    found: Any = getattr(closing, "closing", closing)
     run, table = found.run, found.table
     if ax is None:
         ax = new_figure(1.5).subplots(3, sharex=True, height_ratios=(4, 2, 1.2))
@@ -592,7 +592,7 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     drive, delta, period = run.drive, run.actuator.delta, run.system.forcing_period
     end = run.periods * period
     if math.isfinite(found.settling_time):
-        late = [time for time in drive.switches if time < period]
+        late = [time for time in drive.switches if time < end]
         end = min(end, CLOSING_MARGIN * max(found.settling_time, *late, 0.0))
     share = end / period
     samples = run.samples(max(1, math.ceil(CLOSING_POINTS / share)), 0.0, share)
@@ -605,17 +605,20 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     if len(hits):
         places = hits["stopper"].map(sides).astype(float)
         block.plot(hits["t"], places, color=color("impact"), clip_on=False, **IMPACT)
-    borders = sorted({0.0, *(time for time in drive.switches if time < end), end})
-    for left in (False, True)[: 1 if drive.left_voltage is None else 2]:
-        parts = [np.linspace(a, np.nextafter(b, 0.0), CLOSING_POINTS // 10)
-                 for a, b in pairwise(borders)]  # fmt: skip
-        time = np.concatenate(parts)
-        volts.plot(time, drive.value(time % period, left=left), color=color("voltage"),
-                   linestyle=LINES[int(left)])  # fmt: skip
+    nodes = [name for name in NODES if name in samples]
+    if nodes:
+        _draw_voltages(volts, run, samples, nodes, samples["t"])
+    else:
+        borders = sorted({0.0, *(time for time in drive.switches if time < end), end})
+        time = np.concatenate([np.linspace(a, np.nextafter(b, 0.0), CLOSING_POINTS // 10)
+                               for a, b in pairwise(borders)])  # fmt: skip
+        for left in (False, True)[: 1 + (drive.left_voltage is not None)]:
+            values = drive.value(time % (2.0 * period), left=left)
+            volts.plot(time, values, color=color("voltage"), linestyle=LINES[int(left)])
+        label_axis(volts.yaxis, Label("voltage", "V" if run.system.scales.named else ""))
     _draw_contacts(contact, found, end)
     block.set_xlim(0.0, end)
     label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
-    label_axis(volts.yaxis, Label("voltage", "V" if run.system.scales.named else ""))
     contact.set_yticks([])
     contact.set_ylabel("contact")
     label_axis(contact.xaxis, label_of(samples, "t", "time"))
@@ -960,7 +963,7 @@ def plot_run(
     if nodes and np.size(ax) == 3:
         words = "one for the block, one for the frame, one for the voltage"
         block, frame, voltage = given_axes(ax, 3, words)
-        _draw_voltages(voltage, run, samples, nodes, period)
+        _draw_voltages(voltage, run, samples, nodes, time)
     else:
         block, frame = given_axes(ax, 2, "one for the block, one for the frame")
         voltage = frame
@@ -990,10 +993,10 @@ def plot_run(
 
 
 def _draw_voltages(
-    ax: Any, run: ActuatorRun, samples: pd.DataFrame, nodes: list[str], period: float
+    ax: Any, run: ActuatorRun, samples: pd.DataFrame, nodes: list[str], time: pd.Series
 ) -> None:
-    """Draw the voltages at the electrodes, and those of the drive."""
-    time = samples["t"] / period
+    """Draw the voltages at the electrodes, and those of the drive, over the times of samples."""
+    period = run.system.forcing_period
     for name in nodes:
         look = {"linestyle": LINES[NODES.index(name)]}
         if run.system.drive_unit == "V":

@@ -38,7 +38,7 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    over: dict[str, tuple[float, float]],
+    over: dict[str, tuple[Any, Any]],
     options: Options,
     output: Callable[[str], Output],
 ) -> None:
@@ -65,7 +65,7 @@ def command(
         files.tables({"history": found.history, "impacts": found.closing.table})
         files.draw(lambda: mi.plot_closing(found)[0].figure)
         shown = {
-            name: OutputValue(found.drive.number(name), found.drive.unit(name))
+            name: OutputValue(found.drive.number(name), found.closing.run.system.unit(name))
             for name in found.drive.names
         }
         shown["impact speed"] = OutputValue(found.speed, "m/s")

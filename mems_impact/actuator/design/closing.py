@@ -12,13 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.quantities import has_unit
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2, side_of
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.impact_statistics import is_impact
-from mems_impact.actuator.parameter_base import quantity
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
@@ -27,6 +25,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Trajectory, resample
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
+from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number
 from mems_impact.tables import table, words
@@ -39,6 +38,7 @@ __all__ = ["Closing", "closing"]
 LENGTHS = (8.0, 64.0, 512.0)  # natural periods after the voltage is constant, until it settles
 FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
+DURATION_RATIO = 1.25  # of a voltage to the run, which ends before it is switched off
 REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
 SIDES = np.array([side_of(mode) for mode in range(9)])
 
@@ -122,7 +122,7 @@ def closing(
     duration : float or str, optional
         Length of the run [s], or a text such as ``"50 us"``. By default it ends when the contact
         stays closed, after at most 512 natural periods of the block; with a periodic drive after
-        one forcing period.
+        one forcing period, and where a duration is given when the voltage is switched off.
     initial : State or mapping of str to float, optional
         Initial state; at rest in the middle by default.
     smallest_bounce : float, optional
@@ -163,18 +163,23 @@ def closing(
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Step(amplitude=…)")
-    given: Any = quantity("duration", duration, "s") if has_unit(duration) else duration
+    si = actuator.units == "SI"
+    given = quantity("duration", duration, "s" if si else None, "device")
     if given is not None and not (is_number(given) and given > 0.0):
         raise InvalidParameter("duration", duration, "a finite number > 0")
     if not (is_number(smallest_bounce) and 0.0 < smallest_bounce < 1.0):
         raise InvalidParameter("smallest_bounce", smallest_bounce, "between 0 and 1 (exclusive)")
     natural = natural_period(actuator)
-    if given is None and isinstance(drive, AperiodicDrive) and drive.duration is None:
-        lengths = [drive.switching_time + count * natural for count in LENGTHS]
+    if given is not None:
+        lengths = [float(given)]
+    elif not isinstance(drive, AperiodicDrive):
+        lengths = [drive.period]
+    elif drive.duration is not None:
+        lengths = [drive.duration]
     else:
-        lengths = [given or drive.period]
+        lengths = [drive.switching_time + count * natural for count in LENGTHS]
     for length in lengths:
-        run = run_of(actuator, drive, float(length), initial, options)
+        run = run_of(actuator, drive, length, initial, options)
         since = rest_start(run.trajectory)
         if length - float(run.system.out("time", since)) > REST_LENGTH * natural:
             break
@@ -194,8 +199,8 @@ def run_of(
     options: Options,
 ) -> ActuatorRun:
     """Return the run from the switching on of a voltage over a length in the device's units."""
-    if isinstance(drive, AperiodicDrive) and drive.duration is None:
-        drive = drive.lasting(length)
+    if isinstance(drive, AperiodicDrive) and length <= (drive.duration or math.inf):
+        drive = drive.lasting(DURATION_RATIO * length)
     system = ActuatorSystem(actuator, drive)
     periods = length / system.forcing_period
     run: Any = simulate(system, periods, initial=initial, window=(0.0, periods), options=options)

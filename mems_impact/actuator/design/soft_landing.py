@@ -13,19 +13,19 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.quantities import has_unit
 from mems_impact.actuator.automaton import V2
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
 from mems_impact.actuator.drives.step import Step
 from mems_impact.actuator.impact_statistics import is_impact
-from mems_impact.actuator.parameter_base import quantity
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.optimize import OPTIMIZATION_ENDINGS
+from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number, whole
 
@@ -39,7 +39,9 @@ DEFAULT_WIDTHS = (0.02, 0.5)  # bounds in natural periods
 DEFAULT_PAUSES = (0.01, 0.5)
 GRID_POINTS = 100  # at most, over the bounds
 SEARCHES = 3  # from the best points of the grid
-LANDING_LENGTH = 4.0  # natural periods of a run after the voltage is constant
+# Length of a run after the voltage is constant: in natural periods, and at least in closing times
+# under a step.
+LANDING_LENGTH, CLOSING_RATIO = 4.0, 3.0
 SIMPLEX_SIZE = 0.02  # of the first simplex, relative to the bounds
 SIMPLEX_XTOL, SIMPLEX_FTOL = 1e-9, 1e-12
 SOFT_RATIO = 1e-6  # of the energy of a step's impact, below which a landing is soft
@@ -106,7 +108,7 @@ class SoftLanding(Result):
 
     def _si_unit(self, name: str) -> str:
         if self.si and name in self.values:
-            return self.drive.unit(name)
+            return str(self.closing.run.system.unit(name))
         return super()._si_unit(name)
 
 
@@ -114,7 +116,7 @@ def soft_landing(
     actuator: Actuator,
     drive: PulseAndHold | None = None,
     *,
-    over: Mapping[str, tuple[float, float]] | None = None,
+    over: Mapping[str, tuple[float | str, float | str]] | None = None,
     iterations: int = 200,
     options: Options = ORBIT_OPTIONS,
 ) -> SoftLanding:
@@ -132,7 +134,8 @@ def soft_landing(
         pull-in voltage.
     over : mapping of str to tuple of float, optional
         The parameters to vary, each with its lowest and highest value, numbers or texts such as
-        ``"5 us"``; by default ``width`` and ``pause`` up to half a natural period each.
+        ``"5 us"``; by default ``width`` and ``pause`` up to half a natural period each, or up to
+        the closing time under a step if that is longer.
     iterations : int, optional
         Largest number of iterations of each search.
     options : Options, optional
@@ -175,15 +178,11 @@ def soft_landing(
         drive = default_drive(actuator, natural)
     elif not isinstance(drive, PulseAndHold):
         raise InvalidParameter("drive", drive, "a PulseAndHold")
-    if over is None:
-        flank = drive.rise / natural
-        over = {
-            name: (max(low, flank) * natural, max(high, 2.0 * flank) * natural)
-            for name, (low, high) in {"width": DEFAULT_WIDTHS, "pause": DEFAULT_PAUSES}.items()
-        }
     most = whole("iterations", iterations, 1)
     step = closing(actuator, Step(amplitude=drive.amplitude), options=options)
-    landing = Landing(actuator, drive, checked_bounds(drive, over), step, options)
+    if over is None:
+        over = default_bounds(drive, natural, step)
+    landing = Landing(actuator, drive, checked_bounds(actuator, drive, over), step, options)
     return landing.result(*landing.search(most))
 
 
@@ -198,10 +197,25 @@ def default_drive(actuator: Actuator, natural: float) -> PulseAndHold:
     )
 
 
+def default_bounds(
+    drive: PulseAndHold, natural: float, step: Closing
+) -> dict[str, tuple[float, float]]:
+    """Return bounds of width and pause, longer than the flanks."""
+    longest = [2.0 * drive.rise]
+    if not math.isnan(step.closing_time):
+        longest.append(step.closing_time)
+    shares = {"width": DEFAULT_WIDTHS, "pause": DEFAULT_PAUSES}
+    return {
+        name: (max(low * natural, drive.rise), max(high * natural, *longest))
+        for name, (low, high) in shares.items()
+    }
+
+
 def checked_bounds(
-    drive: PulseAndHold, over: Mapping[str, tuple[float, float]]
+    actuator: Actuator, drive: PulseAndHold, over: Mapping[str, Any]
 ) -> dict[str, tuple[float, float]]:
     """Return the bounds of parameters; InvalidParameter if the drive does not allow them."""
+    system = ActuatorSystem(actuator, drive.lasting(2.0 * drive.switching_time))
     if not isinstance(over, Mapping) or not over:
         raise InvalidParameter("over", over, "one or more parameters with their bounds")
     found = {}
@@ -209,11 +223,9 @@ def checked_bounds(
     for name, pair in over.items():
         if name not in known:
             raise InvalidParameter("over", name, f"among {', '.join(known)}")
+        unit = system.units.get(name, "") if system.scales.named else None
         try:
-            low, high = (
-                quantity(f"over {name}", end, drive.unit(name)) if has_unit(end) else end
-                for end in pair
-            )
+            low, high = quantities(f"over {name}", pair, unit, "device")
         except (TypeError, ValueError) as error:
             if isinstance(error, InvalidParameter):
                 raise
@@ -238,12 +250,14 @@ class Landing:
         options: Options,
     ) -> None:
         self.actuator, self.drive, self.over = actuator, drive, over
-        self.options, self.natural = options, natural_period(actuator)
+        self.options, self.length = options, LANDING_LENGTH * natural_period(actuator)
+        if not math.isnan(step.closing_time):
+            self.length = max(self.length, CLOSING_RATIO * step.closing_time)
         self.low, high = np.array(list(over.values())).T
         self.size = high - self.low
         speeds = step.table["impact speed"]
         self.step_speed = float(speeds.max()) if len(speeds) else math.nan
-        self.system = step.run.system
+        self.system = ActuatorSystem(actuator, drive.lasting(2.0 * drive.switching_time))
         unit = self.step_speed if len(speeds) else 1.0
         self.scale = float(self.system.into("impact speed", unit))
         self.history: list[tuple[float, Floats]] = []  # the best values so far, and their points
@@ -259,7 +273,7 @@ class Landing:
         It is infinite without impacts.
         """
         drive = self.voltage(x)
-        length = drive.switching_time + LANDING_LENGTH * self.natural
+        length = drive.switching_time + self.length
         run = run_of(self.actuator, drive, length, None, self.options)
         log = run.trajectory.events
         speeds = np.abs(log.before[is_impact(log), V2])
@@ -313,7 +327,8 @@ class Landing:
             for best, place in self.history
         ]
         history = pd.DataFrame(rows)
-        units = {name: self.drive.unit(name) for name in self.over} | {"impact speed": "m/s"}
+        units = {name: self.system.units.get(name, "") for name in self.over}
+        units["impact speed"] = "m/s"
         history.attrs = {"units": units if named else {}}
         landed = closing(self.actuator, drive, options=self.options)
         return SoftLanding(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Self
 
-from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["AperiodicDrive"]
@@ -16,7 +16,8 @@ WAVEFORM_PERIODS = 2.0  # of the switching: length on which a drive without a du
 class AperiodicDrive(PiecewiseDrive):
     """Base of voltages that are switched on at t = 0 and constant from some time on.
 
-    A subclass has the field ``duration``, after which the voltage starts again; None if never.
+    A subclass has the field ``duration``, None or the time after which the voltage is switched off
+    for as long; it then starts again.
     """
 
     if TYPE_CHECKING:
@@ -30,23 +31,23 @@ class AperiodicDrive(PiecewiseDrive):
 
     @property
     def period(self) -> float:
-        """Duration, after which the voltage starts again.
+        """Forcing period: twice the duration.
 
         Raises
         ------
         InvalidParameter
-            If there is none.
+            If there is no duration.
         """
         self.check_period()
         assert self.duration is not None
-        return self.duration
+        return 2.0 * self.duration
 
     def check_period(self) -> None:
         """Raise InvalidParameter if the drive has no duration, and so no forcing period."""
         if self.duration is None:
             problem = (
                 f"missing: a {type(self).__name__} without a duration has no forcing period; "
-                "compute its closing, or give the duration after which the voltage starts again"
+                "compute its closing, or give the duration after which the voltage is switched off"
             )
             raise InvalidParameter("duration", None, "", problem=problem)
 
@@ -60,6 +61,16 @@ class AperiodicDrive(PiecewiseDrive):
     def lasting(self, duration: float) -> Self:
         """Return the same voltage with a duration."""
         return self.replace(duration=duration)
+
+    @abstractmethod
+    def levels(self) -> list[Piece]:
+        """Return the pieces up to the constant voltage, which is the last."""
+
+    def pieces(self) -> list[Piece]:
+        """Return the pieces of one forcing period."""
+        self.check_period()
+        assert self.duration is not None
+        return [*self.levels(), Piece(self.duration, 0.0)]
 
     @property
     def lead(self) -> float:

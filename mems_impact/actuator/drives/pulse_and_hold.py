@@ -35,7 +35,8 @@ class PulseAndHold(AperiodicDrive):
         Duration of each flank [s], >= 0 and no longer than the pulse, and than the pause unless
         that is 0.
     duration : float, optional
-        Time after which the voltage starts again [s]; never by default.
+        Time after which the voltage is switched off for as long [s], to start again; never by
+        default. The forcing period is twice the duration.
 
     Raises
     ------
@@ -88,7 +89,7 @@ class PulseAndHold(AperiodicDrive):
         """Time from which on the voltage is `hold`."""
         return self.width + self.pause + self.rise
 
-    def pieces(self) -> list[Piece]:
+    def levels(self) -> list[Piece]:
         """Return pulse, pause and the voltage that holds, with their flanks."""
         levels = [(0.0, self.amplitude)]
         if self.pause > 0.0:

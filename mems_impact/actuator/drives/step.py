@@ -17,7 +17,7 @@ class Step(AperiodicDrive):
     """A voltage that is switched on at t = 0 and stays.
 
     A step has no forcing period. Functions that need one, such as `find_orbit`, take a step with a
-    duration, after which the voltage starts again at 0.
+    duration.
 
     Parameters
     ----------
@@ -26,7 +26,8 @@ class Step(AperiodicDrive):
     rise : float, optional
         Duration of the rise from 0 [s], >= 0.
     duration : float, optional
-        Time after which the voltage starts again [s], > rise; never by default.
+        Time after which the voltage is switched off for as long [s], > rise, to start again; never
+        by default. The forcing period is twice the duration.
 
     Raises
     ------
@@ -61,7 +62,7 @@ class Step(AperiodicDrive):
         """End of the rise."""
         return self.rise
 
-    def pieces(self) -> list[Piece]:
+    def levels(self) -> list[Piece]:
         """Return the rise and the constant voltage."""
         if self.rise == 0.0:
             return [Piece(0.0, self.amplitude)]

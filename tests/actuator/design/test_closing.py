@@ -84,7 +84,7 @@ def test_closing_is_that_of_scipy(found):
     late = found.table.iloc[6]
     end = late["t"] + late["flight"] / (1.0 - SWITCH.e)
     assert found.settling_time == pytest.approx(end, rel=1e-5)
-    assert mi.closing(SWITCH, STEP, smallest_bounce=1e-3).bounces == 4
+    assert mi.closing(SWITCH, STEP, smallest_bounce=1e-3).bounces == 3
 
 
 def test_energy_of_a_closing(found):
@@ -128,7 +128,7 @@ def test_stoppers_and_restitution():
     duration = 1e-4
     none = mi.Step(amplitude=0.0, duration=duration)
     pull = mi.Step(amplitude=90.0, duration=duration)
-    left = mi.closing(SWITCH, mi.TwoSided(right=none, left=pull))
+    left = mi.closing(SWITCH, mi.TwoSided(right=none, left=pull), duration=duration)
     assert left.stopper == "left"
     assert left.closing_time == pytest.approx(2.7795033e-5, rel=1e-6)
     dead = mi.closing(SWITCH.replace(e=0.0), STEP)
