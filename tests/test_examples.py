@@ -21,8 +21,8 @@ LESSONS = [*sorted((DOCS / "tutorials").glob("*.py")), *sorted((DOCS / "ideas").
 PICTURES = {  # where they are not run, orbit, branch
     "bifurcation_diagram": {"branch"},
     "basin_boundary": {"basins"},
-    "electrodes": {"pull_in"},
     "contact_switch": {"landing"},
+    "electrodes": {"pull_in"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
