@@ -12,6 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from validation.benchmarks import (
     cycles,
+    edits,
     engines,
     figure4,
     figure7,
@@ -29,6 +30,7 @@ from validation.benchmarks.timing import Row, machine
 TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "callbacks": engines.against_python_callbacks,
     "cycle": cycles.cycles,
+    "edits": edits.edits,
     "maps": maps.maps,
     "heyoka": matched_error.against_heyoka,
     "onestep": onestep.one_step,

@@ -80,9 +80,10 @@ class Snapshot:
 
         numba compiles calls of plain Python functions only after registration, which happens here,
         so that equations need no decorators. Copies are necessary because numba compiles a function
-        once per process, even if its dependencies change.
+        once per process, even if its dependencies change. Snapshots with the same function, with
+        the same dependencies, share its copy, so that numba compiles it once.
         """
-        copier = _Copier(self.name, options)
+        copier = _Copier(options)
         with _registering:
             return [copier.function(function) for function in self.functions]
 
@@ -297,17 +298,28 @@ class _Reader:
         self._inside.pop()
 
 
+# Copies of functions by digest and options of numba, with the objects that only an address
+# identifies, which keeps these addresses unique.
+_copies: dict[str, tuple[FunctionType, list[Any]]] = {}
+
+
+def forget_copies() -> None:
+    """Let later snapshots make new copies: numba keeps the error of one that it cannot compile."""
+    with _registering:
+        _copies.clear()
+
+
 class _Copier:
     """Copies functions, so that later changes do not affect them.
 
     numba distinguishes symbols by function numbers within a process, and the numbers of two
     processes coincide. A process that loads the compiled code of both from the cache on disk would
-    silently confuse them. So each copy has a unique name.
+    silently confuse them. So the name of each copy contains a digest of its dependencies.
     """
 
-    def __init__(self, name: str, options: dict[str, Any]) -> None:
-        self._name = name
+    def __init__(self, options: dict[str, Any]) -> None:
         self._options = {**JIT, **INNER, **options}
+        self._label = repr(sorted(options.items()))
         self._copies: dict[FunctionType, FunctionType] = {}
         self._modules: dict[tuple[ModuleType, tuple[str, ...]], ModuleType] = {}
 
@@ -329,6 +341,16 @@ class _Copier:
             return function
         if function in self._copies:
             return self._copies[function]
+        reader = _Reader()
+        reader.put(sources(), self._label)
+        reader.value(function)
+        name = reader.name()
+        if name not in _copies:
+            _copies[name] = self._copy(function, name), reader.kept
+        self._copies[function], _ = _copies[name]
+        return self._copies[function]
+
+    def _copy(self, function: FunctionType, name: str) -> FunctionType:
         code, names = function.__code__, _names(function.__code__)
         cells = tuple(CellType() for _ in function.__closure__ or ())
         # numba imports the module of a function when it loads it from the cache.
@@ -336,7 +358,7 @@ class _Copier:
         copy = FunctionType(code, space, function.__name__, function.__defaults__, cells)
         copy.__kwdefaults__ = function.__kwdefaults__
         copy.__module__ = __name__
-        copy.__qualname__ = f"{function.__qualname__}_{self._name}_{len(self._copies)}"
+        copy.__qualname__ = f"{function.__qualname__}_{name}"
         self._copies[function] = copy  # before its dependencies, since it may be recursive
         for cell, (_, value) in zip(cells, _contents(function), strict=True):
             cell.cell_contents = self.value(value, names)
@@ -385,6 +407,7 @@ def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Com
     from numba import njit
 
     file = function.__code__.co_filename
+    forget_copies()  # which may be of an equal function at another line
     try:
         (frozen,) = take_snapshot(function).frozen()
         compiled = njit(**JIT)(frozen)
@@ -406,8 +429,8 @@ def summarize_numba_error(message: str) -> str:
     lines = [line.strip() for line in (last[2] or message).splitlines() if line.strip()]
     reports = [line for line in lines if not line.startswith(_FRAME)]
     text = (reports or lines or ["no reason given"])[0]
-    text = re.sub(r"<function (\w+?)_[0-9a-f]{32}_\d+ at 0x[0-9a-f]+>", r"\1", text)
-    return re.sub(r"_[0-9a-f]{32}_\d+", "", text)[:200].rstrip(" .")
+    text = re.sub(r"<function (\w+?)_[0-9a-f]{32} at 0x[0-9a-f]+>", r"\1", text)
+    return re.sub(r"_[0-9a-f]{32}", "", text)[:200].rstrip(" .")
 
 
 def _line(message: str, file: str) -> int:

@@ -14,23 +14,22 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload, register_jitable
+from numba.extending import intrinsic, overload
 
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations, SingleMethodEngine
 from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.kernel_code import KERNEL, Kernel, KernelCode, compile_kernel
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
+    MATRIX,
+    VECTOR,
     WORD,
     announce_uncached,
-    array,
-    compile_callback,
     data,
     integers,
-    matrix,
     pointer,
 )
 from mems_impact.integrators.python_functions import (
@@ -46,10 +45,8 @@ from mems_impact.integrators.python_functions import (
 
 # --- Kernels
 
-# Common signature of all functions of an automaton, with arrays as addresses:
-# kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
 _word, _real = types.int64, types.float64
-KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
+_ARGUMENTS = (_word, _word, _real, _word, _word, _word, _word)  # of a KERNEL
 
 # Fields of every engine: addresses and values. Each method adds its own fields, which identify its
 # records.
@@ -87,19 +84,17 @@ def call_kernel(
     """Call the kernel at `address`."""
 
     def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        word, real = ir.IntType(64), ir.DoubleType()
-        function = ir.FunctionType(word, [word, word, real, word, word, word, word])
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+        return builder.call(builder.inttoptr(args[0], KERNEL.as_pointer()), args[1:])
 
-    return types.int64(types.int64, *KERNEL.args), codegen
+    return _word(_word, *_ARGUMENTS), codegen
 
 
 class Kernels(NamedTuple):
     """The functions of an automaton as C functions, which must live as long as the engine."""
 
-    flow: Any
-    margins: Any
-    transition: Any
+    flow: Kernel
+    margins: Kernel
+    transition: Kernel
 
 
 # One compilation at a time: simultaneous threads often need the same kernels.
@@ -125,153 +120,137 @@ def kernels(
         return _kernels(snapshot, n, m, bounds)
 
 
-@register_jitable(**JIT, **INNER)
-def record_fault(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
-    """Record a failed call after the parameters, if it is the first."""
-    record, state = array(p + WORD * size, HEAD + n), array(y, n)
-    if record[0] == 0.0:
-        record[0] = role
-        record[1] = mode
-        record[2] = code
-        record[3] = t
-        for i in range(n):
-            record[HEAD + i] = state[i]
-
-
-@register_jitable(**JIT, **INNER)
-def fill_nan(values):  # type: ignore[no-untyped-def]
-    """Fill an array with nan."""
-    for i in range(values.size):
-        values[i] = math.nan
+@cache
+def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
+    if not snapshot.lasting:
+        announce_uncached(snapshot.passing)
+    # Each function by itself, so that a change of one requires no compilation of the others.
+    flow, margins, transition = (take_snapshot(function) for function in snapshot.functions)
+    return Kernels(
+        _flow_kernel(flow, n, bounds),
+        _margins_kernel(margins, n, m, bounds),
+        _transition_kernel(transition, n, bounds),
+    )
 
 
 @cache
-def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
-    flow, margins, transition = snapshot.frozen(boundscheck=bounds)
-
-    # Numba turns each bytecode instruction inside try and except into a block of its own, with a
-    # check for an exception. So these contain one call and a bare except: half the compile time.
-
-    def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        state, parameters, slope = array(y, n), array(p, size), array(out, n)
+def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
+    def body(code: KernelCode) -> Any:
         if bounds:
-            fill_nan(slope)  # reveals unwritten components
-        failed = True
-        try:
-            flow(mode, t, state, parameters, slope)
-            failed = False
-        except:  # noqa: E722
-            pass
-        if failed:
-            record_fault(FLOW, mode, code, t, y, p, size, n)
-            fill_nan(slope)
-        return mode
+            code.fill(code.out, n, math.nan)  # reveals unwritten components
+        state, slope = code.vector(code.y, code.count(n)), code.vector(code.out, code.count(n))
+        parameters = code.vector(code.parameters, code.size)
+        with code.call(code.mode, code.t, state, parameters, slope):
+            code.record_fault(FLOW, n)
+            code.fill(code.out, n, math.nan)
+        return code.mode
 
-    def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        state, parameters = array(y, n), array(p, size)
-        g, r = array(out, m), array(out + WORD * m, m)
-        for i in range(m):
-            g[i] = 1.0
-            r[i] = 1.0
-        failed = True
-        try:
-            margins(mode, t, state, parameters, g, r)
-            failed = False
-        except:  # noqa: E722
-            pass
-        if failed:
-            record_fault(MARGINS, mode, code, t, y, p, size, n)
-            fill_nan(g)
-        return mode
-
-    def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        state, parameters, record = array(y, n), array(p, size), array(p + WORD * size, HEAD + n)
-        first = record[0] == 0.0
-        if first:  # the transition may change the state before it fails
-            for i in range(n):
-                record[HEAD + i] = state[i]
-        after, failed = NO_MODE, True
-        try:
-            after = transition(mode, code, t, state, parameters)
-            failed = False
-        except:  # noqa: E722
-            pass
-        if failed:
-            if first:
-                for i in range(n):
-                    state[i] = record[HEAD + i]
-            record_fault(TRANSITION, mode, code, t, y, p, size, n)
-        return after
-
-    name = f"{snapshot.name}_{n}_{m}_{bounds:d}"
-    cached = name if snapshot.lasting else None
-    if cached is None:
-        announce_uncached(snapshot.passing)
-    compiled = [
-        _kernel(each, name, cached) for each in (flow_kernel, margins_kernel, transition_kernel)
-    ]
-    return Kernels(*compiled)
+    kinds = (_word, _real, VECTOR, VECTOR, VECTOR)
+    return _compile("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
 
 
-def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
+@cache
+def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
+    def body(code: KernelCode) -> Any:
+        code.fill(code.out, 2 * m, 1.0)
+        state, parameters = (
+            code.vector(code.y, code.count(n)),
+            code.vector(code.parameters, code.size),
+        )
+        g = code.vector(code.out, code.count(m))
+        r = code.vector(code.after(code.out, code.count(m)), code.count(m))
+        with code.call(code.mode, code.t, state, parameters, g, r):
+            code.record_fault(MARGINS, n)
+            code.fill(code.out, m, math.nan)
+        return code.mode
+
+    kinds = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR)
+    return _compile("margins", snapshot, kinds, body, (n, m, bounds), boundscheck=bounds)
+
+
+@cache
+def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
+    def body(code: KernelCode) -> Any:
+        record = code.after(code.parameters, code.size)
+        before, first = code.after(record, code.count(HEAD)), code.is_first_fault()
+        with code.only_if(first, likely=True):
+            # The transition may change the state before it fails.
+            code.copy(before, code.y, n)
+        state, parameters = (
+            code.vector(code.y, code.count(n)),
+            code.vector(code.parameters, code.size),
+        )
+        with code.call(code.mode, code.code, code.t, state, parameters):
+            with code.only_if(first, likely=True):
+                code.copy(code.y, before, n)
+            code.record_fault(TRANSITION, n)
+        return code.result(if_failed=NO_MODE)
+
+    kinds = (_word, _word, _real, VECTOR, VECTOR)
+    return _compile("transition", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+
+
+def jacobian_of(jacobian: Callable[..., Any], n: int) -> Kernel:
     """Compile the Jacobian of an automaton with `n` states to a C function, for BDF only."""
     snapshot = take_snapshot(jacobian)
     with _compiling:
-        return _jacobian(snapshot, n)
+        return _jacobian_kernel(snapshot, n)
 
 
 @cache
-def _jacobian(snapshot: Snapshot, n: int) -> Any:
-    (jacobian,) = snapshot.frozen(boundscheck=True)
+def _jacobian_kernel(snapshot: Snapshot, n: int) -> Kernel:
+    def body(code: KernelCode) -> Any:
+        state, parameters = (
+            code.vector(code.y, code.count(n)),
+            code.vector(code.parameters, code.size),
+        )
+        with code.call(code.mode, code.t, state, parameters, code.matrix(code.out, n)):
+            code.record_fault(JACOBIAN, n)
+        return code.mode
 
-    def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        state, parameters, entries = array(y, n), array(p, size), matrix(out, n)
-        failed = True
-        try:
-            jacobian(mode, t, state, parameters, entries)
-            failed = False
-        except:  # noqa: E722
-            pass
-        if failed:
-            record_fault(JACOBIAN, mode, code, t, y, p, size, n)
-        return mode
-
-    name = f"{snapshot.name}_{n}"
-    return _kernel(jacobian_kernel, name, name if snapshot.lasting else None)
+    kinds = (_word, _real, VECTOR, VECTOR, MATRIX)
+    return _compile("jacobian", snapshot, kinds, body, (n,), boundscheck=True)
 
 
-def observables_of(observe: Callable[..., Any], n: int, count: int) -> Any:
+def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
     """Compile a function of `count` observables of states of length `n` to a C function.
 
     It has the signature of a kernel, with two states in succession, and returns 1 if it fails.
     """
     snapshot = take_snapshot(observe)
     with _compiling:
-        return _observables(snapshot, n, count)
+        return _observables_kernel(snapshot, n, count)
 
 
 @cache
-def _observables(snapshot: Snapshot, n: int, count: int) -> Any:
-    (observe,) = snapshot.frozen(boundscheck=True)
-
-    def observe_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        states, parameters, values = array(y, 2 * n), array(p, size), array(out, count)
-        failed = 1
-        try:
-            observe(mode, code, t, states, parameters, values)
-            failed = 0
-        except:  # noqa: E722
+def _observables_kernel(snapshot: Snapshot, n: int, count: int) -> Kernel:
+    def body(code: KernelCode) -> Any:
+        states, values = (
+            code.vector(code.y, code.count(2 * n)),
+            code.vector(code.out, code.count(count)),
+        )
+        parameters = code.vector(code.parameters, code.size)
+        with code.call(code.mode, code.code, code.t, states, parameters, values):
             pass
-        return failed
+        return code.either(if_failed=1, otherwise=0)
 
-    name = f"{snapshot.name}_{n}_{count}"
-    return _kernel(observe_kernel, name, name if snapshot.lasting else None)
+    kinds = (_word, _word, _real, VECTOR, VECTOR, VECTOR)
+    return _compile("observables", snapshot, kinds, body, (n, count), boundscheck=True)
 
 
-def _kernel(function: Callable[..., Any], name: str, cached: str | None) -> Any:
+def _compile(
+    role: str,
+    snapshot: Snapshot,
+    kinds: tuple[Any, ...],
+    body: Callable[[KernelCode], Any],
+    sizes: tuple[int, ...],
+    **options: Any,
+) -> Kernel:
     # Symbols of compiled code contain this name, which keeps automata of a process apart.
-    function.__qualname__ += f"_{name}"
-    return compile_callback(function, KERNEL, cached)
+    name = "_".join([f"{role}_kernel", snapshot.name, *(f"{size:d}" for size in sizes)])
+    return compile_kernel(
+        lambda: snapshot.frozen(**options)[0], kinds, body, name, snapshot.lasting, **options
+    )
 
 
 # --- Compiled engines

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import logging
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 from llvmlite import ir
 from numba import config, njit, types
-from numba.core.caching import FunctionCache, NullCache
+from numba.core.caching import Cache, FunctionCache, NullCache, make_library_cache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -109,7 +111,11 @@ def record_at(kind: Any) -> Any:
     return view
 
 
-def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> Any:
+VECTOR = types.Array(types.float64, 1, "C")
+MATRIX = types.Array(types.float64, 2, "F")
+
+
+def view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> Any:
     """Return an array of doubles at the address `data`, without ownership."""
     view = make_array(kind)(context, builder)
     word = ir.Constant(context.get_value_type(types.intp), WORD)
@@ -126,28 +132,6 @@ def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) ->
         meminfo=None,
     )
     return view._getvalue()
-
-
-@intrinsic
-def matrix(_typing: Any, address: Any, size: Any) -> Any:
-    """View `size` x `size` doubles at `address`, stored by columns, as an array."""
-    kind = types.Array(types.float64, 2, "F")
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return _view(kind, context, builder, args[0], [args[1], args[1]])
-
-    return kind(types.int64, types.int64), codegen
-
-
-@intrinsic
-def array(_typing: Any, address: Any, size: Any) -> Any:
-    """View `size` doubles at `address` as an array."""
-    kind = types.Array(types.float64, 1, "C")
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return _view(kind, context, builder, args[0], [args[1]])
-
-    return kind(types.int64, types.int64), codegen
 
 
 @intrinsic
@@ -217,7 +201,7 @@ def address(_typing: Any, handle: Any) -> Any:
 _log = logging.getLogger("mems_impact")
 
 
-class _Cache(FunctionCache):
+class _NamedCache(Cache):
     """A cache with a name as its key, which tolerates invalid files and directories.
 
     numba itself detects changes of the function's file and closure, but not of the dependencies of
@@ -257,19 +241,54 @@ class _Cache(FunctionCache):
             _log.info("%s cannot be written (%s)", self.cache_path, error)
 
 
+class _FunctionCache(_NamedCache, FunctionCache):
+    pass
+
+
+class _LibraryCache(_NamedCache, make_library_cache("mems_impact")):  # type: ignore[misc]
+    pass
+
+
 class _NoCache(NullCache):
     def load_overload(self, sig: Any, target_context: Any) -> None:
         announce()
 
 
-def _cache_of(function: Callable[..., Any], name: str | None) -> Any:
+def _cache_of(
+    function: Callable[..., Any], name: str | None, cache: type[_NamedCache] = _FunctionCache
+) -> Any:
     if name is None:
         return _NoCache()
     try:
-        return _Cache(function, name)
+        return cache(function, name)
     except RuntimeError as error:  # no directory is writable
         _log.info("compiled code is not kept: %s", error)
         return _NoCache()
+
+
+def library_cache(name: str, lasting: bool) -> Any:
+    """Return the cache of the code with a name, in which nothing is kept unless it is `lasting`."""
+
+    def place() -> None:
+        """Determine the directory and the name of the files."""
+
+    place.__qualname__ = name
+    return _cache_of(place, name if lasting else None, _LibraryCache)
+
+
+@contextmanager
+def pause_collection() -> Iterator[None]:
+    """Suspend the garbage collector, which takes a tenth of the time of a compilation.
+
+    A compilation makes many objects that stay, and few cycles.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def compile_callback(
@@ -291,7 +310,8 @@ def compile_callback(
         function, (signature.args, signature.return_type), {}, {**FOR_C, **options}
     )
     compiled._cache = _cache_of(function, name)
-    compiled.compile()
+    with pause_collection():
+        compiled.compile()
     return compiled
 
 

@@ -116,6 +116,21 @@ def test_a_broken_file_is_replaced(folder, kind, share):
     assert folder.go() == (["1.0", "1.0", "1.0"], False)
 
 
+@pytest.mark.slow
+def test_an_edit_keeps_the_code_of_other_functions(folder):
+    def kept(role):
+        return {file.name for file in folder.compiled.rglob(f"*{role}_kernel*.nbc")}
+
+    before = {role: kept(role) for role in ("flow", "margins", "transition")}
+    folder.write("system.py", SYSTEM.replace("return mode", "return mode + 0"))
+    assert folder.go() == (["1.0", "1.0", "1.0"], True)
+    assert kept("flow") == before["flow"]
+    assert kept("margins") == before["margins"]
+    assert len(kept("transition")) == len(before["transition"]) + 1
+    folder.write("system.py", SYSTEM)
+    assert folder.go() == (["1.0", "1.0", "1.0"], False)
+
+
 def _double(x):
     return 2.0 * x
 
