@@ -268,8 +268,11 @@ class ActuatorNumerics(HybridSystem):
         InvalidParameter
             If the tolerances do not resolve a term.
         """
-        for term in self.actuator.terms:
-            term.check_resolved(options, self._scales)
+        if self._kinds:
+            electrode = compose(self._kinds, 1).electrodes[0]
+            capacitance = float(electrode.capacitance(0.0, self.numbers().parameters))
+            for term in self.actuator.terms:
+                term.check_resolved(options, self._scales, capacitance)
         return super().problem(options)
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:

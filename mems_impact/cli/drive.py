@@ -37,18 +37,20 @@ def command(
     The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.plots import forcing_period_of, plot_drive
+    from mems_impact.actuator.system import ActuatorSystem
 
     actuator = actuator_from(device, changes)
     drive = drive_from()
     forces = [force for stretch in forcing_period_of(drive, actuator) for force in stretch.force]
-    shown = ", ".join(f"{time:.9g}" for time in drive.switches[:8])
-    more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
+    switches = ActuatorSystem(actuator, drive).source.switches
+    shown = ", ".join(f"{time:.9g}" for time in switches[:8])
+    more = f" and {len(switches) - 8} more" if len(switches) > 8 else ""
     ends = min(forces), max(forces)
     lines = {
         "drive": OutputValue(type(drive).__name__),
         "forcing period": OutputValue(drive.period, "s"),
         "angular frequency": OutputValue(2.0 * math.pi / drive.period, "rad/s"),
-        "switches": OutputValue(drive.switches, "s", f"{shown}{more}" if shown else "none"),
+        "switches": OutputValue(switches, "s", f"{shown}{more}" if shown else "none"),
         "force at x2 = 0": OutputValue(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
     }
     with output("drive") as files:

@@ -112,11 +112,24 @@ class QuantityType(click.ParamType):
         if self.unit is None and has_unit(value):
             return value
         try:
+            if self.unit == "V" and has_unit(value):
+                return self._of_drive(value)
             return number_of(value, self.unit or "")
         except QuantityError as error:
             self.fail(f"{value!r} must be {error}", param, ctx)
         except ValueError:
             self.fail(f"{value!r} is not a valid float.", param, ctx)
+
+    def _of_drive(self, value: str) -> str:
+        """Return the text of a voltage, or of a charge: the device determines which."""
+        try:
+            number_of(value, "V")
+        except QuantityError as error:
+            try:
+                number_of(value, "C")
+            except QuantityError:
+                raise error from None
+        return value
 
 
 def _assignments(

@@ -360,8 +360,11 @@ class Term(Checked, ABC):
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
 
-    def check_resolved(self, options: Options, scales: Scales) -> None:
-        """Raise InvalidParameter if the tolerances of a run do not resolve it."""
+    def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
+        """Raise InvalidParameter if the tolerances of a run do not resolve it.
+
+        `capacitance` is the scaled one of the right electrode at x2 = 0.
+        """
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ class RegularizedFriction(Term):
     instead = "friction"
     stiff = True
 
-    def check_resolved(self, options: Options, scales: Scales) -> None:
+    def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
         """Raise InvalidParameter if the frame would creep at less than the absolute tolerance."""
         inner = scales.into(self.width, "m/s")
         if inner < RESOLVED * options.atol:

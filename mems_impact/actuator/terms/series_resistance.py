@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import Field
 
+from mems_impact._util.formatting import shown
+from mems_impact._util.units import Scales
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
     Electrode,
@@ -14,8 +18,14 @@ from mems_impact.actuator.terms.base import (
     Term,
     field_energy,
 )
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
 
 __all__ = ["SeriesResistance"]
+
+# With a current limit, a time constant of 2 sqrt(rtol) of the motion gives the accuracy of rtol.
+RESOLVED_TIME = 5.0
+RESOLVED_CHARGE = 10.0  # charge of a current limit in a time constant, in absolute tolerances
 
 
 class SeriesResistance(Term):
@@ -78,6 +88,25 @@ class SeriesResistance(Term):
     signed = True
     stiff = True
     in_series = True
+
+    def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
+        """Raise InvalidParameter if errors of the charge hide when the current is limited."""
+        if self.current_limit is None:
+            return
+        inner = self.scaled(scales)
+        capacitance += inner.parasitic
+        assert inner.current_limit is not None
+        least = max(
+            RESOLVED_TIME * math.sqrt(options.rtol) / capacitance,
+            RESOLVED_CHARGE * options.atol / (capacitance * inner.current_limit),
+        )
+        if inner.resistance < least:
+            amount = f"{float(scales.out(least, 'ohm')):.3g}{' ohm' * scales.named}"
+            allowed = (
+                f">= {amount} at rtol = {shown(options.rtol)}, atol = {shown(options.atol)}: the "
+                "charge settles so fast that its errors hide when the current is limited"
+            )
+            raise InvalidParameter(f"{self.name()}.resistance", self.resistance, allowed)
 
     @classmethod
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:

@@ -213,6 +213,26 @@ def test_impacts_under_a_limited_current_are_those_of_scipy():
     assert energy.given == pytest.approx(given, abs=1e-7)
 
 
+def test_a_current_limit_that_tolerances_do_not_resolve_is_refused():
+    # 5 sqrt(1e-9)/2 is the least resistance before the capacitance 2; above it, a hundredth of the
+    # tolerances makes no difference.
+    drive = mi.Sine(amplitude=0.2, omega=0.5)
+    term = mi.SeriesResistance(resistance=7e-5, current_limit=0.15)
+    message = r"resistance = 7e-05: must be >= 7.91e-05 at rtol = 1e-09, atol = 1e-11: the charge"
+    with pytest.raises(mi.InvalidParameter, match=message):
+        mi.simulate(ZHAO.adding(term), drive, 1)
+    found = []
+    for options in (mi.Options(), mi.Options(rtol=1e-11, atol=1e-13)):
+        own = mi.Options(engine="interpreted", method="bdf", rtol=options.rtol, atol=options.atol)
+        device = ZHAO.adding(term.replace(resistance=1e-4))
+        found.append(mi.simulate(device, drive, 1, options=own).final)
+    assert found[0].x2 == pytest.approx(found[1].x2, abs=1e-6)
+    assert found[0].charge == pytest.approx(found[1].charge, abs=1e-6)
+    weak = ZHAO.adding(mi.SeriesResistance(resistance=1.0, current_limit=1e-12))
+    with pytest.raises(mi.InvalidParameter, match=r"resistance = 1: must be >= 50 at rtol"):
+        mi.simulate(weak, drive, 1)
+
+
 def test_energy_is_accounted_for():
     # Block against a heavy frame: kinetic energy is the block's, and impacts lose theirs.
     device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
