@@ -145,8 +145,8 @@ class MotionTotals:
         return ratio(total, self.periods)
 
     def impacts(self, guards: Sequence[Guard]) -> float:
-        """Return the number of impacts."""
-        return float(self.counts[[guard.impact for guard in guards]].sum())
+        """Return the number of impacts, from the first guards of an automaton."""
+        return float(self.counts[: len(guards)][[guard.impact for guard in guards]].sum())
 
     def share(self, modes: Any) -> float:
         """Return the fraction of time in one mode or several, by number or by mask.

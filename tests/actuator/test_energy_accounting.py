@@ -9,11 +9,19 @@ OPTIONS = mi.Options(method="dop853")
 TIGHT = RecurrenceOptions(tolerance=1e-9)
 
 
-@pytest.mark.parametrize("terms", [(), (mi.SeriesResistance(resistance=0.05),)])
+@pytest.mark.parametrize(
+    ("terms", "amplitude"),
+    [
+        ((), 0.24),
+        ((mi.SeriesResistance(resistance=0.05),), 0.24),
+        ((mi.SeriesResistance(resistance=0.05, current_limit=0.3), mi.SlewRate(rate=0.11)), 0.26),
+        ((mi.ChargeDrive(parasitic=0.5),), 0.68),
+    ],
+)
 @pytest.mark.slow
-def test_energy_in_is_that_of_the_ledger(terms):
+def test_energy_in_is_that_of_the_ledger(terms, amplitude):
     actuator = mi.load_actuator("zhao2004").replace(terms=terms)
-    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    drive = mi.Sine(amplitude=amplitude, omega=0.5)
     start = mi.State(v2=1.0)
     plain = actuator.under(drive)
     found, other = map_attractors(
