@@ -31,6 +31,7 @@ __all__ = [
     "OrbitError",
     "Picklable",
     "PluginWarning",
+    "ReportInterrupted",
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
@@ -745,6 +746,42 @@ class DiagramInterrupted(Interrupted):
 
     def __init__(self, diagram: object, done: int) -> None:
         super().__init__(f"{done} branches", diagram=diagram, done=done)
+
+
+class ReportInterrupted(Interrupted):
+    """Ctrl-C interrupted a report; the exception holds the finished sections.
+
+    Parameters
+    ----------
+    report : object
+        The report with the finished sections.
+    done, total : int
+        Number of finished sections, and of all sections.
+
+    See Also
+    --------
+    Interrupted, report, DeviceReport
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("mita2003")
+    >>> try:
+    ...     page = mi.report(actuator, only=["Device"])
+    ... except mi.ReportInterrupted as stopped:
+    ...     page = stopped.report
+    >>> len(page.sections)
+    1
+    """
+
+    work = "report"
+    kept = "report"
+    report: Any
+    done: int
+    total: int
+
+    def __init__(self, report: object, done: int, total: int) -> None:
+        super().__init__(f"{done} of {total} sections", report=report, done=done, total=total)
 
 
 class OptimizationInterrupted(Interrupted):

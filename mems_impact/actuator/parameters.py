@@ -39,6 +39,7 @@ __all__ = [
     "PARAMETER_MEANINGS",
     "PARAMETER_NAMES",
     "Actuator",
+    "device_text",
     "load_actuator",
     "numbers_for",
     "parameter_named",
@@ -588,3 +589,13 @@ def _read(source: str) -> bytes:
     return read_bytes(
         source, remedy, largest=MAX_DEVICE_FILE_BYTES, kind="device file", missing=missing
     )
+
+
+def device_text(name_or_path: str) -> tuple[str, str]:
+    """Return name and description of a device; empty texts if its file has none."""
+    source = fspath(name_or_path)
+    preset = source in preset_names()
+    raw = (_DEVICES / f"{source}.toml").read_bytes() if preset else Path(source).read_bytes()
+    content = parse_toml(raw, source, "a device file")
+    name = source if preset else content.get("name", "") or Path(source).stem
+    return name, content.get("description", "")

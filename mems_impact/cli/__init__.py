@@ -24,7 +24,7 @@ from mems_impact.cli.runtime import (
     PROGRAM,
     TERMINATED,
     past_click,
-    report,
+    report_error,
     show_warnings_briefly,
     with_options,
 )
@@ -50,6 +50,7 @@ COMMAND_NAMES = (
     "optimize",
     "orbit",
     "pull-in",
+    "report",
     "sensitivity",
     "show",
     "simulate",
@@ -151,9 +152,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     with interruptible() as signals:
         try:
             # Outside click's own mode, which would print several lines for a usage error.
-            status = main_group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
+            given = tuple(sys.argv[1:] if arguments is None else arguments)
+            status = main_group.main(given, prog_name=PROGRAM, standalone_mode=False, obj=given)
         except (Exception, KeyboardInterrupt) as error:
-            status = report(error)
+            status = report_error(error)
     if status == INTERRUPTED and signal.SIGTERM in signals:
         status = TERMINATED
     sys.exit(status if isinstance(status, int) else 0)

@@ -795,3 +795,57 @@ def ranges_option(option: str, example: str, text: str, **settings: Any) -> Call
         help=f"{text} May be repeated.",
         **settings,
     )
+
+
+# --- Tolerances and specifications
+
+
+def _distributions(
+    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, list[Any] | str]:
+    found: dict[str, list[Any] | str] = {}
+    for text in texts:
+        name, _, words = text.partition("=")
+        kind, *numbers = (part.strip() for part in words.split(":"))
+        width = numbers[-1] if numbers else kind
+        if name.strip() and len(numbers) <= 1 and has_unit(width):
+            found[name.strip()] = words
+            continue
+        try:
+            amounts = [each if has_unit(each) else float(each) for each in numbers]
+            found[name.strip()] = [kind, *amounts]
+        except ValueError:
+            found = {}
+        if not (found.get(name.strip()) and name.strip() and kind and numbers):
+            problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
+            problem += "NAME=PER CENT, such as d=5%"
+            raise click.BadParameter(problem)
+    return found
+
+
+def distribution_option(
+    option: str, name: str, text: str, default: str | None
+) -> Callable[[Any], Any]:
+    """Return an option NAME=DISTRIBUTION that may be repeated; `default` in words."""
+    return click.option(
+        option,
+        name,
+        multiple=True,
+        metavar="NAME=DISTRIBUTION",
+        callback=_distributions,
+        show_default=default or False,
+        help=f"{text}, by its name in scipy.stats and the arguments: e=norm:0.8:0.02, "
+        "delta=uniform:0.35:0.01. About the device's value: d=5% or d='0.1 um' is normal with this "
+        "standard deviation, d=uniform:5% is uniform within plus or minus 5 %. May be repeated.",
+    )
+
+
+def specification_option(default: str | None) -> Callable[[Any], Any]:
+    """Return the option --specification; `default` in words."""
+    return ranges_option(
+        "--specification",
+        "'displacement per period=1e-4:'",
+        "Bounds of a column of the table; one bound may be omitted.",
+        half_open=True,
+        show_default=default or False,
+    )

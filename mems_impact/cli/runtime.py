@@ -124,14 +124,14 @@ def show_warnings_briefly() -> None:
     warnings.showwarning = show  # type: ignore[assignment]
 
 
-def report(error: BaseException) -> int:
+def report_error(error: BaseException) -> int:
     """Print the error message and return the exit status.
 
     An error that is neither bad input nor the package's own is a bug; it is raised again, since a
     bug report needs its traceback. Notes that an `Output` has added are printed too.
     """
     if isinstance(error, ClickBypass):
-        return report(error.error)
+        return report_error(error.error)
     written = "; ".join(getattr(error, "__notes__", ()))
     more = f"; {written}" if written else ""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):

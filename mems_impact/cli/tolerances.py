@@ -7,17 +7,17 @@ from typing import Any
 
 import click
 
-from mems_impact._util.quantities import has_unit
 from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
     device_options,
+    distribution_option,
     drive_options,
     initial_option,
     output_options,
     progress_option,
-    ranges_option,
     recurrence_options,
     sample_options,
+    specification_option,
     study_integrator_options,
     study_options,
 )
@@ -27,47 +27,10 @@ KIND = "tolerances"
 SPREAD = (0.05, 0.5, 0.95)
 
 
-def _distributions(
-    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, list[Any] | str]:
-    found: dict[str, list[Any] | str] = {}
-    for text in texts:
-        name, _, words = text.partition("=")
-        kind, *numbers = (part.strip() for part in words.split(":"))
-        width = numbers[-1] if numbers else kind
-        if name.strip() and len(numbers) <= 1 and has_unit(width):
-            found[name.strip()] = words
-            continue
-        try:
-            amounts = [each if has_unit(each) else float(each) for each in numbers]
-            found[name.strip()] = [kind, *amounts]
-        except ValueError:
-            found = {}
-        if not (found.get(name.strip()) and name.strip() and kind and numbers):
-            problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
-            problem += "NAME=PER CENT, such as d=5%"
-            raise click.BadParameter(problem)
-    return found
-
-
 @click.command(short_help="Propagate manufacturing tolerances (Monte Carlo, Sobol).")
 @device_options
-@click.option(
-    "--over",
-    multiple=True,
-    metavar="NAME=DISTRIBUTION",
-    callback=_distributions,
-    help="A parameter and its distribution, by its name in scipy.stats and the arguments: "
-    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. About the device's value: d=5% or d='0.1 um' is "
-    "normal with this standard deviation, d=uniform:5% is uniform within plus or minus 5 %. May "
-    "be repeated.",
-)
-@ranges_option(
-    "--specification",
-    "'displacement per period=1e-4:'",
-    "Bounds of a column of the table; one bound may be omitted.",
-    half_open=True,
-)
+@distribution_option("--over", "over", "A parameter and its distribution", None)
+@specification_option(None)
 @sample_options(256, "sobol")
 @click.option(
     "--indices",

@@ -16,8 +16,8 @@ def errors(caught: BaseException) -> str:
         | mi.InvalidFile | mi.OrbitError | mi.RunError | mi.WorkersLost
     )  # fmt: skip
     interrupted = (
-        mi.ChartInterrupted | mi.DiagramInterrupted | mi.OptimizationInterrupted | mi.RunInterrupted
-        | mi.StudyInterrupted | mi.SweepInterrupted
+        mi.ChartInterrupted | mi.DiagramInterrupted | mi.OptimizationInterrupted
+        | mi.ReportInterrupted | mi.RunInterrupted | mi.StudyInterrupted | mi.SweepInterrupted
     )  # fmt: skip
     if isinstance(caught, mi.InvalidParameter):
         return assert_type(caught.field, str)
@@ -122,6 +122,7 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     mi.impact_onset(mi.frequency_response(actuator, drive, [1.0]))
     mi.plot_load(mi.load_curve(actuator, drive, [0.0]))
     mi.plot_chart(mi.operating_chart(actuator))
+    assert_type(mi.report(actuator, drive, "report.html"), mi.DeviceReport)
 
 
 def flow(mode: int, t: float, y: Any, p: Any) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
+from mems_impact.actuator.report import plot_speed
 from mems_impact.studies.sampling import Axis, Grid
 from tests.actuator.figures.test_chart import chart
 from tests.plotting.reading import flaws
@@ -179,6 +180,7 @@ LONG = {
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
         made_sensitivity(ZHAO), "mean speed"),
     "plot_sweep without crossings": lambda _: mi.plot_sweep(silent_table()),
+    "speed in a report": lambda _: SimpleNamespace(figure=plot_speed(made_table())),
     "animate": lambda get: SimpleNamespace(figure=mi.animate(get("run"), 98).frame(-1)),
     "animate an actuator": lambda _: SimpleNamespace(figure=mi.animate(real(), 2).frame(-1)),
     "the paper's displacement": lambda _: displacement(),

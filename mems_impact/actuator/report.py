@@ -1,0 +1,1041 @@
+"""A report on a device under a drive: one HTML page with tables and figures."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from io import BytesIO
+from string import Template
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mems_impact._util.files import replacing
+from mems_impact._util.progress import progress_bar
+from mems_impact._util.units import PREFIXED, SI_PREFIXES
+from mems_impact._util.warning_scopes import collected_warnings, first_of_each
+from mems_impact.actuator.design.energy import energy
+from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
+from mems_impact.actuator.design.operating_chart import operating_chart
+from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.design.wear import life
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.parameters import (
+    PARAMETER_MEANINGS,
+    PARAMETER_NAMES,
+    Actuator,
+    numbers_for,
+)
+from mems_impact.actuator.results import COLUMN_UNITS, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.analysis.attractor import RecurrenceOptions
+from mems_impact.analysis.orbit import find_orbit
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter, MemsImpactError, OrbitError, ReportInterrupted
+from mems_impact.studies.sweep import sweep
+from mems_impact.studies.uncertainty import Specification, tolerance_analysis
+from mems_impact.systems.result import SummaryRepr
+from mems_impact.systems.state import State, is_number, whole
+from mems_impact.tables import sweep_summary, unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mems_impact.actuator.plots import ChartData
+
+__all__ = ["DeviceReport", "report"]
+
+# --- Contents of a section
+
+
+class Picture(NamedTuple):
+    """A figure as a data address, its caption, and a text in its place."""
+
+    address: str
+    caption: str
+
+
+class Listing(NamedTuple):
+    """A table of texts; numeric columns are aligned to the right."""
+
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: tuple[bool, ...]
+    caption: str = ""
+
+
+Block = str | Picture | Listing
+"""A paragraph, a figure or a table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportSection(SummaryRepr):
+    """A section of a report.
+
+    Attributes
+    ----------
+    title : str
+    problem : str
+        Why the section could not be computed; empty if it could.
+    blocks : tuple
+        Paragraphs, figures and tables.
+    facts : dict of str to str
+        The main results, for the head of the page.
+    notes : tuple of str
+        Warnings of the computation.
+    """
+
+    title: str
+    problem: str = ""
+    blocks: tuple[Block, ...] = field(default=(), repr=False)
+    facts: Mapping[str, str] = field(default_factory=dict, repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DeviceReport(SummaryRepr):
+    """A report on a device, as a page of HTML that contains its figures.
+
+    Attributes
+    ----------
+    title : str
+    description : str
+    sections : tuple of ReportSection
+    missing : tuple of str
+        Titles of the sections that an interruption left out; empty for a complete report.
+    command : str
+        The command or call that makes the report.
+    made : str
+        Date and versions.
+
+    See Also
+    --------
+    report
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> page = mi.report(mita, mi.Sine(amplitude=100, frequency=1), only=["Device", "Energy"])
+    >>> page.save("mita.html")
+    >>> [section.title for section in page.sections]
+    ['Device', 'Energy']
+    """
+
+    title: str
+    description: str = ""
+    sections: tuple[ReportSection, ...] = ()
+    missing: tuple[str, ...] = ()
+    command: str = ""
+    made: str = ""
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """The main results of all sections, by name."""
+        return {name: text for section in self.sections for name, text in section.facts.items()}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the main results, and the sections that could not be computed."""
+        problems = {each.title: each.problem for each in self.sections if each.problem}
+        return {"title": self.title, **self.facts, **problems}
+
+    @cached_property
+    def html(self) -> str:
+        """The page."""
+        return _page(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Save the page as one file.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            An existing file is replaced once the new one is complete.
+
+        Raises
+        ------
+        InvalidFile
+            If `path` cannot be a file.
+        FileNotWritten
+            If the file cannot be written, for example because the disk is full.
+        """
+        with replacing(path) as temporary:
+            temporary.write_text(self.html, encoding="utf-8")
+
+
+# --- Numbers as text
+
+DIGITS = 4
+LEAST_POWER = -15  # of ten, of the smallest prefix
+
+
+def amount(value: float, unit: str = "") -> str:
+    """Return a number with four digits and its unit with a prefix: "20.1 nm".
+
+    Examples
+    --------
+    >>> amount(2.013e-8, "m"), amount(31.567, "V"), amount(3.2e-6, "kg"), amount(2e-8, "m^2")
+    ('20.13 nm', '31.57 V', '3.2 mg', '0.02 mm²')
+    """
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "unlimited" if value > 0.0 else "−∞"
+    power, size = 0, abs(float(f"{value:.{DIGITS}g}"))
+    if unit == "kg" and 0.0 < size < 1e-3:
+        value, unit, size = 1e3 * value, "g", 1e3 * size
+    if unit == "m^2" and 0.0 < size < 1e-4:
+        value, unit = (1e12 * value, "µm^2") if size < 1e-9 else (1e6 * value, "mm^2")
+    first = unit.partition("/")[0].split(" ")[0]
+    if (first in PREFIXED or first == "g") and size > 0.0 and not 1.0 <= size < 1e3:
+        power = 3 * math.floor(math.log10(size) / 3.0)
+        power = power if LEAST_POWER <= power <= (0 if first == "s" else 9) else 0
+    number = f"{value / 10.0**power:.{DIGITS}g}".replace("e+0", "e").replace("e-0", "e-")
+    text = f"{number} {SI_PREFIXES[power]}{unit}".rstrip()
+    return text.replace("^2", "²").replace("^3", "³")
+
+
+def duration(seconds: float) -> str:
+    """Return a long time in hours, days or years."""
+    for size, name in ((31557600.0, "years"), (86400.0, "days"), (3600.0, "h")):
+        if size <= seconds < math.inf:
+            return f"{seconds / size:.{DIGITS}g} {name}"
+    return amount(seconds, "s")
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent."""
+    return "–" if math.isnan(share) else f"{100.0 * share:.3g} %"
+
+
+# --- Figures
+
+FIGURE_STYLE = {
+    "figure.figsize": (6.0, 2.9), "font.size": 9.5, "svg.fonttype": "path",
+    "svg.hashsalt": "mems_impact",
+}  # fmt: skip
+MAX_SVG_BYTES = 300_000  # above, a figure becomes a PNG
+PNG_DPI = 170
+
+
+def picture(draw: Callable[[], Any], caption: str) -> Picture:
+    """Return the figure that `draw` makes, as SVG or, if that is large, as PNG."""
+    from mems_impact.plotting.style import style
+
+    with style(FIGURE_STYLE):
+        figure = draw()
+        content = BytesIO()
+        figure.savefig(content, format="svg", metadata={"Date": None})
+        kind = "svg+xml"
+        if content.tell() > MAX_SVG_BYTES:
+            content, kind = BytesIO(), "png"
+            figure.savefig(content, format="png", dpi=PNG_DPI, metadata={"Software": None})
+    data = base64.b64encode(content.getvalue()).decode("ascii")
+    return Picture(f"data:image/{kind};base64,{data}", caption)
+
+
+# --- Tables
+
+
+def listing(
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    numeric: Sequence[int] = (),
+    caption: str = "",
+) -> Listing:
+    """Return a table; `numeric` are the columns of numbers."""
+    return Listing(
+        tuple(headings),
+        tuple(map(tuple, rows)),
+        tuple(i in numeric for i in range(len(headings))),
+        caption,
+    )
+
+
+def values(rows: Mapping[str, str], caption: str = "") -> Listing:
+    """Return a table of names and values."""
+    return listing(("quantity", "value"), list(rows.items()), (1,), caption)
+
+
+# --- HTML
+
+
+def _page(page: DeviceReport) -> str:
+    template = Template((files("mems_impact.actuator") / "report.html").read_text("utf-8"))
+    slugs = {each.title: f"section-{i}" for i, each in enumerate(page.sections, start=1)}
+    lead = f'<p class="lead">{escape(page.description)}</p>' if page.description else ""
+    if page.missing:
+        left = escape(", ".join(page.missing))
+        lead += f'<p class="problem">The report was interrupted. Missing: {left}.</p>'
+    facts = "".join(
+        f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>"
+        for name, text in page.facts.items()
+    )
+    made = f"<p>{escape(page.made)}</p>"
+    if page.command:
+        made += f"<pre>{escape(page.command)}</pre>"
+    return template.substitute(
+        title=escape(page.title),
+        generator=escape(f"mems-impact {version('mems-impact')}"),
+        lead=lead,
+        glance=f"<dl>{facts}</dl>" if facts else "",
+        contents="".join(
+            f'<li><a href="#{slug}">{escape(title)}</a></li>' for title, slug in slugs.items()
+        ),
+        sections="\n".join(_section(each, slugs[each.title]) for each in page.sections),
+        made=made,
+    )
+
+
+def _section(section: ReportSection, slug: str) -> str:
+    parts = [f'<section id="{slug}">', f"<h2>{escape(section.title)}</h2>"]
+    if section.problem:
+        parts.append(f'<p class="problem">{escape(section.problem)}</p>')
+    parts += map(_block, section.blocks)
+    if section.notes:
+        notes = "".join(f"<li>{escape(note)}</li>" for note in section.notes)
+        parts.append(f'<ul class="notes">{notes}</ul>')
+    return "\n".join([*parts, "</section>"])
+
+
+def _block(block: Block) -> str:
+    if isinstance(block, str):
+        return f"<p>{escape(block).replace(' %', '&nbsp;%')}</p>"
+    if isinstance(block, Picture):
+        text = escape(block.caption)
+        return (
+            f'<figure><div><img src="{block.address}" alt="{text}"></div>'
+            f"<figcaption>{text}</figcaption></figure>"
+        )
+    sides = [' class="number"' if number else "" for number in block.numeric]
+    head = "".join(
+        f'<th scope="col"{side}>{escape(each)}</th>'
+        for side, each in zip(sides, block.headings, strict=True)
+    )
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td{side}>{escape(cell)}</td>" for side, cell in zip(sides, row, strict=True))
+        + "</tr>"
+        for row in block.rows
+    )
+    caption = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
+    return (
+        f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+# --- Computation
+
+OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
+"""Lengths of transient and measurement, in free oscillations of the block."""
+FEWEST, MOST = 4, {"transient": 300, "periods": 60}
+"""Forcing periods of transient and measurement."""
+COUNTS = {"voltages": 41, "crises": 2, "samples": 64}
+QUICK = {"voltages": 13, "crises": 0, "samples": 16}
+"""Voltages of the sweep, frequencies at which the chart is simulated, sampled devices."""
+SWEEP_RANGE = (0.4, 1.3)  # of the drive's amplitude
+BELOW_PULL_IN = 0.8  # of the static pull-in voltage, at which the sweep begins at most
+SHOWN_VOLTAGES = 9  # rows of the table
+SLOW = 20.0  # resonance over the frequency of the drive that is chosen if none is given
+OVERDRIVE = 1.2  # amplitude of that drive over the static pull-in voltage
+WEAR = {"wear": (1e-13, "m^2/N"), "area": (1e-8, "m^2"), "depth": (1e-7, "m")}
+"""Assumed wear rate (of polysilicon), contact area (of a foot of 0.1 mm) and depth; SI units."""
+STEP_TOLERANCE = 0.2  # relative deviation of the step that the specification allows
+SPREAD = {"k": 0.03, "d": 0.02, "delta": 0.02, "e": 0.02, "friction": 0.05}
+"""Relative standard deviations if no tolerances are given; friction scales both coefficients."""
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class ReportMaker:
+    """The inputs of a report, and the functions of its sections."""
+
+    actuator: Actuator
+    drive: Drive
+    chosen: bool
+    counts: Mapping[str, int]
+    lengths: Mapping[str, int]
+    seed: int
+    voltages: ArrayLike | None
+    tolerances: Mapping[str, Any] | None
+    specification: Specification | None
+    wear: Mapping[str, float]
+    assumed_wear: bool
+    initial: State | None
+
+    @cached_property
+    def system(self) -> ActuatorSystem:
+        """The device under the drive."""
+        return ActuatorSystem(self.actuator, self.drive)
+
+    @property
+    def si(self) -> bool:
+        """Whether the device is in SI."""
+        return self.actuator.units == "SI"
+
+    def text(self, value: float, unit: str) -> str:
+        """Return a number with its unit, if the device has units."""
+        return amount(value, unit if self.si else "")
+
+    @cached_property
+    def start(self) -> State:
+        """The initial state: a kick, so that the block strikes where it can."""
+        return kicked_state(self.actuator) if self.initial is None else self.initial
+
+    @cached_property
+    def run(self) -> ActuatorRun:
+        """The motion after the transient."""
+        first, length = self.lengths["transient"], self.lengths["periods"]
+        found = simulate(
+            self.system, first + length, window=(first, first + length), initial=self.start
+        )
+        assert isinstance(found, ActuatorRun)
+        return found
+
+    @property
+    def sections(self) -> dict[str, Callable[[], Content]]:
+        """The functions of the sections by their titles, in order."""
+        return {
+            "Device": self.device,
+            "Pull-in and release": self.pull_in,
+            "Drive": self.waveform,
+            "Motion": self.motion,
+            "Operating chart": self.chart,
+            "Step and speed over the voltage": self.speed,
+            "Energy": self.energy,
+            "Life": self.life,
+            "Tolerances": self.spread,
+        }
+
+    def device(self) -> Content:
+        """Return the data sheet; the parameters of a dimensionless device."""
+        device = self.actuator
+        if self.si:
+            sheet = device.datasheet
+            rows = [
+                (name.replace("_", " "), amount(sheet[name], entry.unit), entry.parameter,
+                 entry.meaning)
+                for name, entry in QUANTITIES.items() if name in sheet
+            ]  # fmt: skip
+        else:
+            sheet = device.replace(units="SI").datasheet  # the same numbers, for the regime
+            names = {entry.parameter: (name, entry) for name, entry in QUANTITIES.items()}
+            rows = [
+                (names[own][0].replace("_", " "), amount(getattr(device, own)), own,
+                 names[own][1].meaning)
+                for own in PARAMETER_NAMES
+            ]  # fmt: skip
+        blocks: list[Block] = []
+        if not self.si:
+            blocks.append("The device is dimensionless; all numbers are in its own units.")
+        blocks.append(listing(("quantity", "value", "symbol", "meaning"), rows, (1,)))
+        if device.terms:
+            blocks.append(
+                listing(("term", "parameter", "value"), list(self._terms()), (2,),
+                        "Terms of the model")
+            )  # fmt: skip
+        if sheet.regime:
+            blocks.append(
+                f"Regime: the frame {sheet.regime} of a slow pull-in. Static friction holds "
+                f"{self.text(sheet['static_friction_force'], 'N')}; spring and electrodes pull "
+                f"with up to {self.text(sheet.pull_in_force or 0.0, 'N')}."
+            )
+        return Content(blocks, {"regime": f"frame {sheet.regime}"} if sheet.regime else {})
+
+    def _terms(self) -> Iterator[tuple[str, str, str]]:
+        for term in self.actuator.terms:
+            name = term.name().replace("_", " ")
+            for field_, value in dict(term).items():
+                shown = self.text(value, term.unit_of(field_)) if is_number(value) else str(value)
+                yield name, field_, shown
+                name = ""
+
+    def pull_in(self) -> Content:
+        """Return static and dynamic pull-in voltage, release voltage and resonance."""
+        device = self.actuator
+        static, release = pull_in_voltage(device), resting_voltage(device)
+        rows = {
+            "static pull-in voltage": self.text(static, "V"),
+            "dynamic pull-in voltage": self.text(pull_in_voltage(device, dynamic=True), "V"),
+            "release voltage": self.text(release, "V"),
+            "resonance of the block": self._resonance(),
+        }
+        words = (
+            "Above the static pull-in voltage, raised slowly, the block snaps to the stopper; the "
+            "dynamic one, switched on suddenly, suffices to reach it from rest. Below the release "
+            "voltage the block leaves the stopper."
+        )
+        facts = {"pull-in": rows["static pull-in voltage"], "release": rows["release voltage"]}
+        return Content([words, values(rows)], facts)
+
+    def _resonance(self) -> str:
+        omega = math.sqrt(self.actuator.k / self.actuator.m2)
+        return amount(omega / (2.0 * math.pi), "Hz") if self.si else f"omega = {amount(omega)}"
+
+    def waveform(self) -> Content:
+        """Return the drive and its voltage over time."""
+        from mems_impact.actuator.plots import plot_drive
+
+        system = self.system
+        blocks: list[Block] = []
+        if self.chosen:
+            blocks.append(
+                f"No drive was given. The report takes a sine at {OVERDRIVE:g} times the static "
+                f"pull-in voltage, with 1/{SLOW:g} of the resonance frequency."
+            )
+        rows = {"waveform": type(self.drive).__name__}
+        for name in self.drive.names:
+            rows[name.replace("_", " ")] = self.text(self.drive.number(name), system.unit(name))
+        rows["forcing period (of the force)"] = self.text(self.drive.period, "s")
+        rows["free oscillations of the block in it"] = amount(_oscillations(system))
+        blocks.append(values(rows))
+        blocks.append(
+            picture(
+                lambda: plot_drive(self.drive, self.actuator)[0].figure,
+                "Voltage and electrostatic force on the block at the middle.",
+            )
+        )
+        return Content(blocks)
+
+    def motion(self) -> Content:
+        """Return the statistics and the figure of the motion."""
+        from mems_impact.actuator.plots import plot_run
+
+        run, text = self.run, self.text
+        found = run.statistics
+        cycle = found["displacement per period"]
+        rows = {
+            "step per cycle": text(cycle, "m"),
+            "step per blow": text(found["displacement per blow"], "m"),
+            "blows per cycle": amount(found["blows per period"]),
+            "impacts per cycle": amount(found["impacts per period"]),
+            "mean speed": text(found["mean speed"], "m/s"),
+            "largest impact speed": text(found["impact speed max"], "m/s"),
+            "share of time in which the frame slips": percent(found["share slipping"]),
+            "motion": self._kind(),
+        }
+        begin, end = self.lengths["transient"], sum(self.lengths.values())
+        words = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
+        blocks: list[Block] = [words, values(rows)]
+        if found["blows per period"] == 0.0:
+            blocks.append(
+                "The block does not strike here, so the device makes no step; raise the voltage, "
+                "or change the frequency."
+            )
+        first = max(begin, end - (2 if _oscillations(self.system) > 20.0 else 6))
+        blocks.append(
+            picture(
+                lambda: plot_run(run, first=first)[0].figure,
+                "Block in the frame (above) and frame (below); impacts are marked, slips shaded.",
+            )
+        )
+        facts = {
+            "step per cycle": rows["step per cycle"],
+            "mean speed": rows["mean speed"],
+            "motion": rows["motion"],
+        }
+        return Content(blocks, facts)
+
+    def _kind(self) -> str:
+        """Return whether the motion is periodic, in words."""
+        try:
+            orbit = find_orbit(self.run)
+        except OrbitError:
+            return "not periodic within the search"
+        kind = "stable" if orbit.stable else "unstable"
+        return f"periodic, period {orbit.periods}, {kind}"
+
+    def chart(self) -> Content:
+        """Return on- and off-voltages over the frequency."""
+        from mems_impact.actuator.plots import plot_chart
+
+        chart = operating_chart(self.actuator, self.drive, crises=self.counts["crises"], workers=1)
+        low, high = chart.frequencies
+        unit = "Hz" if self.si else ""
+        words = (
+            f"Voltages at which the device switches on, and off again, between {amount(low, unit)} "
+            f"and {amount(high, unit)}, around half the resonance, where a sine without bias "
+            "excites it."
+        )
+        data: ChartData = chart
+        blocks: list[Block] = [
+            words,
+            picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
+        ]
+        if self.counts["crises"] == 0:
+            blocks.append("Voltages that only a simulation finds (crises) are left out.")
+        return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
+
+    def speed(self) -> Content:
+        """Return a sweep over the voltage."""
+        name = self._voltage_name()
+        table = sweep(
+            self.system, name, self._voltages(name), direction="both", initial=None,
+            transient=self.lengths["transient"], periods=self.lengths["periods"], workers=1,
+        )  # fmt: skip
+        summary = sweep_summary(table)
+        words = (
+            "The amplitude is raised from rest and lowered from a kick; each value starts from the "
+            "motion at the previous one."
+        )
+        blocks: list[Block] = [words]
+        if not summary["impacting"].any():
+            blocks.append("The block strikes at none of these voltages.")
+        blocks.append(
+            picture(
+                lambda: plot_speed(table),
+                "Step per cycle and mean speed of the frame over the amplitude.",
+            )
+        )
+        blocks.append(self._speed_rows(summary, name))
+        best = summary.loc[summary["mean speed"].abs().idxmax()] if len(summary) else None
+        facts = {}
+        if best is not None and abs(best["mean speed"]) > 0.0:
+            at = self.text(best[name], "V")
+            facts = {"largest speed": f"{self.text(best['mean speed'], 'm/s')} at {at}"}
+        return Content(blocks, facts)
+
+    def _voltage_name(self) -> str:
+        names = [each for each in self.drive.names if each.rpartition(".")[2] == "amplitude"]
+        if not names:
+            problem = "the drive has no amplitude to vary; give one of another waveform"
+            raise InvalidParameter("drive", type(self.drive).__name__, "", problem=problem)
+        return names[0]
+
+    def _voltages(self, name: str) -> Any:
+        if self.voltages is not None:
+            return self.voltages
+        here = self.system.value(name)
+        low, high = (part * here for part in SWEEP_RANGE)
+        with contextlib.suppress(InvalidParameter):  # of terms whose equilibrium is unknown
+            low = min(low, BELOW_PULL_IN * pull_in_voltage(self.actuator) or low)
+        if not 0.0 < low < high:
+            problem = "must be > 0 for a range of voltages; give voltages"
+            raise InvalidParameter(name, here, "", problem=problem)
+        return np.linspace(low, high, self.counts["voltages"])
+
+    def _speed_rows(self, summary: pd.DataFrame, name: str) -> Listing:
+        rows = []
+        chains = dict(iter(summary.set_index(name).groupby("direction")))
+        places = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
+        for value in chains["up"].index[np.unique(places)]:
+            cells = [self.text(value, "V")]
+            for column, unit in (("displacement per period", "m"), ("mean speed", "m/s")):
+                cells += [self.text(chains[way].loc[value, column], unit) for way in ("up", "down")]
+            rows.append(cells)
+        headings = (name, "step per cycle, raised", "lowered", "mean speed, raised", "lowered")
+        return listing(headings, rows, range(5), "Some of the values")
+
+    def energy(self) -> Content:
+        """Return the energy balance."""
+        from mems_impact.actuator.plots import plot_energy
+
+        found = energy(self.run)
+        per_cycle = found.given / found.periods
+        blows = self.run.statistics["blows per period"]
+        rows = {"energy from the drive per cycle": self.text(per_cycle, "J")}
+        rows["per blow"] = self.text(per_cycle / blows if blows > 0.0 else math.nan, "J")
+        rows["mean power"] = self.text(per_cycle / float(self.system.forcing_period), "W")
+        table = found.table
+        accounts = [
+            (str(row["account"]).replace("_", " "), str(row["kind"]),
+             self.text(row["energy per period"], "J"), percent(row["share"]))
+            for row in table.to_dict("records")
+        ]  # fmt: skip
+        words = (
+            "The work of the electrodes on the block, and what becomes of it. The field energy of "
+            "the electrodes returns to the voltage source and is not counted."
+        )
+        blocks: list[Block] = [
+            words,
+            values(rows),
+            listing(("account", "kind", "energy per cycle", "share"), accounts, (2, 3)),
+        ]
+        if found.given > 0.0:
+            blocks.append(picture(lambda: plot_energy(found).figure, "Energy per cycle."))
+        return Content(blocks, {"energy per cycle": rows["energy from the drive per cycle"]})
+
+    def life(self) -> Content:
+        """Return wear and life."""
+        if not self.si:
+            problem = "a wear rate is in SI, and the device is dimensionless"
+            raise InvalidParameter("units", "dimensionless", "", problem=problem)
+        found = life(self.run, **self.wear)
+        rows = {
+            "specific wear rate": f"{self.wear['wear']:.3g} m³/(N m)",
+            "contact area of the frame": f"{self.wear['area']:.3g} m²",
+            "allowed wear depth": amount(self.wear["depth"], "m"),
+            "normal force": amount(found.normal_force, "N"),
+            "slip path per cycle": amount(found.slip_per_period, "m"),
+            "slip path per blow": amount(found.slip_per_blow, "m"),
+            "blows until then": amount(found.blows),
+            "time until then": duration(found.time),
+            "distance until then": amount(abs(found.distance), "m"),
+        }
+        words = (
+            "Wear by Archard's law: volume = wear rate × normal force × slip path. The life ends "
+            "where the frame has lost the allowed depth."
+        )
+        if self.assumed_wear:
+            words += " Wear rate, area and depth are assumed: replace them by measured ones."
+        label = "life (assumed wear)" if self.assumed_wear else "life"
+        lasting = duration(found.time)
+        return Content([words, values(rows)], {label: lasting})
+
+    def spread(self) -> Content:
+        """Return a sample of manufacturing tolerances and its yield."""
+        from mems_impact.plotting.uncertainty import plot_tolerance_analysis
+
+        column = "displacement per period"
+        step = float(self.run.statistics[column])
+        over, making, rows = self._tolerances()
+        specification = self.specification
+        if specification is None and step != 0.0:
+            ends = sorted((step * (1.0 - STEP_TOLERANCE), step * (1.0 + STEP_TOLERANCE)))
+            specification = {column: (ends[0], ends[1])}
+        if specification is None:
+            problem = "the device makes no step here; give a specification"
+            raise InvalidParameter("specification", None, "", problem=problem)
+        found = tolerance_analysis(
+            self.system, over=over, parameters=making, samples=self.counts["samples"],
+            seed=self.seed, specification=specification, initial=self.start,
+            recurrence=RecurrenceOptions(exponents="none", **self.lengths), workers=1,
+        )  # fmt: skip
+        last = found.yields.iloc[-1]
+        share = f"{percent(last['share'])} ({percent(last['low'])} to {percent(last['high'])})"
+        bounds = [
+            (str(row["quantity"]), self._bound(row, "from"), self._bound(row, "to"),
+             percent(row["share"]))
+            for row in found.yields.iloc[:-1].to_dict("records")
+        ]  # fmt: skip
+        words = (
+            f"{self.counts['samples']} devices with parameters from these distributions (seed "
+            f"{self.seed}). Yield within the specification: {share}, with the 95 % interval."
+        )
+        if self.tolerances is None or self.specification is None:
+            assumed = [
+                name
+                for name, given in (("tolerances", self.tolerances),
+                                    ("specification", self.specification))
+                if given is None
+            ]  # fmt: skip
+            words += f" Assumed: {' and '.join(assumed)}; give your own."
+        blocks: list[Block] = [
+            words,
+            listing(("parameter", "distribution"), rows),
+            listing(("quantity", "from", "to", "yield"), bounds, (1, 2, 3), "Specification"),
+            self._quantiles(found.quantiles(QUANTILES)),
+            picture(
+                lambda: plot_tolerance_analysis(found, quantity=list(specification)).figure,
+                "Distribution over the devices; dashed lines bound the specification.",
+            ),
+        ]
+        return Content(blocks, {"yield": percent(last["share"])})
+
+    def _bound(self, row: Mapping[str, Any], end: str) -> str:
+        value = float(row[end])
+        unit = unit_of(str(row["quantity"]), COLUMN_UNITS)
+        return "–" if math.isinf(value) else self.text(value, unit)
+
+    def _quantiles(self, table: pd.DataFrame) -> Listing:
+        names = ("displacement per period", "mean speed", "impact speed")
+        rows = [
+            (name, *(self.text(float(table.loc[name, q]), unit_of(name, COLUMN_UNITS))
+                     for q in QUANTILES))
+            for name in names if name in table.index
+        ]  # fmt: skip
+        headings = ("quantity", *(f"{100.0 * q:g} % quantile" for q in QUANTILES))
+        return listing(headings, rows, (1, 2, 3))
+
+    def _tolerances(self) -> tuple[dict[str, Any], Any, list[tuple[str, str]]]:
+        """Return distributions, function of the sampled quantities, and rows of a table."""
+        from scipy import stats
+
+        if self.tolerances is not None:
+            rows = [(name, _distribution_text(each)) for name, each in self.tolerances.items()]
+            return dict(self.tolerances), None, rows
+        device, over, rows = self.actuator, {}, []
+        for name in ("k", "d", "delta"):
+            over[name] = f"{100.0 * SPREAD[name]:g}%"
+            rows.append((f"{name}, {PARAMETER_MEANINGS[name]}", f"normal, {over[name]}"))
+        spread = SPREAD["e"] * device.e
+        if spread > 0.0:
+            most = min(3.0, (1.0 - device.e) / spread)
+            over["e"] = stats.truncnorm(-3.0, most, device.e, spread)
+            rows.append((f"e, {PARAMETER_MEANINGS['e']}", f"normal, {100.0 * SPREAD['e']:g}%"))
+        over["friction"] = stats.norm(1.0, SPREAD["friction"])
+        rows.append(("mu_s and mu_d in common, friction", f"normal, {100 * SPREAD['friction']:g}%"))
+
+        def parameters(friction: float, **others: float) -> dict[str, float]:
+            return {**others, "mu_s": device.mu_s * friction, "mu_d": device.mu_d * friction}
+
+        return over, parameters, rows
+
+
+class Content(NamedTuple):
+    """Contents of a section that was computed."""
+
+    blocks: Sequence[Block]
+    facts: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
+
+
+def plot_speed(table: pd.DataFrame) -> Any:
+    """Return a figure of step per cycle and mean speed over the parameter of a sweep."""
+    from mems_impact.plotting.bifurcation import plot_sweep
+    from mems_impact.plotting.labels import letter_panels
+    from mems_impact.plotting.style import new_figure
+
+    figure = new_figure(1.5)
+    panels = figure.subplots(2)
+    for panel, quantity in zip(panels, ("displacement per period", "mean speed"), strict=True):
+        plot_sweep(table, panel, quantity=quantity)
+    panels[0].set_xlabel("")
+    panels[0].tick_params(labelbottom=False)
+    if (legend := panels[1].get_legend()) is not None:
+        legend.remove()
+    letter_panels(panels)
+    return figure
+
+
+def _chart_tables(chart: Any, text: Callable[[float, str], str]) -> list[Block]:
+    """Return the types of a chart as a table, if it has any."""
+    types = chart.types
+    if not len(types):
+        return []
+    name = chart.parameters[0]
+    unit = "Hz" if name == "frequency" else "rad/s"
+    ends = [column for column in types.columns if str(column).startswith(name)]
+    rows = [
+        (str(row["type"]), *(text(row[end], unit) for end in ends), str(row["on"]),
+         str(row["off"]))
+        for row in types.to_dict("records")
+    ]  # fmt: skip
+    headings = ("type", *map(str, ends), "switches on by", "switches off by")
+    return [listing(headings, rows, range(1, 1 + len(ends)), "Types of switching")]
+
+
+def _distribution_text(given: Any) -> str:
+    if isinstance(given, list | tuple):
+        return ", ".join(map(str, given))
+    if hasattr(given, "dist"):
+        numbers = [*map(str, given.args), *(f"{key}={v}" for key, v in given.kwds.items())]
+        return f"{given.dist.name}({', '.join(numbers)})"
+    return str(given)
+
+
+def _oscillations(system: ActuatorSystem) -> float:
+    """Return the number of free oscillations of the block in a forcing period."""
+    device = system.actuator
+    return float(system.forcing_period) * math.sqrt(device.k / device.m2) / (2.0 * math.pi)
+
+
+def report(
+    actuator: Actuator,
+    drive: Drive | None = None,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    title: str = "",
+    description: str = "",
+    quick: bool = False,
+    only: Sequence[str] | None = None,
+    voltages: ArrayLike | None = None,
+    tolerances: Mapping[str, Any] | None = None,
+    specification: Specification | None = None,
+    samples: int | None = None,
+    seed: int = 0,
+    wear: float | None = None,
+    area: float | None = None,
+    depth: float | None = None,
+    transient: int | None = None,
+    periods: int | None = None,
+    initial: State | None = None,
+    command: str = "",
+    progress: bool | Callable[[float], None] = False,
+) -> DeviceReport:
+    """Make a report on a device: one HTML page with tables and figures.
+
+    The sections are data sheet and regime, pull-in and release, drive, motion, operating chart,
+    step and speed over the voltage, energy, life, and tolerances with the yield. A section that
+    cannot be computed says why; the others are unaffected.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive, optional
+        By default a slow sine above the pull-in voltage.
+    path : str or os.PathLike, optional
+        File of the page. It is written after each section, so that an interruption keeps those that
+        are finished.
+    title, description : str, optional
+    quick : bool, optional
+        Use fewer voltages and samples, and a chart without simulations.
+    only : sequence of str, optional
+        Titles of the wanted sections; all by default.
+    voltages : array_like of float or str, optional
+        Amplitudes of the sweep; by default 0.4 to 1.3 times the drive's.
+    tolerances : mapping of str to distribution, optional
+        As `over` of `tolerance_analysis`; by default assumed ones.
+    specification : mapping of str to tuple of float, optional
+        As for `tolerance_analysis`; by default a step per cycle within 20 %.
+    samples, seed : int, optional
+        Number of sampled devices, 64 by default (`quick`: 16), and seed of the sample.
+    wear, area, depth : float or str, optional
+        As for `life`; by default assumed values, 1e-13 m^3/(N m), 1e-8 m^2 and 0.1 um.
+    transient, periods : int, optional
+        Forcing periods discarded and measured; by default 1000 and 200 free oscillations of the
+        block, at most 300 and 60 forcing periods.
+    initial : State, optional
+        Initial state of the motion; a kick by default (see `kicked_state`).
+    command : str, optional
+        The command that makes the report, for its last lines; by default the call in Python.
+    progress : bool or callable, optional
+        Show progress; a function is called with the number of finished sections.
+
+    Returns
+    -------
+    DeviceReport
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or the device needs a drive.
+    ReportInterrupted
+        If Ctrl-C interrupts it; `report` is the part that is finished.
+
+    See Also
+    --------
+    DeviceReport, DataSheet, operating_chart, speed_over_voltage, energy, life, tolerance_analysis
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> drive = mi.Sine(amplitude="100 V", frequency="1 Hz")
+    >>> page = mi.report(mita, drive, "mita.html", only=["Pull-in and release", "Motion"])
+    >>> page.facts["step per cycle"]
+    '20 nm'
+    """
+    if not isinstance(actuator, Actuator):
+        raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
+    chosen = drive is None
+    system = ActuatorSystem(actuator, _drive_for(actuator) if drive is None else drive)
+    counts = dict(QUICK if quick else COUNTS)
+    if samples is not None:
+        counts["samples"] = whole("samples", samples, 1)
+    whole("seed", seed, 0)
+    per_period = _oscillations(system)
+    lengths = {
+        name: whole(name, given, 1)
+        if given is not None
+        else max(FEWEST, min(MOST[name], math.ceil(OSCILLATIONS[name] / per_period)))
+        for name, given in (("transient", transient), ("periods", periods))
+    }
+    numbers = {}
+    for name, value in (("wear", wear), ("area", area), ("depth", depth)):
+        usual, unit = WEAR[name]
+        numbers[name] = usual if value is None else numbers_for(actuator, name, value, unit)
+        if not (is_number(numbers[name]) and numbers[name] > 0.0):
+            raise InvalidParameter(name, value, "a finite number > 0")
+    maker = ReportMaker(
+        actuator=actuator,
+        drive=_in_hertz(system),
+        chosen=chosen,
+        counts=counts,
+        lengths=lengths,
+        seed=int(seed),
+        voltages=voltages,
+        tolerances=tolerances,
+        specification=specification,
+        wear=numbers,
+        assumed_wear=None in (wear, area, depth),
+        initial=initial,
+    )
+    wanted = list(maker.sections if only is None else only)
+    for name in wanted:
+        if name not in maker.sections:
+            raise InvalidParameter("only", name, f"titles among {', '.join(maker.sections)}")
+    page = DeviceReport(
+        title=title or "Impact microactuator",
+        description=description,
+        missing=tuple(wanted),
+        command=command or f"mi.report({actuator!r}, {system.drive!r})",
+        made=_versions(),
+    )
+    if path is not None:
+        page.save(path)  # now, not after minutes of work
+    with progress_bar(progress, "sections", len(wanted), "report") as shown:
+        for done, name in enumerate(wanted):
+            if shown is not None:
+                shown(done, name)
+            try:
+                section = _computed(name, maker.sections[name])
+            except KeyboardInterrupt:
+                raise ReportInterrupted(page, done, len(wanted)) from None
+            page = replace(
+                page, sections=(*page.sections, section), missing=tuple(wanted[done + 1 :])
+            )
+            if path is not None:
+                page.save(path)
+        if shown is not None:
+            shown(len(wanted))
+    return page
+
+
+def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
+    """Return a section, or the reason why it cannot be computed."""
+    with collected_warnings() as collected:
+        try:
+            blocks, facts, notes = compute()
+        except MemsImpactError as error:
+            text = str(error)
+            return ReportSection(title=title, problem=text[:1].upper() + text[1:].rstrip(".") + ".")
+    warned = [each.message for each in first_of_each(collected)]
+    return ReportSection(
+        title=title, blocks=tuple(blocks), facts=dict(facts), notes=(*notes, *warned)
+    )
+
+
+def _drive_for(actuator: Actuator) -> Drive:
+    """Return a slow sine above the pull-in voltage."""
+    try:
+        voltage = pull_in_voltage(actuator)
+    except InvalidParameter as error:
+        problem = f"give one: the pull-in voltage is unknown ({error})"
+        raise InvalidParameter("drive", None, "", problem=problem) from None
+    if not voltage > 0.0:
+        problem = "give one: the block is on the stopper without voltage"
+        raise InvalidParameter("drive", None, "", problem=problem)
+    return Sine(amplitude=OVERDRIVE * voltage, omega=math.sqrt(actuator.k / actuator.m2) / SLOW)
+
+
+def _in_hertz(system: ActuatorSystem) -> Drive:
+    """Return the drive, by its frequency if the device is in SI."""
+    drive = system.drive
+    fields = type(drive).model_fields
+    if system.actuator.units != "SI" or not {"omega", "frequency"} <= fields.keys():
+        return drive
+    if drive.frequency is not None:  # type: ignore[attr-defined]
+        return drive
+    return drive.replace(frequency=drive.omega / (2.0 * math.pi))  # type: ignore[attr-defined]
+
+
+def _versions() -> str:
+    """Return date and versions."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    when = datetime.fromtimestamp(int(epoch), UTC) if epoch else datetime.now(UTC)
+    python = ".".join(map(str, sys.version_info[:3]))
+    return f"Made by mems-impact {version('mems-impact')} (Python {python}) on {when:%Y-%m-%d}."

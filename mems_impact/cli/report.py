@@ -1,0 +1,165 @@
+"""`mems-impact report`: one HTML page on a device, with tables and figures."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.options import (
+    KEY,
+    Initial,
+    QuantityType,
+    actuator_from,
+    device_options,
+    distribution_option,
+    drive_choice,
+    drive_from,
+    drive_options,
+    initial_option,
+    progress_option,
+    specification_option,
+    state_from,
+)
+from mems_impact.cli.output import OutputValue, add_json_files, add_json_values, show, show_values
+from mems_impact.cli.runtime import PROGRAM, warn
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+
+@click.command(short_help="Make a report on a device: one HTML page.")
+@device_options
+@click.option(
+    "--output",
+    type=click.Path(dir_okay=False),
+    default="report.html",
+    show_default=True,
+    metavar="FILE",
+    help="File of the page; it is written after each section.",
+)
+@click.option("--title", default="", show_default="the name of the device", help="Title.")
+@click.option("--quick", is_flag=True, help="Use fewer voltages and samples.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="TITLE",
+    show_default="all",
+    help="Title of a section to compute, such as 'Energy'. May be repeated.",
+)
+@click.option(
+    "--voltages",
+    type=click.Tuple([QuantityType("V"), QuantityType("V"), click.IntRange(2, 10_000)]),
+    metavar="START STOP POINTS",
+    show_default="0.4 to 1.3 times the amplitude",
+    help="Amplitudes of the sweep.",
+)
+@distribution_option(
+    "--tolerance", "tolerances", "A parameter and its distribution", "assumed tolerances"
+)
+@specification_option("a step per cycle within 20 %")
+@click.option(
+    "--samples",
+    type=click.IntRange(1, 1_000_000),
+    show_default="64; 16 with --quick",
+    help="Number of devices of the tolerance study.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the samples.")
+@click.option(
+    "--wear",
+    type=QuantityType("m^2/N"),
+    show_default="1e-13",
+    help="Specific wear rate [m^3/(N m)].",
+)
+@click.option(
+    "--area",
+    type=QuantityType("m^2"),
+    show_default="1e-8",
+    help="Contact area of the frame [m^2].",
+)
+@click.option(
+    "--depth", type=QuantityType("m"), show_default="0.1 um", help="Allowed wear depth [m]."
+)
+@click.option(
+    "--transient",
+    type=click.IntRange(1),
+    show_default="from the resonance",
+    help="Forcing periods discarded.",
+)
+@click.option(
+    "--periods",
+    type=click.IntRange(1),
+    show_default="from the resonance",
+    help="Forcing periods measured after them.",
+)
+@drive_options
+@initial_option
+@progress_option
+@click.pass_context
+def command(
+    ctx: click.Context,
+    /,
+    *,
+    device: str,
+    changes: dict[str, float],
+    output: str,
+    title: str,
+    voltages: tuple[float, float, int] | None,
+    initial: Initial,
+    **options: Any,
+) -> None:
+    """Make a report on DEVICE under a voltage: one HTML page that can be sent.
+
+    \b
+    Examples:
+      mems-impact report mine.toml
+      mems-impact report mita2003 --amplitude '100 V' --frequency '1 Hz'
+
+    The page holds data sheet, regime, pull-in and release, drive, motion, operating chart, step
+    and speed over the voltage, energy, life and tolerances with their yield. Without a drive, here
+    or in the file of DEVICE, the report takes a slow sine above the pull-in voltage. A section that
+    cannot be computed says why. Ctrl-C keeps the finished sections.
+    """  # noqa: D301 - click looks for the backspace itself
+    import numpy as np
+
+    import mems_impact as mi
+    from mems_impact.actuator.parameters import device_text
+
+    actuator = actuator_from(device, changes)
+    drive = drive_from() if _has_drive() else None
+    name, description = device_text(device)
+    given: dict[str, Any] = {**options, "title": title or name, "description": description}
+    if voltages is not None:
+        given["voltages"] = np.linspace(*voltages)
+    if initial:
+        given["initial"] = state_from(initial, actuator)
+    given["tolerances"] = options["tolerances"] or None
+    given["specification"] = options["specification"] or None
+    given["only"] = options["only"] or None
+    given["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
+    try:
+        page = mi.report(actuator, drive, output, **given)
+    except mi.ReportInterrupted as interruption:
+        add_json_files([output])
+        interruption.add_note(f"written: {output}")
+        raise
+    _show(page, output)
+
+
+def _has_drive() -> bool:
+    """Return whether options or the file of the device describe a drive."""
+    given = click.get_current_context().meta.get(KEY, {})
+    return any(value is not False for value in given.values()) or drive_choice() != "sine"
+
+
+def _show(page: mi.DeviceReport, output: str) -> None:
+    if page.facts:
+        show_values({name: OutputValue(text) for name, text in page.facts.items()})
+    for section in page.sections:
+        if section.problem:
+            warn(f"{section.title}: {section.problem}")
+    problems = {section.title: OutputValue(section.problem) for section in page.sections}
+    add_json_values({name: each for name, each in problems.items() if each.value})
+    add_json_files([output])
+    show(f"\nwritten: {output}")
