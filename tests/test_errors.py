@@ -17,6 +17,7 @@ from mems_impact.errors import (
     MemsImpactError,
     OptimizationInterrupted,
     OrbitError,
+    ReportInterrupted,
     RunError,
     RunInterrupted,
     StudyInterrupted,
@@ -55,6 +56,7 @@ INTERRUPTIONS = [
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
     (DiagramInterrupted([1, 2], 2), "2 branches"),
     (OptimizationInterrupted("best", 4), "4 points"),
+    (ReportInterrupted([1, 2], 2, 9), "2 of 9 sections"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]
 

@@ -114,7 +114,7 @@ class DeviceReport(SummaryRepr):
     description : str
     sections : tuple of ReportSection
     missing : tuple of str
-        Titles of the sections that an interruption left out; empty for a complete report.
+        Titles of the sections that an interruption omitted; empty for a complete report.
     command : str
         The command or call that makes the report.
     made : str
@@ -576,7 +576,7 @@ class ReportMaker:
             picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
         ]
         if self.counts["crises"] == 0:
-            blocks.append("Voltages that only a simulation finds (crises) are left out.")
+            blocks.append("The chart omits voltages that only a simulation finds (crises).")
         return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
 
     def speed(self) -> Content:
@@ -656,8 +656,8 @@ class ReportMaker:
             for row in table.to_dict("records")
         ]  # fmt: skip
         words = (
-            "The work of the electrodes on the block, and what becomes of it. The field energy of "
-            "the electrodes returns to the voltage source and is not counted."
+            "The balance of the work of the electrodes on the block. The field energy of the "
+            "electrodes returns to the voltage source and is not counted."
         )
         blocks: list[Block] = [
             words,
