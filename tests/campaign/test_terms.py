@@ -50,11 +50,20 @@ def test_without_terms_it_meets_the_judge_of_the_papers_equations():
     assert mine[-1].y[:4] == pytest.approx(last, abs=1e-9)
 
 
+# The number of the judge by which a term without numbers of its own changes.
+COMPUTED = {
+    "tabulated_capacitance": ("capacitance 1",),
+    "tabulated_spring": ("spring 1",),
+    "tilted_plate": ("wedge",),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TERM_CLASSES)
+@pytest.mark.parametrize("name", [name for name in TERM_CLASSES if name not in terms.unjudged()])
 def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
     """Of its numbers, the first one that the judge has, a thousandth off."""
-    places = [with_terms.PLACE[place] for place in with_terms.KNOWN[name].values()]
+    known = [*with_terms.KNOWN[name].values(), *COMPUTED.get(name, ())]
+    places = [with_terms.PLACE[place] for place in known]
 
     class Other(terms._Judged):
         def __init__(self, *given):
