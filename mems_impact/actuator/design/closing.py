@@ -146,8 +146,9 @@ def closing(
 
     Notes
     -----
-    An actuator with a heavy frame is a switch on a chip that keeps its place. A compliant stopper
-    (`CompliantStopper`) makes contacts of finite duration.
+    An actuator with a heavy frame is a switch on a chip that keeps its place: ``mass_ratio=1e5``
+    and ``friction=1`` in `Actuator.from_design`. A compliant stopper (`CompliantStopper`) makes
+    contacts of finite duration.
 
     Examples
     --------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Self
 
 from pydantic import Field, model_validator
@@ -104,5 +105,5 @@ class PulseAndHold(AperiodicDrive):
             pieces.append(Piece(begin, level))
             before = level
         # A flank as long as its part leaves no time at the level.
-        ends = [piece.start for piece in pieces[1:]] + [self.switching_time + 1.0]
+        ends = [piece.start for piece in pieces[1:]] + [math.inf]
         return [piece for piece, end in zip(pieces, ends, strict=True) if piece.start < end]
