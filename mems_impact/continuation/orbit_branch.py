@@ -565,11 +565,13 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             after = orbit_tests(shooting, here, tangent(here, step.along))
         bifurcations = self._bifurcations(shooting, step, reach, before, after)
         places = [*bifurcations, *self._function_zeros(shooting, step, reach)]
-        special_points = [each for _, each in sorted(places, key=lambda item: item[0])]
+        places.sort(key=lambda item: item[0])
+        for place, each in bifurcations:
+            if each.kind == PERIOD_DOUBLING and each.monitor.kind == FOLD:
+                until = [other for there, other in places if there < place]
+                return LocatedEvents([*until, each], each, HALF_PERIOD, here)
+        special_points = [each for _, each in places]
         if first is None:
-            halved = [each for _, each in bifurcations[-1:]]
-            if halved and halved[0].kind == PERIOD_DOUBLING and halved[0].monitor.kind == FOLD:
-                return LocatedEvents(special_points, halved[0], HALF_PERIOD, here)
             return LocatedEvents(special_points)
         lost_here = self._admissible(shooting, step, *first)
         # Where an event coincides with a switch the branch has a corner, and one-sided tangents.

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import mems_impact as mi
 from mems_impact.continuation.branch_switching import switch_at_period_doubling
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
@@ -131,3 +132,29 @@ def test_what_is_listed_as_a_doubling_can_be_switched(doubling):
     near = find_periodic_orbit(beside, doubling.orbit.instant, active=("amplitude",))
     assert 1e-4 < np.abs(near.multipliers + 1.0).min() < 1e-3
     assert switch_at_period_doubling(near, "amplitude")[0].periods == 2
+
+
+def _double_well(mode, t, y, p):
+    return y.v, p.A * math.cos(1.2 * t) - 0.3 * y.v + y.x - y.x**3
+
+
+def test_a_branch_between_two_doublings_of_another_ends_at_either():
+    """Its own period doubles so close to one end that a step contains both points."""
+    system = mi.System(
+        states=("x", "v"), flow=_double_well, period=2.0 * math.pi / 1.2,
+        parameters={"A": 0.28}, initial={"x": 1.0},
+    )  # fmt: skip
+    orbit = mi.find_orbit(system, transient=200)
+    assert orbit.periods == 2
+    branch = mi.continue_orbit(orbit, "A", 0.4757)
+    ends = [special for special in branch.special_points if special.label == "PD"]
+    assert ends[1].value - ends[0].value == pytest.approx(0.1889, abs=1e-4)
+    labels = []
+    for end in ends:
+        doubled = mi.switch_branch(end, bounds=(0.25, 0.5))
+        assert doubled.ended.startswith("the orbit of half the period")
+        other = next(each for each in ends if each is not end)
+        assert doubled.special_points[-1].value == pytest.approx(other.value, abs=1e-8)
+        labels.append([s.value for s in doubled.special_points[:-1]])
+    assert len(labels[0]) == 4
+    assert labels[0] == pytest.approx(labels[1][::-1], abs=1e-8)
