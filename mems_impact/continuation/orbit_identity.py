@@ -18,6 +18,7 @@ from mems_impact.continuation.arclength import (
 from mems_impact.continuation.equilibrium_branch import SAME_EQUILIBRIUM_DISTANCE, Equilibria
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
 from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import FOLD
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
@@ -54,7 +55,7 @@ def orbit_on_branch(branch: OrbitBranch, orbit: PeriodicOrbit) -> bool:
     own, point = _at(orbit, branch.parameter)
     detector = ClosureDetector(own, point, np.ones(1))
     value = float(point.values[0])
-    for begin, end in pairwise(branch.points):
+    for begin, end in pairwise(_with_folds(branch, value)):
         if (begin.value - value) * (end.value - value) > 0.0:
             continue
         if not _is_near(own, point, begin, end):
@@ -66,6 +67,26 @@ def orbit_on_branch(branch: OrbitBranch, orbit: PeriodicOrbit) -> bool:
         if detector.lies_on(shooting, here):
             return True
     return False
+
+
+def _with_folds(branch: OrbitBranch, value: float) -> list[BranchPoint]:
+    """Return the points of a branch and its folds near a value.
+
+    A step across a fold contains orbits at values that are not between those of its ends.
+    """
+    points = list(branch.points)
+    longest = max((abs(b.value - a.value) for a, b in pairwise(points)), default=0.0)
+    folds = [
+        (_place(branch, each), each)
+        for each in branch.special_points
+        if each.kind == FOLD and abs(each.value - value) <= longest
+    ]
+    for place, each in sorted(folds, key=lambda item: -item[0]):
+        i = math.floor(place)
+        if place > i:
+            added = BranchPoint(each.orbit, each.value, each.direction, points[i].piece)
+            points.insert(i + 1, added)
+    return points
 
 
 def _is_near(

@@ -1,0 +1,38 @@
+"""Orbits on known branches, on the fixed points of x' = a - x^2, with a fold at a = -1/4."""
+
+import math
+
+import pytest
+
+import mems_impact as mi
+from mems_impact.continuation.orbit_identity import orbit_on_branch
+
+PLAIN = mi.Options(method="dop853", engine="interpreted")
+MAP = mi.System(
+    states=("x", "w"),
+    flow=lambda mode, t, y, p: (0.0, -y.w),
+    switch_transition=lambda mode, t, y, p: (mode, (p.a - y.x * y.x, y.w)),
+    switches=(0.5,),
+    period=1.0,
+    parameters={"a": 0.5},
+)
+
+
+def fixed_point(a, side):
+    guess = {"x": 0.5 * (side * math.sqrt(1.0 + 4.0 * a) - 1.0), "w": 0.0}
+    return mi.find_orbit(MAP.changed(a=a), periods=1, guess=guess, options=PLAIN)
+
+
+@pytest.mark.slow
+def test_orbits_within_a_step_across_a_fold():
+    steps = mi.StepControl(initial=0.1, largest=0.4)
+    whole = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps)
+    assert [special.label for special in whole.special_points] == ["CF"]
+    reached = whole.table["a"].min()
+    assert reached > -0.249
+    for a in (-0.2499, 0.5 * (reached - 0.25), reached, 0.1):
+        for side in (1.0, -1.0):
+            assert orbit_on_branch(whole.found, fixed_point(a, side).found)
+    half = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps, stop_at="CF")
+    assert orbit_on_branch(half.found, fixed_point(0.1, 1.0).found)
+    assert not orbit_on_branch(half.found, fixed_point(0.1, -1.0).found)
