@@ -21,8 +21,10 @@ from pydantic.fields import FieldInfo
 
 from mems_impact._util.files import replacing
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
+from mems_impact.actuator.splines import COEFFICIENTS, coefficients
 from mems_impact.actuator.terms.adhesion import Adhesion
 from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.comb_drive import MIN_OVERLAP_RATIO, CombDrive
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
@@ -40,8 +42,12 @@ from mems_impact.actuator.terms.squeeze_film import (
     share_of_row,
 )
 from mems_impact.actuator.terms.stribeck_friction import StribeckFriction
+from mems_impact.actuator.terms.table import TableTerm
+from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
 from mems_impact.actuator.terms.tabulated_restitution import TabulatedRestitution
+from mems_impact.actuator.terms.tabulated_spring import TabulatedSpring
 from mems_impact.actuator.terms.tilt import Tilt
+from mems_impact.actuator.terms.tilted_plate import FREE_SHARE, SERIES_RATIO, TiltedPlate
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["verilog_a", "write_verilog_a"]
@@ -83,6 +89,18 @@ class Side:
         return f"x2{suffix}" if self.sign > 0 else f"-x2{suffix}"
 
 
+@dataclass(frozen=True)
+class Plate:
+    """The bodies of the functions ``capacitance(x)`` of an electrode and of its derivative.
+
+    They assign to NAME; `variables` are further ones.
+    """
+
+    capacitance: str
+    slope: str
+    variables: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class TermCode:
     """The contributions of a term to the module, named as those of `TermContribution`.
@@ -101,8 +119,8 @@ class TermCode:
     states : tuple of State
     functions : tuple of str
         Further functions.
-    fringes : tuple of str
-        Sizes of the electrode with fringing fields.
+    plate : Plate
+        An electrode in place of a parallel plate.
     constants : tuple of pairs
         Variables that depend on parameters alone.
     """
@@ -118,7 +136,7 @@ class TermCode:
     sticks: bool = True
     states: tuple[State, ...] = ()
     functions: tuple[str, ...] = ()
-    fringes: tuple[str, ...] = ()
+    plate: Plate | None = None
     constants: tuple[tuple[str, str], ...] = ()
 
 
@@ -282,6 +300,105 @@ stopper = compliant_stopper_stiffness*depth
   *pow(depth/compliant_stopper_depth, compliant_stopper_exponent - 1.0)
   *max(1.0 + 1.5*compliant_stopper_damping*rate, 0.0);"""
 
+GAP = "gap = electrode_gap(x);\n"
+
+PARALLEL = Plate(GAP + "NAME = 2.0*alpha/gap;", GAP + "NAME = 2.0*alpha/(gap*gap);", "gap")
+
+
+def fringing(term: Term) -> TermCode:
+    """Return the code of fringing fields at two or four edges."""
+    sizes = [f"fringing_{name}" for name in numbers_of(term)]
+    factors = [f"fringe(gap, {size})" for size in sizes]
+    slopes = [f"fringe_slope(gap, {size})" for size in sizes]
+    by_gap = slopes[0]
+    if len(sizes) == 2:
+        by_gap = f"({slopes[0]}*{factors[1]} + {factors[0]}*{slopes[1]})"
+    product = "*".join(factors)
+    edge = f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));"
+    edge_slope = f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
+    return TermCode(
+        plate=Plate(
+            f"{GAP}NAME = 2.0*alpha*{product}/gap;",
+            f"{GAP}NAME = 2.0*alpha*({product}/gap - {by_gap})/gap;",
+            "gap",
+        ),
+        functions=(
+            function("fringe", "gap, size", edge),
+            function("fringe_slope", "gap, size", edge_slope),
+        ),
+    )
+
+
+COMB = "2.0*comb_drive_fingers*comb_drive_permittivity*comb_drive_thickness/comb_drive_gap"
+
+COMB_PLATE = Plate(
+    f"NAME = {COMB}*max(comb_drive_overlap + x, {MIN_OVERLAP_RATIO}*comb_drive_overlap);",
+    f"NAME = {COMB};",
+    "",
+)
+
+WEDGE = f"""\
+wedge = 0.5*tilted_plate_length*abs(tilted_plate_angle);
+gap = max(d - x, wedge + {FREE_SHARE}*(d - delta - wedge));
+"""
+
+TILTED_PLATE = Plate(
+    f"""\
+{WEDGE}ratio = wedge/gap;
+factor = 1.0 + ratio*ratio/3.0;
+if (ratio > {SERIES_RATIO})
+  factor = atanh(ratio)/ratio;
+NAME = 2.0*alpha*factor/gap;""",
+    f"{WEDGE}NAME = 2.0*alpha/((gap - wedge)*(gap + wedge));",
+    "wedge, gap, ratio, factor",
+)
+
+SPLINE_VARIABLES = "inside, u, h, c0, c1, c2, c3, c4, c5, by_u"
+
+
+def spline_body(term: TableTerm, *, slope: bool) -> str:
+    """Return the body of a function with the spline of a table, or of its derivative.
+
+    Beyond the table it is continued by its tangent.
+    """
+    x = term.positions
+    found = coefficients(x, getattr(term, term.column))
+    lines = [f"inside = min(max(x, {x[0]!r}), {x[-1]!r});"]
+    for i in range(len(x) - 1):
+        own = found[COEFFICIENTS * i : COEFFICIENTS * (i + 1)]
+        condition = f"if (inside < {x[i + 1]!r}) " if i < len(x) - 2 else ""
+        lines += [
+            f"{'else ' if i else ''}{condition}begin",
+            f"  h = {x[i + 1] - x[i]!r};",
+            f"  u = (inside - ({x[i]!r}))/h;",
+            "  " + " ".join(f"c{k} = {value!r};" for k, value in enumerate(own)),
+            "end",
+        ]
+    lines.append("by_u = c1 + u*(2.0*c2 + u*(3.0*c3 + u*(4.0*c4 + u*5.0*c5)));")
+    if slope:
+        lines.append("NAME = by_u/h;")
+    else:
+        lines.append("NAME = c0 + u*(c1 + u*(c2 + u*(c3 + u*(c4 + u*c5)))) + by_u/h*(x - inside);")
+    return "\n".join(lines)
+
+
+def tabulated_capacitance(term: Term) -> TermCode:
+    """Return the code of electrodes from a table, with its numbers."""
+    assert isinstance(term, TableTerm)
+    value, slope = spline_body(term, slope=False), spline_body(term, slope=True)
+    return TermCode(plate=Plate(value, slope, SPLINE_VARIABLES))
+
+
+def tabulated_spring(term: Term) -> TermCode:
+    """Return the code of a spring from a table, with its numbers."""
+    assert isinstance(term, TableTerm)
+    body = spline_body(term, slope=False).replace("NAME", "restoring")
+    return TermCode(
+        force=lambda s: f"+ k*x2{s} - restoring(x2{s})",
+        functions=(function("restoring", "x", body, SPLINE_VARIABLES),),
+    )
+
+
 SOURCE_CURRENT = {
     False: "source_current = drop/series_resistance_resistance;",
     True: """\
@@ -297,6 +414,7 @@ def has(term: Term, name: str) -> bool:
 
 TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     Adhesion: lambda term: TermCode(adhesion="adhesion_force"),
+    CombDrive: lambda term: TermCode(plate=COMB_PLATE),
     CompliantStopper: lambda term: TermCode(stopper=STOPPER),
     CubicStiffness: lambda term: TermCode(
         force=lambda s: f"- cubic_stiffness_k3*x2{s}*x2{s}*x2{s}"
@@ -304,19 +422,7 @@ TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     DielectricCharging: lambda term: TermCode(),  # see `electrode_states`
     FrameLoad: lambda term: TermCode(on_frame=lambda s: "- frame_load_force"),
     FrameSpring: lambda term: TermCode(on_frame=lambda s: f"- frame_spring_k1*x1{s}"),
-    Fringing: lambda term: TermCode(
-        fringes=tuple(f"fringing_{name}" for name in numbers_of(term)),
-        functions=(
-            function(
-                "fringe",
-                "gap, size",
-                f"fringe = 1.0 + gap/({PI}*size)*(1.0 + ln(2.0*{PI}*size/gap));",
-            ),
-            function(
-                "fringe_slope", "gap, size", f"fringe_slope = ln(2.0*{PI}*size/gap)/({PI}*size);"
-            ),
-        ),
-    ),
+    Fringing: fringing,
     PowerLawRestitution: lambda term: TermCode(restitution=POWER_LAW),
     RegularizedFriction: lambda term: TermCode(
         friction="friction = mu_d*tanh(speed/regularized_friction_width);", sticks=False
@@ -326,8 +432,11 @@ TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     ),
     SqueezeFilm: squeeze_film,
     StribeckFriction: lambda term: TermCode(friction=STRIBECK),
+    TabulatedCapacitance: tabulated_capacitance,
     TabulatedRestitution: tabulated_restitution,
+    TabulatedSpring: tabulated_spring,
     Tilt: tilt,
+    TiltedPlate: lambda term: TermCode(plate=TILTED_PLATE),
 }
 """Terms with a Verilog-A form. A table is part of the code; all other numbers are parameters."""
 
@@ -368,10 +477,12 @@ class Layout:
         """Return a contribution that at most one term has."""
         return next(iter(self.every(name)), default)
 
-    @property
-    def fringes(self) -> tuple[str, ...]:
-        """Sizes of electrodes with fringing fields."""
-        return self.body("fringes", ())
+    def plate(self, side: Side) -> Plate:
+        """Return the electrode on a side."""
+        for term, code in zip(self.actuator.terms, self.codes, strict=True):
+            if code.plate is not None and type(term).acts_at(term.shape, side.sign):
+                return code.plate
+        return PARALLEL
 
     def sum_of(self, name: str, suffix: str) -> str:
         """Return the sum of a contribution, each with its sign."""
@@ -475,7 +586,7 @@ def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
         offset = f"{prefix}offset{s}" if layout.charging else ""
         node = side.voltage
         if layout.series:
-            text.let(f"{prefix}cap{s}", f"capacitance({x})", indent=indent)
+            text.let(f"{prefix}cap{s}", f"{prefix}capacitance({x})", indent=indent)
             trapped = f" + {prefix}cap{s}*{offset}" if offset else ""
             total = f"({prefix}cap{s} + series_resistance_parasitic)"
             node = f"({prefix}charge{s}{trapped})/{total}"
@@ -483,7 +594,9 @@ def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
             text.let(f"{prefix}node{s}", node, indent=indent)
             node = f"{prefix}node{s}"
         across = f"{node} - {offset}" if offset else node
-        pulls.append(f"attraction({x}, {across})")
+        text.let(f"{prefix}across{s}", across, indent=indent)
+        across = f"{prefix}across{s}"
+        pulls.append(f"0.5*{prefix}capacitance_slope({x})*{across}*{across}")
     text.let(f"pull{s}", " - ".join(pulls), indent=indent)
     inner = layout.sum_of("force", s)
     own = f"k*x2{s} + c*v2{s} - pull{s}"
@@ -491,7 +604,7 @@ def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
     if not layout.rigid:
         text.let(f"load{s}", f"load{s} + stopper_load(x2{s}, v2{s})", indent=indent)
     for name in ("frame", "block"):
-        expression = f"F(at_{name}){layout.sum_of(f'on_{name}', s)}"
+        expression = f"F({name}){layout.sum_of(f'on_{name}', s)}"
         text.let(f"on_{name}{s}", expression, indent=indent)
 
 
@@ -555,7 +668,7 @@ def hybrid_block(layout: Layout) -> Text:
     add_event(text, layout)
     text.note("An event holds the integrators that take over, at the state after it")
     for i, s in enumerate(SETS):
-        at_event = f"($abstime == event_time) ? (active == {i}) : (active != {i})"
+        at_event = f"($abstime <= event_time) ? (active == {i}) : (active != {i})"
         text.let(f"hold{s}", at_event, integer=True)
     for s in SETS:
         for state in layout.states:
@@ -695,13 +808,13 @@ def add_contact(text: Text, layout: Layout) -> None:
 def add_ports(text: Text, layout: Layout) -> None:
     """Append the contributions to the ports."""
     text.note("Ports")
-    text.add("Pos(at_frame) <+ x1;", "Pos(at_block) <+ x1 + x2;")
+    text.add("Pos(frame) <+ x1;", "Pos(block) <+ x1 + x2;")
     for side in layout.sides:
         branch = side.voltage.replace("V(", "I(")
         if layout.series:
             rate = f"source_current({side.voltage} - {side.prefix}node_now)"
             offset = f"{side.prefix}offset" if layout.charging else ""
-            text.let(f"{side.prefix}cap_now", f"capacitance({side.position('')})")
+            text.let(f"{side.prefix}cap_now", f"{side.prefix}capacitance({side.position('')})")
             trapped = f" + {side.prefix}cap_now*{offset}" if offset else ""
             total = f"({side.prefix}cap_now + series_resistance_parasitic)"
             charge = f"({side.prefix}charge{trapped})/{total}"
@@ -709,7 +822,8 @@ def add_ports(text: Text, layout: Layout) -> None:
             text.add(f"{branch} <+ {rate};")
         else:
             across = f"({side.voltage} - {side.prefix}offset)" if layout.charging else side.voltage
-            text.add(f"{branch} <+ ddt(capacitance({side.position('')})*{across});")
+            capacitance = f"{side.prefix}capacitance({side.position('')})"
+            text.add(f"{branch} <+ ddt({capacitance}*{across});")
     text.add(f"$bound_step({STEPS}/w0);")
 
 
@@ -722,32 +836,10 @@ def functions_of(layout: Layout) -> list[str]:
         function("electrode_gap", "x", "electrode_gap = d - min(x, 0.5*(delta + d));"),
         *(text for code in layout.codes for text in code.functions),
     ]
-    factors = [f"fringe(gap, {size})" for size in layout.fringes]
-    product = "".join(f"*{factor}" for factor in factors)
-    found.append(
-        function(
-            "capacitance",
-            "x",
-            f"gap = electrode_gap(x);\ncapacitance = 2.0*alpha{product}/gap;",
-            "gap",
-        )
-    )
-    if factors:
-        slopes = [f"fringe_slope(gap, {size})" for size in layout.fringes]
-        slope = slopes[0]
-        if len(factors) == 2:
-            slope = f"({slopes[0]}*{factors[1]} + {factors[0]}*{slopes[1]})"
-        half = f"alpha*({'*'.join(factors)}/gap - {slope})/gap"
-    else:
-        half = "alpha/(gap*gap)"
-    found.append(
-        function(
-            "attraction",
-            "x, voltage",
-            f"gap = electrode_gap(x);\nattraction = {half}*voltage*voltage;",
-            "gap",
-        )
-    )
+    for side in layout.sides:
+        plate, name = layout.plate(side), f"{side.prefix}capacitance"
+        for own, body in ((name, plate.capacitance), (f"{name}_slope", plate.slope)):
+            found.append(function(own, "x", body.replace("NAME", own), plate.variables))
     friction = layout.body("friction", "friction = mu_d;")
     found.append(function("friction", "speed", friction, LOCALS.get(friction, "")))
     if layout.rigid:
@@ -935,6 +1027,11 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
     if isinstance(electrodes, bool) or electrodes not in (1, 2):
         raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left one")
     layout = layout_of(actuator, electrodes)
+    for term in actuator.terms:
+        if electrodes == 1 and not type(term).acts_at(term.shape, 1):
+            raise InvalidParameter(
+                "electrodes", electrodes, f"2: {term.name()} acts at the left one"
+            )
     block = hybrid_block(layout) if layout.events else smooth_block(layout)
     functions = functions_of(layout)
     code = "\n".join([*functions, *block.lines])
@@ -953,7 +1050,7 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
     ]
     if left:
         lines.append("  branch (left, n) left_electrode;")
-    lines += ["  branch (block) at_block;", "  branch (frame) at_frame;", ""]
+    lines.append("")
     suffixes = SETS if layout.events else ("",)
     lines += [
         f"  mems_impact_state {', '.join(f'n_{state.name}{s}' for s in suffixes)};"

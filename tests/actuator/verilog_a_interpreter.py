@@ -38,8 +38,8 @@ KEYWORDS = set(
 )
 MATH = {
     "abs": (abs, 1), "sqrt": (math.sqrt, 1), "exp": (math.exp, 1), "ln": (math.log, 1),
-    "sin": (math.sin, 1), "cos": (math.cos, 1), "tanh": (math.tanh, 1), "pow": (math.pow, 2),
-    "min": (min, 2), "max": (max, 2),
+    "sin": (math.sin, 1), "cos": (math.cos, 1), "tanh": (math.tanh, 1),
+    "atanh": (math.atanh, 1), "pow": (math.pow, 2), "min": (min, 2), "max": (max, 2),
 }  # fmt: skip
 SUFFIXES = {"T": 1e12, "G": 1e9, "M": 1e6, "K": 1e3, "k": 1e3, "m": 1e-3, "u": 1e-6, "n": 1e-9,
             "p": 1e-12, "f": 1e-15, "a": 1e-18}  # fmt: skip
@@ -610,7 +610,7 @@ class Result:
     t : ndarray of shape (n,)
     columns : dict of str to ndarray
         Variables of the module, potentials of its ports ("Pos(frame)" as "frame"), flows of
-        branches ("at_frame") and arguments of ``ddt`` ("charge 0") at the times t.
+        branches ("frame") and arguments of ``ddt`` ("charge 0") at the times t.
     events : list of tuple
         Time, the numbers of the crossings, and the variables after each event.
     """
@@ -699,8 +699,13 @@ class Circuit:
                 return point
         raise VerilogError("the contributions have no solution")
 
-    def run(self, end, times, *, stiff=False, rtol=1e-10, atol=1e-12):
-        """Compute a transient analysis."""
+    def run(self, end, times, *, stiff=False, once=False, rtol=1e-10, atol=1e-12):
+        """Compute a transient analysis.
+
+        The manual leaves open whether the statement of an event is executed in every iteration of
+        its time point, each time from the variables of the last one, or once, before further
+        iterations: `once`.
+        """
         method = LSODA if stiff else DOP853
         times = np.asarray(times, float)
         self.evaluate(self.zero, 0.0, None, initial=True)
@@ -753,6 +758,9 @@ class Circuit:
             if fired:
                 point = self.evaluate(values, t, y, fired=frozenset(fired))
                 values = point.values
+                if once:
+                    point = self.evaluate(values, t, y)
+                    values = point.values
                 y = np.array([point.resets.get(i, y[i]) for i in range(self.count)])
                 events.append((t, tuple(fired), dict(zip(self.names, values, strict=True))))
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
