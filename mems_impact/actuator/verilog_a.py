@@ -761,7 +761,7 @@ def add_event(text: Text, layout: Layout) -> None:
 def add_contact(text: Text, layout: Layout) -> None:
     """Append the impact, or the contact of a block at rest that the stopper carries."""
     s = "_after"
-    text.reals.update(dict.fromkeys(("rebound", "kick", "pressing")))
+    text.reals.update(dict.fromkeys(("rebound", "approach", "kick", "pressing", "low")))
     text.integers.update(dict.fromkeys(("contact", f"side{s}", "impacts")))
     touching = "(v2_0 == 0.0 && abs(x2_0) >= delta) ? ((x2_0 > 0.0) ? 1 : -1) : 0"
     text.add(
@@ -775,31 +775,26 @@ def add_contact(text: Text, layout: Layout) -> None:
         "  end",
         f"  side{s} = 0;",
         "  if (contact != 0) begin",
+        "    // Rest on the stopper, if it carries the block and the rebound is slow or low",
+        f"    approach = v2{s};",
         f"    kick = m2*v2{s}/(m1 + m2);",
-        f"    pressing = rebound*abs(v2{s}) - rest_speed;",
-        "    if (pressing < 0.0) begin",
-        "      // Without rebound, if the stopper carries the block",
-        f"      v1{s} = v1{s} + kick;",
-        f"      v2{s} = 0.0;",
-        f"      side{s} = contact;",
+        f"    v1{s} = v1{s} + kick;",
+        f"    v2{s} = 0.0;",
+        f"    side{s} = contact;",
     )
-    add_forces(text, layout, s, "      ")
-    text.let(f"push{s}", f"on_frame{s} + on_block{s}", indent="      ")
+    add_forces(text, layout, s, "    ")
     if layout.sticks:
-        slip = f"direction(v1{s}, push{s}, mu_s*normal)"
-        text.let(f"dir{s}", slip, integer=True, indent="      ")
-    add_accelerations(text, layout, s, "      ")
+        slip = f"direction(v1{s}, on_frame{s} + on_block{s}, mu_s*normal)"
+        text.let(f"dir{s}", slip, integer=True, indent="    ")
+    add_accelerations(text, layout, s, "    ")
     force = f"contact*(on_block{s} - load{s} - m2*a1{s}){add_of(layout, 'adhesion')}"
     text.add(
-        f"      pressing = {force};",
-        "      if (pressing <= 0.0) begin",
-        f"        side{s} = 0;",
-        f"        v1{s} = v1{s} + rebound*kick;",
-        f"        v2{s} = -rebound*kick*(m1 + m2)/m2;",
-        "      end",
-        "    end else begin",
-        f"      v1{s} = v1{s} + (1.0 + rebound)*kick;",
-        f"      v2{s} = -rebound*v2{s};",
+        f"    pressing = {force};",
+        "    low = sqrt(2.0*max(pressing, 0.0)*(m1 + m2)/(m1*m2)*event_tol*d);",
+        "    if (pressing <= 0.0 || rebound*abs(approach) > max(rest_speed, low)) begin",
+        f"      side{s} = 0;",
+        f"      v1{s} = v1{s} + rebound*kick;",
+        f"      v2{s} = -rebound*approach;",
         "    end",
         "  end",
     )
@@ -963,7 +958,7 @@ def parameters_of(layout: Layout) -> list[str]:
         unit = "m" if kind == "position" else "m/s"
         declare(name, "0.0", limits, f"initial {kind} of {frame} [{unit}]")
     if layout.rigid:
-        comment = "rebounds below it end in contact, if the stopper carries the block [m/s]"
+        comment = "slower rebounds end in contact, if the stopper carries the block [m/s]"
         declare("rest_speed", f"{REST_SPEED}*d*sqrt(k/m2)", "(0.0:inf)", comment)
     if layout.events:
         declare("event_tol", repr(EVENT_TOL), "(0.0:0.001)", "relative tolerance of events [-]")

@@ -181,6 +181,15 @@ def test_frame_that_slips_before_the_blow(kind, friction):
 
 
 @pytest.mark.slow
+def test_chatter_ends_where_rebounds_are_low():
+    # The attraction at a stopper near the electrode makes rebounds low that are not slow.
+    device = MITA.replace(delta=4.9e-6)
+    found = Comparison(device, mi.Square(amplitude=60.0, frequency=40.0), 2)
+    assert found.deviation() < 1e-6
+    assert {"stuck-right", "backward-free"} <= found.modes
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [

@@ -630,6 +630,7 @@ class Result:
 
 
 MAX_PASSES = 50
+MAX_EVENTS = 5000
 
 
 class Circuit:
@@ -762,6 +763,8 @@ class Circuit:
                     point = self.evaluate(values, t, y)
                     values = point.values
                 y = np.array([point.resets.get(i, y[i]) for i in range(self.count)])
+                if len(events) > MAX_EVENTS:
+                    raise VerilogError(f"more than {MAX_EVENTS} events until t = {t}")
                 events.append((t, tuple(fired), dict(zip(self.names, values, strict=True))))
         columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return Result(times, columns, events)
