@@ -366,8 +366,8 @@ class Actuator(Checked):
         Impacts, sticking and slipping are events, ``@(cross())`` and ``idt`` with reset, as Spectre
         and ADS have them. Of each state there are two integrators, which change places at an event.
         A device with `CompliantStopper` and `RegularizedFriction` has no events, so that OpenVAF
-        compiles it for ngspice or VACASK. Rebounds that are slower than ``rest_speed``, or lower than
-        the tolerance of events, end in contact.
+        compiles it for ngspice or VACASK. Rebounds slower than ``rest_speed``, or lower than the
+        tolerance of events, end in contact.
 
         Examples
         --------
