@@ -26,7 +26,11 @@ from mems_impact._util.progress import progress_bar
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.design.energy import energy
-from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
+from mems_impact.actuator.design.estimates import (
+    contact_voltage,
+    pull_in_voltage,
+    resting_voltage,
+)
 from mems_impact.actuator.design.operating_chart import operating_chart
 from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.design.wear import life
@@ -459,14 +463,28 @@ class ReportMaker:
         for term in self.actuator.terms:
             name = term.name().replace("_", " ")
             for field_, value in dict(term).items():
-                shown = self.text(value, term.unit_of(field_)) if is_number(value) else str(value)
+                unit = term.unit_of(field_)
+                shown = self.text(value, unit) if is_number(value) else str(value)
+                if isinstance(value, tuple):
+                    ends = (self.text(end(value), unit) for end in (min, max))
+                    shown = f"{len(value)} values, {' to '.join(ends)}"
                 yield name, field_, shown
                 name = ""
 
     def pull_in(self) -> Content:
         """Return static and dynamic pull-in voltage, release voltage and resonance."""
         device = self.actuator
-        static, release = pull_in_voltage(device), resting_voltage(device)
+        release = resting_voltage(device)
+        try:
+            static = pull_in_voltage(device)
+        except InvalidParameter as error:  # a comb drive
+            rows = {
+                "voltage of contact": self.text(release, "V"),
+                "resonance of the block": self._resonance(),
+            }
+            reason = error.problem or str(error)
+            words = f"{reason[:1].upper()}{reason[1:].partition(';')[0]}."
+            return Content([words, values(rows)], {"contact": rows["voltage of contact"]})
         rows = {
             "static pull-in voltage": self.text(static, "V"),
             "dynamic pull-in voltage": self.text(pull_in_voltage(device, dynamic=True), "V"),
@@ -494,7 +512,8 @@ class ReportMaker:
         if self.chosen:
             blocks.append(
                 f"No drive was given. The report takes a sine at {OVERDRIVE:g} times the static "
-                f"pull-in voltage, with 1/{SLOW:g} of the resonance frequency."
+                f"pull-in voltage (of a comb drive, the voltage of contact), with 1/{SLOW:g} of "
+                "the resonance frequency."
             )
         rows = {"waveform": type(self.drive).__name__}
         for name in self.drive.names:
@@ -621,7 +640,7 @@ class ReportMaker:
         here = self.system.value(name)
         low, high = (part * here for part in SWEEP_RANGE)
         with contextlib.suppress(InvalidParameter):  # of terms whose equilibrium is unknown
-            low = min(low, BELOW_PULL_IN * pull_in_voltage(self.actuator) or low)
+            low = min(low, BELOW_PULL_IN * contact_voltage(self.actuator) or low)
         if not 0.0 < low < high:
             problem = "must be > 0 for a range of voltages; give voltages"
             raise InvalidParameter(name, here, "", problem=problem)
@@ -1012,7 +1031,7 @@ def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
 def _drive_for(actuator: Actuator) -> Drive:
     """Return a slow sine above the pull-in voltage."""
     try:
-        voltage = pull_in_voltage(actuator)
+        voltage = contact_voltage(actuator)
     except InvalidParameter as error:
         problem = f"give one: the pull-in voltage is unknown ({error})"
         raise InvalidParameter("drive", None, "", problem=problem) from None

@@ -192,3 +192,14 @@ def test_the_device_of_the_paper():
     parsed = Page(page.html)
     assert parsed.texts["caption"].count("Types of switching") == 1
     assert len([each for each in parsed.attributes if each[1] == "src"]) == 6
+
+
+def test_a_comb_has_a_voltage_of_contact():
+    comb = mi.CombDrive(fingers=100, gap="2 um", thickness="20 um", overlap="30 um", sides="right")
+    x = [-3e-6, -1e-6, 1e-6, 3e-6]
+    spring = mi.TabulatedSpring(positions=x, forces=[MITA.k * each for each in x])
+    page = mi.report(MITA.adding(comb, spring), only=["Device", "Pull-in and release", "Drive"])
+    assert [section.problem for section in page.sections] == [""] * 3
+    assert "No pull-in with CombDrive: its force does not depend on the position." in page.html
+    assert "36.68 V" in Page(page.html).texts["td"]
+    assert "4 values, -3 µm to 3 µm" in page.html.replace("−", "-")
