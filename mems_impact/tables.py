@@ -19,7 +19,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
@@ -30,6 +29,7 @@ from mems_impact.hybrid.problem import Section
 from mems_impact.hybrid.simulation import Events, Samples
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 __all__ = [
@@ -133,6 +133,8 @@ def table(
     **attributes
         For ``table.attrs``, beside units and versions.
     """
+    import pandas as pd  # imported on first use, which a run without tables need not wait for
+
     units = {name: unit_of(name, labels.units) for name in (*user_columns, *columns)}
     shown = {name: labels.out(name, values) for name, values in columns.items()}
     result = pd.DataFrame({**user_columns, **shown})
@@ -221,6 +223,8 @@ def states(names: Sequence[str], y: Floats) -> dict[str, Any]:
 
 def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
     """Return names for numbers, as categories, which save memory."""
+    import pandas as pd
+
     return pd.Categorical.from_codes(numbers, categories=list(names))
 
 
@@ -284,6 +288,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     >>> mi.to_xarray(run.samples(per_period=100))["x2"].attrs["units"]
     'm'
     """
+    import pandas as pd
+
     if not isinstance(table, pd.DataFrame):
         raise InvalidParameter("table", type(table).__name__, "a DataFrame")
     if find_spec("xarray") is None:

@@ -37,6 +37,18 @@ def test_import_is_light():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_a_run_without_tables_does_not_import_pandas():
+    code = (
+        "import sys, mems_impact as mi\n"
+        "system = mi.System(states=('x',), flow=lambda mode, t, y, p: (-y.x,), period=1.0)\n"
+        "options = mi.Options(method='dop853', engine='interpreted')\n"
+        "run = mi.simulate(system, 2, options=options)\n"
+        "assert 'pandas' not in sys.modules\n"
+        "assert len(run.events) == 0 and 'pandas' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_sweep_interrupted_survives_pickling():
     stop = pickle.loads(pickle.dumps(mi.SweepInterrupted([1, 2], 2, 5)))
     assert (stop.table, stop.done, stop.total) == ([1, 2], 2, 5)
