@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.data_sheet import DataSheet
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.system import ActuatorSystem
+    from mems_impact.integrators.options import Options
+    from mems_impact.systems.state import State
 
 __all__ = [
     "PARAMETER_MEANINGS",
@@ -336,6 +338,56 @@ class Actuator(Checked):
         from mems_impact.actuator.design.data_sheet import actuator_from_design
 
         return actuator_from_design(quantities, terms)
+
+    def to_fmu(
+        self,
+        path: str | PathLike[str],
+        drive: Drive,
+        *,
+        fmi: str = "3.0",
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> Path:
+        """Write the device under a drive as a functional mock-up unit (FMU).
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Name of the file, usually with the suffix ``.fmu``.
+        drive : Drive
+        fmi, initial, options
+            As for `System.to_fmu`.
+        inputs : sequence of str, optional
+            Parameters that become inputs. With ``"voltage"`` (and ``"left_voltage"`` for a second
+            electrode) the voltage is an input, in place of the drive.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        InvalidParameter
+            If an argument is not allowed.
+        FunctionError
+            If a function of the drive cannot be translated to C.
+
+        See Also
+        --------
+        System, simulate
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> device = mi.load_actuator("mita2003")
+        >>> drive = mi.Sine(amplitude="60 V", frequency="100 Hz")
+        >>> device.to_fmu("device.fmu", drive, inputs=["voltage"]).name
+        'device.fmu'
+        """
+        return self.under(drive).to_fmu(
+            path, fmi=fmi, inputs=inputs, initial=initial, options=options
+        )
 
     def to_verilog_a(self, path: str | PathLike[str], *, electrodes: Literal[1, 2] = 1) -> None:
         """Write the device as a Verilog-A module for circuit simulators, named like the file.

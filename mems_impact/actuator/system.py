@@ -32,6 +32,7 @@ from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, compose, c
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltages
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.impact_statistics import yields
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
@@ -52,7 +53,7 @@ from mems_impact.actuator.statistics import (
 from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
-from mems_impact.export.model import ExportedModel
+from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
@@ -471,8 +472,30 @@ class ActuatorSystem(ActuatorNumerics):
         options: Options | None = None,
     ) -> ExportedModel:
         """Return the system as plain data for export."""
+        if any(name in VOLTAGES for name in inputs):
+            return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
         model = super().export_model(inputs, initial, options)
         return replace(model, name=self.name or "actuator", mode_by_switch=True)
+
+    def _with_imported_voltage(self, inputs: Sequence[str]) -> ImportedSystem:
+        """Return the system with voltages as inputs, in place of the drive."""
+        left = self.drive.left_voltage is not None
+        needed = VOLTAGES if left else VOLTAGES[:1]
+        if not left and "left_voltage" in inputs:
+            allowed = "voltage: this drive has no electrode on the left"
+            raise InvalidParameter("inputs", "left_voltage", allowed)
+        if not set(needed) <= set(inputs):
+            allowed = "both voltage and left_voltage: this drive has two electrodes"
+            raise InvalidParameter("inputs", tuple(inputs), allowed)
+        own = 2.0 * math.pi * math.sqrt(self.actuator.m2 / self.actuator.k)
+        start = float(self.drive.value(0.0))
+        values: dict[str, float] = {"period": min(own, self.drive.time_scale), "level": start}
+        if left:
+            values["left_level"] = float(self.drive.value(0.0, left=True))
+        drive = (ImportedVoltages if left else ImportedVoltage)(**values)
+        system = object.__new__(ImportedSystem)
+        system._put(self.actuator, drive, self._scales)
+        return system
 
     @property
     def parameter_places(self) -> Mapping[str, int]:
@@ -755,6 +778,49 @@ class NamedState:
 
     def __init__(self, states: Sequence[str], y: Floats) -> None:
         vars(self).update(zip(states, y.tolist(), strict=False))
+
+
+# --- Export with voltages as inputs
+
+VOLTAGES = ("voltage", "left_voltage")
+"""The inputs that replace a drive."""
+
+
+class ImportedSystem(ActuatorSystem):
+    """An actuator whose voltages are inputs, for export."""
+
+    drive: ImportedVoltage
+
+    def export_model(
+        self,
+        inputs: Sequence[str] = (),
+        initial: State | Mapping[str, float] | None = None,
+        options: Options | None = None,
+    ) -> ExportedModel:
+        """Return the system as plain data for export."""
+        others = [name for name in inputs if name not in VOLTAGES]
+        model = HybridSystem.export_model(self, others, initial, options)
+        first = len(self._device)
+        unit = "V" if self.scales.named else ""
+        voltages = tuple(
+            ExportedNumber(
+                name=name,
+                value=value,
+                unit=unit,
+                factor=self.scales.unit("V"),
+                place=first + place,
+                rate_place=first + rate,
+            )
+            for name, (place, rate, value) in self.drive.places.items()
+        )
+        own = tuple(number for number in model.numbers if number.name not in self._drive_names)
+        return replace(
+            model,
+            name="actuator",
+            numbers=(*own, *voltages),
+            inputs=(*others, *(number.name for number in voltages)),
+            mode_by_switch=True,
+        )
 
 
 # --- Energy accounting in studies

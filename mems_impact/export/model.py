@@ -27,6 +27,8 @@ class ExportedNumber:
     place : int or None
         Index in the parameter array; None if the array depends on it in another way, so that the
         exported model has its value as a constant.
+    rate_place : int or None
+        Index in the parameter array of the time derivative of an input.
     """
 
     name: str
@@ -34,6 +36,7 @@ class ExportedNumber:
     unit: str = ""
     factor: float = 1.0
     place: int | None = None
+    rate_place: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mems_impact.export.c_source import INTEGER, REAL, CSource, Tuple, literal
 from mems_impact.export.event_loop_source import ENGINE, LOOP, event_loop_source, record_structure
-from mems_impact.export.model import ExportedModel
+from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.definition import RATE_STEP
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD
@@ -120,6 +120,10 @@ def model_header(model: ExportedModel) -> str:
         "static const int VALUE_KINDS[] = { "
         + (", ".join(str(kind_of_number(model, i)) for i in range(len(model.numbers))) or "0")
         + " };",
+        "static const int RATE_PLACES[] = { "
+        + (", ".join(str(rate_place(number)) for number in model.numbers) or "-1")
+        + " };",
+        reals("VALUE_FACTORS", [number.factor for number in model.numbers] or [1.0]),
         reals("PARAMETER_STARTS", problem.parameters),
     ]
     more = "\n\n".join([parameter_function(model, source), mode_function(model, source)])
@@ -139,6 +143,11 @@ def model_header(model: ExportedModel) -> str:
             "#endif\n",
         ]
     )
+
+
+def rate_place(number: ExportedNumber) -> int:
+    """Return the index of the rate of an input; -1 without one."""
+    return -1 if number.rate_place is None else number.rate_place
 
 
 def reals(name: str, values: Sequence[float]) -> str:

@@ -150,34 +150,76 @@ def test_wrong_arguments_are_refused(tmp_path, wrong, said):
     assert not list(tmp_path.iterdir())
 
 
+ZHAO, MITA = mi.load_actuator("zhao2004"), mi.load_actuator("mita2003")
+DOP853 = mi.Options(method="dop853")
+SYSTEMS = {
+    "zhao2004": (lambda: ZHAO.under(mi.Sine(amplitude=0.24, omega=0.5)), 19.9),
+    "mita2003": (lambda: MITA.under(mi.Square(amplitude=60.0, frequency=100.0)), 5.9),
+    "belt": (belt, 9.9),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 @pytest.mark.parametrize(
-    ("make", "periods"),
-    [
-        (lambda: mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5)), 20),
-        (lambda: mi.load_actuator("mita2003").under(mi.Square(amplitude=60.0, frequency=100.0)), 6),
-        (belt, 10),
-    ],
-    ids=["zhao2004", "mita2003 square", "belt"],
+    ("name", "fmi"),
+    [("zhao2004", "2.0"), ("zhao2004", "3.0"), ("mita2003", "3.0"), ("belt", "3.0")],
 )
-def test_every_event_is_that_of_simulate(tmp_path, make, periods, fmi):
+def test_every_event_is_that_of_simulate(tmp_path, name, fmi):
+    make, periods = SYSTEMS[name]
     system = make()
     path = system.to_fmu(tmp_path / "model.fmu", fmi=fmi)
     assert problems_of(path) == []
-    run = mi.simulate(system, periods=periods, options=mi.Options(method="dop853"))
+    run = mi.simulate(system, periods=periods, options=DOP853)
     stop = periods * system.forcing_period
     assert len(run.events) > 10
     quick = {} if fmi == "3.0" else {"output_interval": stop / 20000}
     for kind, options in (
         ("CoSimulation", quick),
-        ("ModelExchange", {"relative_tolerance": 1e-10}),
+        ("ModelExchange", {"relative_tolerance": 1e-12}),
     ):
         found, result = events_of(path, stop, kind, **options)
         assert result["event_count"][-1] == len(run.events)
         difference, count = compared(found, run)
         assert difference < 1e-6 * system.forcing_period
         assert count >= 0.9 * len(run.events)
-        for name in system.states:
-            scale = np.ptp(result[name])
-            assert result[name][-1] == pytest.approx(run.final[name], abs=1e-5 * scale)
+        for state in system.states:
+            span = float(np.ptp(result[state]))
+            assert float(result[state][-1]) == pytest.approx(run.final[state], abs=1e-5 * span)
+
+
+@pytest.mark.slow
+def test_a_voltage_from_outside(tmp_path):
+    drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
+    path = ZHAO.to_fmu(tmp_path / "device.fmu", drive, inputs=["voltage"])
+    assert problems_of(path) == []
+    run = mi.simulate(ZHAO, drive, periods=12, options=DOP853)
+    events = run.events[run.events["event"] != "drive switches"]
+    stop, rows = 12 * drive.period, [(0.0, 0.3)]
+    for period in range(13):
+        for switch in drive.switches:
+            at = period * drive.period + switch
+            rows += [(at, float(drive.value(at + side * 1e-9))) for side in (-1, 1)]
+    signal = np.array(rows, dtype=[("time", float), ("voltage", float)])
+    for kind, options in (("CoSimulation", {}), ("ModelExchange", {"relative_tolerance": 1e-10})):
+        found, result = events_of(path, stop, kind, input=signal, **options)
+        times = [at for at, of_kind in found.values() if of_kind != 3]
+        assert len(times) == len(events) == 20
+        assert np.abs(times - events["t"].to_numpy()).max() < 1e-6
+        assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said"),
+    [
+        (("left_voltage",), "inputs = 'left_voltage': must be voltage"),
+        (("voltage", "left_voltage"), "this drive has no electrode on the left"),
+        (("omega",), "inputs = 'omega': must be among"),
+    ],
+)
+def test_inputs_of_a_device(tmp_path, inputs, said):
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    with pytest.raises(mi.InvalidParameter, match=said):
+        ZHAO.to_fmu(tmp_path / "device.fmu", drive, inputs=inputs)
+    both = mi.TwoSided(right=drive, left=drive)
+    with pytest.raises(mi.InvalidParameter, match="must be"):
+        ZHAO.to_fmu(tmp_path / "device.fmu", both, inputs=inputs[:1])

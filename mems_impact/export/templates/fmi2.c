@@ -55,7 +55,6 @@ typedef struct {
     fmi2Type type;
     fmi2CallbackFunctions functions;
     char name[128];
-    int event;   /* whether an event is to be handled */
 } Instance;
 
 static Memory *of(fmi2Component component) { return &((Instance *)component)->memory; }
@@ -125,7 +124,7 @@ FMI(fmi2ExitInitializationMode)(fmi2Component c)
 }
 
 FMI(fmi2Terminate)(fmi2Component c) { UNUSED(c); return fmi2OK; }
-FMI(fmi2Reset)(fmi2Component c) { set_up(of(c)); ((Instance *)c)->event = 0; return fmi2OK; }
+FMI(fmi2Reset)(fmi2Component c) { set_up(of(c)); return fmi2OK; }
 
 /* Values */
 
@@ -217,17 +216,16 @@ FMI(fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2ValueReference z[],
 
 /* Model exchange */
 
-FMI(fmi2EnterEventMode)(fmi2Component c) { ((Instance *)c)->event = 1; return fmi2OK; }
+FMI(fmi2EnterEventMode)(fmi2Component c) { of(c)->in_event = 1; return fmi2OK; }
 
 FMI(fmi2NewDiscreteStates)(fmi2Component c, fmi2EventInfo *info)
 {
-    Instance *instance = c;
     Memory *memory = of(c);
     int changed = 0;
     double next;
-    if ((instance->event || memory->changed) && !memory->ended) changed = import_instant(memory);
+    if ((memory->in_event == 1 || memory->changed) && !memory->ended) changed = import_instant(memory);
     if (changed < 0) return run_failed(c);
-    instance->event = 0;
+    memory->in_event = 0;
     next = next_time_event(memory);
     info->newDiscreteStatesNeeded = 0;
     info->terminateSimulation = (fmi2Boolean)memory->ended;
@@ -244,7 +242,7 @@ FMI(fmi2CompletedIntegratorStep)(fmi2Component c, fmi2Boolean final, fmi2Boolean
                                  fmi2Boolean *terminate)
 {
     UNUSED(final);
-    *enter = (fmi2Boolean)LOOP_IMPORTED_STEP(&of(c)->engine, &of(c)->loop);
+    *enter = (fmi2Boolean)import_step(of(c));
     *terminate = 0;
     return fmi2OK;
 }

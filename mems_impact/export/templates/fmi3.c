@@ -41,7 +41,6 @@ typedef struct {
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
     bool exchange, events, early;
-    bool event;   /* whether an event is to be handled */
 } Instance;
 
 static Memory *of(fmi3Instance instance) { return &((Instance *)instance)->memory; }
@@ -135,9 +134,9 @@ FMI(fmi3ExitInitializationMode)(fmi3Instance c)
     return fmi3OK;
 }
 
-FMI(fmi3EnterEventMode)(fmi3Instance c) { ((Instance *)c)->event = true; return fmi3OK; }
+FMI(fmi3EnterEventMode)(fmi3Instance c) { of(c)->in_event = 1; return fmi3OK; }
 FMI(fmi3Terminate)(fmi3Instance c) { UNUSED(c); return fmi3OK; }
-FMI(fmi3Reset)(fmi3Instance c) { set_up(of(c)); ((Instance *)c)->event = false; return fmi3OK; }
+FMI(fmi3Reset)(fmi3Instance c) { set_up(of(c)); return fmi3OK; }
 FMI(fmi3EnterConfigurationMode)(fmi3Instance c) { UNUSED(c); return fmi3OK; }
 FMI(fmi3ExitConfigurationMode)(fmi3Instance c) { UNUSED(c); return fmi3OK; }
 
@@ -331,12 +330,12 @@ FMI(fmi3UpdateDiscreteStates)(fmi3Instance c, bool *again, bool *terminate, bool
     int changed = 0;
     double next = INFINITY;
     if (instance->exchange) {
-        if ((instance->event || memory->changed) && !memory->ended)
+        if ((memory->in_event == 1 || memory->changed) && !memory->ended)
             changed = import_instant(memory);
         if (changed < 0) return run_failed(c);
         next = next_time_event(memory);
     }
-    instance->event = false;
+    memory->in_event = 0;
     *again = false;
     *terminate = instance->exchange && memory->ended != 0;
     *nominals = false;
@@ -353,7 +352,7 @@ FMI(fmi3EnterContinuousTimeMode)(fmi3Instance c) { UNUSED(c); return fmi3OK; }
 FMI(fmi3CompletedIntegratorStep)(fmi3Instance c, bool final, bool *enter, bool *terminate)
 {
     UNUSED(final);
-    *enter = LOOP_IMPORTED_STEP(&of(c)->engine, &of(c)->loop);
+    *enter = import_step(of(c));
     *terminate = false;
     return fmi3OK;
 }

@@ -24,6 +24,8 @@ typedef struct {
     double parameters[PARAMETERS];
     /* numbers of the importer: parameters and inputs, initial state and mode */
     double values[VALUES + 1];
+    /* rates of inputs in model exchange, by their values at the last completed step */
+    double rates[VALUES + 1], last_values[VALUES + 1], last_time;
     double start[STATES];
     int64_t start_mode;
     /* the latest arc of co-simulation: its period, mode and offsets of cyclic states */
@@ -38,7 +40,7 @@ typedef struct {
     double event_time;
     int64_t counts[GUARDS];
     double times[GUARDS];
-    int64_t running, imports, changed, ended, status;
+    int64_t running, imports, in_event, changed, ended, status;
 } Memory;
 
 /* Rows of the event buffer that are events of the model. */
@@ -156,8 +158,12 @@ static void report_all(Memory *memory)
 /* Compute the parameter array from the numbers of the importer. */
 static void update_parameters(Memory *memory)
 {
+    int i;
     double period, scale, switches[SWITCHES + 1];
     model_parameters(memory->values, memory->parameters, &period, &scale, switches);
+    for (i = 0; i < VALUES; i++)
+        if (RATE_PLACES[i] >= 0)
+            memory->parameters[RATE_PLACES[i]] = memory->rates[i] * TIME_UNIT / VALUE_FACTORS[i];
     memory->loop.period = period;
     memory->loop.scale = scale;
     memory->loop.switches = SWITCHES;
@@ -214,10 +220,13 @@ static int64_t begin_run(Memory *memory, int imports)
     STEPPER_RESET(engine, loop->scale / STEPS_PER_PERIOD);
     set_time(memory, memory->now / TIME_UNIT);
     loop->mode = model_mode(memory->start_mode, loop->t, y, memory->values, memory->parameters);
+    memory->last_time = memory->now;
+    memcpy(memory->last_values, memory->values, sizeof memory->values);
     memory->running = 1;
     memory->imports = imports;
     show(memory);
     if (!imports) return STATUS_DONE;
+    memory->in_event = 2;   /* inputs may be set until the first step, but no guard fires again */
     memory->status = LOOP_FIRST_INSTANT(engine, loop);
     report_all(memory);
     show(memory);
@@ -404,6 +413,23 @@ static void import_states(Memory *memory, const double *x)
     }
 }
 
+/* Complete a step of the importer; return whether a guard fires at its end. */
+static int import_step(Memory *memory)
+{
+    int i;
+    double length = memory->now - memory->last_time;
+    if (INPUTS > 0 && length > 0.0) {
+        for (i = 0; i < VALUES; i++) {
+            if (VALUE_KINDS[i] == 2)
+                memory->rates[i] = (memory->values[i] - memory->last_values[i]) / length;
+            memory->last_values[i] = memory->values[i];
+        }
+        memory->last_time = memory->now;
+        update_parameters(memory);
+    }
+    return LOOP_IMPORTED_STEP(&memory->engine, &memory->loop);
+}
+
 /* Perform the transitions at the present time; return whether the state has changed. */
 static int import_instant(Memory *memory)
 {
@@ -411,6 +437,13 @@ static int import_instant(Memory *memory)
     double before[STATES];
     memcpy(before, memory->shown, sizeof before);
     memory->status = LOOP_IMPORTED_INSTANT(&memory->engine, &memory->loop, memory->changed);
+    if (memory->changed) {
+        /* the rates before a jump say nothing about those after it */
+        memset(memory->rates, 0, sizeof memory->rates);
+        memcpy(memory->last_values, memory->values, sizeof memory->values);
+        memory->last_time = memory->now;
+        update_parameters(memory);
+    }
     memory->changed = 0;
     report_all(memory);
     show(memory);
@@ -481,7 +514,7 @@ static int set_real(Memory *memory, unsigned reference, double value)
     if (memory->values[i] == value) return 1;
     if (VALUE_KINDS[i] == 0 || (memory->running && VALUE_KINDS[i] != 2)) return 0;
     memory->values[i] = value;
-    memory->changed = 1;
+    if (!memory->imports || memory->in_event) memory->changed = 1;
     if (memory->running) {
         update_parameters(memory);
     }

@@ -1,0 +1,103 @@
+"""Functions of actuators in C are those in Python, to the last bit, for every drive and term."""
+
+import ctypes
+import subprocess
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.export.c_source import INTEGER, REAL, Array, CSource
+from mems_impact.export.fmu import FLAGS, find_compiler
+from tests.actuator.waveforms import DRIVES
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not find_compiler(), reason="no C compiler"),
+]
+TEMPLATES = mi.__path__[0] + "/export/templates"
+ZHAO, MITA = mi.load_actuator("zhao2004"), mi.load_actuator("mita2003")
+BOTH = mi.TwoSided(
+    right=mi.Square(amplitude=60.0, frequency=100.0),
+    left=mi.Square(amplitude=60.0, frequency=100.0, phase=3.0),
+)
+TERMS = [
+    mi.Adhesion(force=1e-6),
+    mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
+    mi.CubicStiffness(k3=1e9),
+    mi.DielectricCharging(share=0.1, time=1e-2),
+    mi.FrameLoad(force=1e-6),
+    mi.FrameSpring(k1=1.0),
+    mi.Fringing(width=1e-3),
+    mi.PowerLawRestitution(speed=1e-3),
+    mi.RegularizedFriction(width=1e-4),
+    mi.SeriesResistance(resistance=1e6, parasitic=1e-12),
+    mi.SqueezeFilm(
+        length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5, free_path_pressure=6.7e-3
+    ),
+    mi.StribeckFriction(speed=1e-3, viscous=0.1),
+    mi.TabulatedRestitution(speeds=(0.0, 1e-2, 1.0), values=(0.9, 0.7, 0.5)),
+    mi.Tilt(angle=0.1),
+]
+SYSTEMS = {name: ZHAO.under(drive) for name, drive in DRIVES.items()}
+SYSTEMS |= {term.name(): MITA.adding(term).under(BOTH) for term in TERMS}
+
+EXPORTS = """
+#include "arithmetic.h"
+{source}
+void flow(int64_t mode, double t, double *y, double *p, double *dy)
+{{ {flow}(mode, t, y, p, dy); }}
+void margins(int64_t mode, double t, double *y, double *p, double *g, double *r)
+{{ {margins}(mode, t, y, p, g, r); }}
+int64_t transition(int64_t mode, int64_t code, double t, double *y, double *p)
+{{ return {transition}(mode, code, t, y, p); }}
+"""
+
+
+def library_of(automaton, count, folder):
+    source = CSource()
+    n, m = len(automaton.states), len(automaton.guards)
+    y, p, g = Array((n,)), Array((count,)), Array((m,))
+    names = {
+        "flow": source.function(automaton.flow, (INTEGER, REAL, y, p, y)).name,
+        "margins": source.function(automaton.margins, (INTEGER, REAL, y, p, g, g)).name,
+        "transition": source.function(automaton.transition, (INTEGER, INTEGER, REAL, y, p)).name,
+    }
+    (folder / "all.c").write_text(EXPORTS.format(source=source.text(), **names))
+    flags = ["-O0" if flag == "-O2" else flag for flag in FLAGS if "visibility" not in flag]
+    command = [*find_compiler(), *flags, f"-I{TEMPLATES}", "all.c", "-o", "all.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    library = ctypes.CDLL(str(folder / "all.so"))
+    library.transition.restype = ctypes.c_int64
+    return library
+
+
+def pointer(values):
+    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_flow_margins_and_transitions(name, tmp_path):
+    system = SYSTEMS[name]
+    problem = system.problem(mi.Options(method="dop853"))
+    automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
+    library = library_of(automaton, len(p), tmp_path)
+    n, m = len(automaton.states), len(automaton.guards)
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        mode, t = int(random.integers(len(automaton.modes))), random.uniform(0, 2 * problem.period)
+        y = 0.4 * random.normal(size=n)
+        at = ctypes.c_int64(mode), ctypes.c_double(t)
+        slope, g, r = np.zeros(n), np.ones(m), np.ones(m)
+        library.flow(*at, pointer(y.copy()), pointer(p.copy()), pointer(slope))
+        np.testing.assert_array_equal(slope, automaton.slope_at(mode, t, y, p))
+        library.margins(*at, pointer(y.copy()), pointer(p.copy()), pointer(g), pointer(r))
+        np.testing.assert_array_equal((g, r), automaton.margins_at(mode, t, y, p))
+        for code in range(2 * m + 1):
+            after = y.copy()
+            into = library.transition(
+                at[0], ctypes.c_int64(code), at[1], pointer(after), pointer(p.copy())
+            )
+            expected, state = automaton.state_after(mode, code, t, y, p)
+            assert into == expected
+            np.testing.assert_array_equal(after, state)
