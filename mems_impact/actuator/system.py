@@ -1037,6 +1037,7 @@ def _in_units_of_the_user(
         "Parameters": named_tuple("Parameters", PARAMETER_NAMES),
     }
     line = f"return until(mode, t * {units[n]!r}, State({y}), Parameters({p}))"
-    exec(compile(function("margin(mode, t, y, p)", [line]), GENERATED, "exec"), space)
+    space["SOURCE"] = function("margin(mode, t, y, p)", [line])  # which export translates
+    exec(compile(space["SOURCE"], GENERATED, "exec"), space)
     margin: Function = space["margin"]
     return margin

@@ -1,5 +1,6 @@
 """`mems-impact export`."""
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,9 @@ def test_verilog_a_module(cli, tmp_path):
     assert "module dev(p, left, n, block, frame);" in file.read_text()
 
 
+DRIVE = ("--amplitude", "0.24", "--omega", "0.5")
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
@@ -28,8 +32,26 @@ def test_verilog_a_module(cli, tmp_path):
         (("mita2003", "dev.va", "--amplitude", "1"), "a Verilog-A module takes no --amplitude"),
         (("mita2003", "dev.va", "--fmi", "2.0"), "takes no --fmi"),
         (("mita2003", "dev.fmu", "--electrodes", "2"), "takes no --electrodes"),
+        (("zhao2004", "dev.fmu", *DRIVE, "--input", "f"), "inputs = 'f': must be among"),
+        (("zhao2004", "dev.fmu", *DRIVE, "--input", "left_voltage"), "no electrode on the left"),
     ],
 )
 def test_wrong_input(cli, arguments, problem):
     assert problem in cli("export", *arguments).complaint()
     assert not list(Path().iterdir())
+
+
+def test_functional_mock_up_unit(cli, tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    done = cli(
+        *("export", "mita2003", "dev.fmu", "--amplitude", "60 V", "--frequency", "100 Hz"),
+        *("--input", "voltage", "--fmi", "2.0", "--initial", "x2=1e-6"),
+    )
+    assert done.status == 0
+    assert "written: dev.fmu, a functional mock-up unit" in done.out
+    assert "dev.fmu contains C sources without a binary: no-such-compiler" in done.err
+    with zipfile.ZipFile("dev.fmu") as archive:
+        description = archive.read("modelDescription.xml").decode()
+    assert "fmiVersion='2.0'" in description
+    assert 'name="voltage"' in description
+    assert 'start="1e-06"' in description

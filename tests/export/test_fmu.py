@@ -112,6 +112,31 @@ def test_start_values_and_parameters_can_be_set(ball):
     assert result["x"] == pytest.approx(0.5 + t - t**2, abs=1e-12)
 
 
+def test_a_saved_state_is_restored(ball, tmp_path):
+    unzipped = fmpy.extract(str(ball), str(tmp_path))
+    description = fmpy.read_model_description(str(ball))
+    references = [
+        variable.valueReference
+        for variable in description.modelVariables
+        if variable.name in ("x", "v", "event_time")
+    ]
+    unit = fmpy.instantiate_fmu(unzipped, description, "CoSimulation")
+    unit.enterInitializationMode(startTime=0.0)
+    unit.exitInitializationMode()
+    unit.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.4)
+    saved = unit.getFMUState()
+    bytes_of_it = unit.serializeFMUState(saved)
+    ends = []
+    for state in (saved, saved, unit.deserializeFMUState(bytes_of_it)):
+        unit.setFMUState(state)
+        unit.doStep(currentCommunicationPoint=0.4, communicationStepSize=0.8)
+        ends.append(unit.getFloat64(references))
+    unit.terminate()
+    unit.freeInstance()
+    assert ends[0] == ends[1] == ends[2]
+    assert ends[0][-1] > 0.4
+
+
 def test_an_importer_integrates_the_ball_until_it_rests(ball):
     for tolerance, exact in ((1e-5, 0), (1e-11, 12)):
         found, result = events_of(ball, 3.0, "ModelExchange", relative_tolerance=tolerance)
