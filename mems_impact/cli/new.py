@@ -65,7 +65,7 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
     if given:
         text = _design(text, given)
-    text = text.replace("FILE", str(path))
+    text = text.replace("FILE", str(path)).replace('name = "mine"', f"name = {_toml(path.stem)}")
     try:
         with open(path, "x", encoding="utf-8") as new:
             new.write(text)

@@ -16,6 +16,9 @@ def test_a_device_runs_as_it_is(cli, tmp_path):
     first = done.out.partition("mems-impact ")[2].split()
     assert cli(*first, "--periods", "2", "--no-figure").status == 0
     assert mi.load_actuator("mine.toml").units == "SI"
+    cli("new", "device", "comb 2 µm.toml")
+    assert 'name = "comb 2 µm"' in (tmp_path / "comb 2 µm.toml").read_text("utf-8")
+    assert mi.load_actuator("comb 2 µm.toml") == mi.load_actuator("mine.toml")
     text = (tmp_path / "mine.toml").read_text()
     assert "simulate mine.toml" in text
 
