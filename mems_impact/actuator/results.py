@@ -358,9 +358,10 @@ class ActuatorRun(_OfActuator, Run):
         """One row per impact.
 
         Columns: period, time and phase (in [0, 1)) within it, running time t, stopper, velocities
-        of frame (v1) and block (v2) before and after, energy lost, position x1 of the frame, and
-        its step: the displacement until the frame rests or the next impact comes (NaN if the run
-        ends before).
+        of frame (v1) and block (v2) before and after, energy lost, position x1 of the frame, the
+        voltages at the electrodes ("node voltage", "left node voltage") if they differ from those
+        of the drive, and the step of the frame: the displacement until it rests or the next impact
+        comes (NaN if the run ends before).
         """
         log = self._log("impacts")
         steps = frame_steps(log)[1]

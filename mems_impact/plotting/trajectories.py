@@ -340,7 +340,7 @@ def plot_run(
         Axes to draw on, one per state; a new figure by default.
     states : sequence of str, optional
         The states to draw; by default at most the first 6, and for an actuator the block between
-        its stoppers, and the frame.
+        its stoppers, the frame, and the voltage at the electrodes if it differs from the drive's.
 
     Returns
     -------

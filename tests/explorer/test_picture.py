@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.explorer.background import route_warnings
-from mems_impact.explorer.session import first_setting
+from mems_impact.explorer.session import first_setting, of_device
 from mems_impact.explorer.snapshot import (
     Asked,
     diagram_of,
@@ -195,3 +195,14 @@ def test_what_watches_a_run_ends_it():
     asked, along = Asked(setting=first_setting(zhao()), points=2000), dial(zhao(), "amplitude")
     with pytest.raises(Enough):
         diagram_of(zhao(), asked, along, watch)
+
+
+def test_a_charge_drive_has_charges_in_its_headlines():
+    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic="10 fF"))
+    subject = of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))
+    setting = replace(first_setting(subject), length=2.0)
+    (headline,) = (
+        each for each in take_snapshot(subject, setting).headlines if each.name == "pull-in charge"
+    )
+    assert headline.value == mi.pull_in_charge(device)
+    assert subject.system.unit(headline.quantity) == "C"
