@@ -25,9 +25,11 @@ from mems_impact._util.files import replacing
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
+from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
 from mems_impact.actuator.design.energy import energy
 from mems_impact.actuator.design.estimates import (
     contact_voltage,
+    pull_in_charge,
     pull_in_voltage,
     resting_voltage,
 )
@@ -424,18 +426,22 @@ class ReportMaker:
             "Tolerances": self.spread,
         }
 
+    @cached_property
+    def _sheet(self) -> DataSheet:
+        """The data sheet; in the units of a dimensionless device, but for electrical quantities."""
+        return self.actuator.replace(units="SI").datasheet
+
     def device(self) -> Content:
         """Return the data sheet; the parameters of a dimensionless device."""
         device = self.actuator
+        sheet = self._sheet
         if self.si:
-            sheet = device.datasheet
             rows = [
                 (name.replace("_", " "), amount(sheet[name], entry.unit), entry.parameter,
                  entry.meaning)
                 for name, entry in QUANTITIES.items() if name in sheet
             ]  # fmt: skip
         else:
-            sheet = device.replace(units="SI").datasheet  # the same numbers, for the regime
             names = {entry.parameter: (name, entry) for name, entry in QUANTITIES.items()}
             rows = [
                 (names[own][0].replace("_", " "), amount(getattr(device, own)), own,
@@ -452,9 +458,10 @@ class ReportMaker:
                         "Terms of the model")
             )  # fmt: skip
         if sheet.regime:
+            holds = sheet.get("static_friction_force", 0.0)
             blocks.append(
                 f"Regime: the frame {sheet.regime} of a slow pull-in. Static friction holds "
-                f"{self.text(sheet['static_friction_force'], 'N')}; spring and electrodes pull "
+                f"{self.text(holds, 'N')}; spring and electrodes pull "
                 f"with up to {self.text(sheet.pull_in_force or 0.0, 'N')}."
             )
         return Content(blocks, {"regime": f"frame {sheet.regime}"} if sheet.regime else {})
@@ -474,6 +481,11 @@ class ReportMaker:
     def pull_in(self) -> Content:
         """Return static and dynamic pull-in voltage, release voltage and resonance."""
         device = self.actuator
+        if device.term("charge_drive") is not None:
+            charge = self.text(pull_in_charge(device), "C")
+            rows = {"pull-in charge": charge, "resonance of the block": self._resonance()}
+            words = "Above the pull-in charge, raised slowly, the block snaps to the stopper."
+            return Content([words, values(rows)], {"pull-in": charge})
         release = resting_voltage(device)
         try:
             static = pull_in_voltage(device)
@@ -549,6 +561,11 @@ class ReportMaker:
         begin, end = self.lengths["transient"], sum(self.lengths.values())
         words = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
         blocks: list[Block] = [words, values(rows)]
+        if self._sheet.regime == SLIPS and cycle != 0.0:
+            blocks.append(
+                "The frame slips before the blow, so that it also moves between blows; the step "
+                "per cycle may then differ in sign from the displacement by the blow."
+            )
         if found["blows per period"] == 0.0:
             blocks.append(
                 "The block does not strike here, so the device makes no step; raise the voltage, "
@@ -594,13 +611,23 @@ class ReportMaker:
             words,
             picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
         ]
-        if self.counts["crises"] == 0:
+        if any(boundary == "slip" for boundary, *_ in chart.pieces):
+            blocks.append(
+                "The frame slips above the solid line. The dashed lines bound the voltages with "
+                "equal impacts in every cycle."
+            )
+        if self.counts["crises"] == 0 and any(
+            region.paper == "III" for region, *_ in chart.regions
+        ):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")
         return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
 
     def speed(self) -> Content:
         """Return a sweep over the voltage."""
         name = self._voltage_name()
+        if not name:
+            kind = type(self.drive).__name__
+            return Content(problem=f"The {kind} drive has no amplitude to vary.")
         table = sweep(
             self.system, name, self._voltages(name), direction="both", initial=None,
             transient=self.lengths["transient"], periods=self.lengths["periods"], workers=1,
@@ -623,16 +650,14 @@ class ReportMaker:
         best = summary.loc[summary["mean speed"].abs().idxmax()] if len(summary) else None
         facts = {}
         if best is not None and abs(best["mean speed"]) > 0.0:
-            at = self.text(best[name], "V")
+            at = self.text(best[name], self.system.unit(name))
             facts = {"largest speed": f"{self.text(best['mean speed'], 'm/s')} at {at}"}
         return Content(blocks, facts)
 
     def _voltage_name(self) -> str:
-        names = [each for each in self.drive.names if each.rpartition(".")[2] == "amplitude"]
-        if not names:
-            problem = "the drive has no amplitude to vary; give one of another waveform"
-            raise InvalidParameter("drive", type(self.drive).__name__, "", problem=problem)
-        return names[0]
+        """Return the first amplitude of the drive; empty if it has none."""
+        names = (each for each in self.drive.names if each.rpartition(".")[2] == "amplitude")
+        return next(names, "")
 
     def _voltages(self, name: str) -> Any:
         if self.voltages is not None:
@@ -651,7 +676,7 @@ class ReportMaker:
         chains = dict(iter(summary.set_index(name).groupby("direction")))
         places = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
         for value in chains["up"].index[np.unique(places)]:
-            cells = [self.text(value, "V")]
+            cells = [self.text(value, self.system.unit(name))]
             for column, unit in (("displacement per period", "m"), ("mean speed", "m/s")):
                 cells += [self.text(chains[way].loc[value, column], unit) for way in ("up", "down")]
             rows.append(cells)
@@ -690,8 +715,7 @@ class ReportMaker:
     def life(self) -> Content:
         """Return wear and life."""
         if not self.si:
-            problem = "a wear rate is in SI, and the device is dimensionless"
-            raise InvalidParameter("units", "dimensionless", "", problem=problem)
+            return Content(problem="A wear rate is in SI, but the device is dimensionless.")
         found = life(self.run, **self.wear)
         rows = {
             "specific wear rate": f"{self.wear['wear']:.3g} m³/(N m)",
@@ -726,8 +750,7 @@ class ReportMaker:
             ends = sorted((step * (1.0 - STEP_TOLERANCE), step * (1.0 + STEP_TOLERANCE)))
             specification = {column: (ends[0], ends[1])}
         if specification is None:
-            problem = "the device makes no step here; give a specification"
-            raise InvalidParameter("specification", None, "", problem=problem)
+            return Content(problem="The device makes no step here; give a specification.")
         found = tolerance_analysis(
             self.system, over=over, parameters=making, samples=self.counts["samples"],
             seed=self.seed, specification=specification, initial=self.start,
@@ -807,9 +830,10 @@ class ReportMaker:
 class Content(NamedTuple):
     """Contents of a section that was computed."""
 
-    blocks: Sequence[Block]
+    blocks: Sequence[Block] = ()
     facts: Mapping[str, str] = {}
     notes: Sequence[str] = ()
+    problem: str = ""
 
 
 def plot_speed(table: pd.DataFrame) -> Any:
@@ -1018,13 +1042,17 @@ def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
     """Return a section, or the reason why it cannot be computed."""
     with collected_warnings() as collected:
         try:
-            blocks, facts, notes = compute()
+            found = compute()
         except MemsImpactError as error:
             text = str(error)
             return ReportSection(title=title, problem=text[:1].upper() + text[1:].rstrip(".") + ".")
     warned = [each.message for each in first_of_each(collected)]
     return ReportSection(
-        title=title, blocks=tuple(blocks), facts=dict(facts), notes=(*notes, *warned)
+        title=title,
+        problem=found.problem,
+        blocks=tuple(found.blocks),
+        facts=dict(found.facts),
+        notes=(*found.notes, *warned),
     )
 
 

@@ -136,6 +136,18 @@ def test_a_frame_that_slips_before_the_blow():
     assert page.facts["regime"] == "frame slips before the blow"
 
 
+def test_a_device_without_friction():
+    page = mi.report(MITA.replace(mu_s=0.0, mu_d=0.0), SLOW, only=["Device"])
+    assert "Static friction holds 0 N" in page.html
+
+
+def test_a_device_with_a_charge():
+    device = MITA.adding(mi.ChargeDrive())
+    drive = mi.Sine(amplitude=1.5 * mi.pull_in_charge(device), frequency=1.0)
+    page = mi.report(device, drive, only=["Pull-in and release"])
+    assert page.facts == {"pull-in": amount(mi.pull_in_charge(device), "C")}
+
+
 def test_a_default_drive():
     page = mi.report(MITA, only=["Drive"])
     assert f"{1.2 * mi.pull_in_voltage(MITA):.4g} V" in page.html
@@ -177,7 +189,7 @@ def test_a_drive_without_an_amplitude():
     wanted = ["Operating chart", "Step and speed over the voltage", "Energy"]
     page = mi.report(MITA, drive, only=wanted, **SHORT)
     assert "a waveform with amplitude and omega" in page.sections[0].problem
-    assert "has no amplitude to vary" in page.sections[1].problem
+    assert page.sections[1].problem == "The Sampled drive has no amplitude to vary."
     assert page.facts.keys() == {"energy per cycle"}
 
 
