@@ -798,16 +798,22 @@ class ImportedSystem(ActuatorSystem):
         options: Options | None = None,
     ) -> ExportedModel:
         """Return the system as plain data for export."""
+        if self.source is not self.drive:
+            problem = (
+                "the ramps of SlewRate are computed from a known voltage; export without the "
+                "input, or remove the term and let the importer limit the rate"
+            )
+            raise InvalidParameter("inputs", list(inputs), "", problem=problem)
         others = [name for name in inputs if name not in VOLTAGES]
         model = HybridSystem.export_model(self, others, initial, options)
         first = len(self._device)
-        unit = "V" if self.scales.named else ""
+        unit = self.drive_unit if self.scales.named else ""
         voltages = tuple(
             ExportedNumber(
                 name=name,
                 value=value,
                 unit=unit,
-                factor=self.scales.unit("V"),
+                factor=self.scales.unit(self.drive_unit),
                 place=first + place,
                 rate_place=first + rate,
             )

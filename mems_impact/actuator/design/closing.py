@@ -40,7 +40,7 @@ FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
 DURATION_RATIO = 1.25  # of a voltage to the run, which ends before it is switched off
 REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
-SIDES = np.array([side_of(mode) for mode in range(9)])
+SIDES = np.array([side_of(mode) for mode in range(81)])  # two current limits: 9 times the modes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
