@@ -43,7 +43,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
-from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import FAILED
 
 if TYPE_CHECKING:
@@ -404,7 +404,7 @@ def basins(
     starts = _starts(system, x, y, box, (samples, sampling, seed))
     start = system.initial if initial is None else initial
     if not isinstance(start, State):
-        start = state_from(start)
+        start = system.state_from(start)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):

@@ -27,7 +27,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
-from mems_impact.systems.state import State, state_from
+from mems_impact.systems.state import State
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -246,7 +246,7 @@ def operating_map(
     check_apart(across, up, system)
     start = initial
     if start is not None and not isinstance(start, State):
-        start = state_from(start)
+        start = system.state_from(start)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.hybrid_state(start, system.problem(options))

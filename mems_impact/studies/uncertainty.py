@@ -43,7 +43,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
-from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.state import State, is_number
 
 __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
 
@@ -423,7 +423,7 @@ def tolerance_analysis(
         raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
     start = initial
     if start is not None and not isinstance(start, State):
-        start = state_from(start)
+        start = system.state_from(start)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.hybrid_state(start, system.problem(options))

@@ -270,6 +270,16 @@ class HybridSystem(Result, ABC):
         units = self.units
         return quantities(field or name, values, unit_of(name, units) if units else None)
 
+    def state_from(self, components: Mapping[str, Any]) -> State:
+        """Return the state with components of these names, which may be texts with units."""
+        known = (*self.states, "time")
+        return state_from(
+            {
+                name: self.without_unit(name, value) if name in known else value
+                for name, value in components.items()
+            }
+        )
+
     def check_parameter(self, name: str, field: str = "parameter") -> None:
         """Raise InvalidParameter unless `name` is a parameter."""
         if name not in self.parameters:
@@ -352,7 +362,7 @@ class HybridSystem(Result, ABC):
             if not isinstance(state, Mapping):
                 allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
                 raise InvalidParameter(field, state, allowed)
-            state = state_from(state)
+            state = self.state_from(state)
         self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)

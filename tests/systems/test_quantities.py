@@ -47,6 +47,15 @@ def test_values_of_axes():
     assert OSCILLATOR.changed(k="3 uN/um").parameters == {"k": 3.0}
 
 
+def test_initial_states():
+    problem = SI.problem(mi.Options())
+    given, plain = ({"x2": each, "time": time} for each, time in (("1 um", "2 ms"), (1e-6, 2e-3)))
+    states = [SI.state_of(SI.hybrid_state(each, problem)).as_dict() for each in (given, plain)]
+    assert states[0] == states[1]
+    with pytest.raises(mi.InvalidParameter, match="x2 = '1 V': must be a number"):
+        SI.hybrid_state({"x2": "1 V"}, problem)
+
+
 def test_tolerances_and_distributions():
     sizes = deviations({"delta": "0.1 um", "k": "5 %", "e": 0.1}, SI)
     assert sizes == pytest.approx({"delta": 1e-7, "k": 0.05 * MITA.k, "e": 0.1})
@@ -193,6 +202,7 @@ def test_a_study_file_with_units(tmp_path):
         x = ["amplitude", "10 V", "0.02 kV", 2]
         y = ["frequency", ["100 Hz", "110 Hz"]]
         recurrence = {transient = 2, periods = 2, exponents = "none"}
+        initial = {x2 = "1 um"}
     """)
     found = mi.load_study(path).run()
     assert (found.x.values, found.y.values) == ((10.0, 20.0), (100.0, 110.0))

@@ -251,10 +251,11 @@ def _distribution(field: str, words: Any) -> Any:
     return distribution_named(field, words, lambda number: number)
 
 
-def _state(name: str, value: Any) -> State:
+def _state(name: str, value: Any) -> State | dict[str, Any]:
+    """Return a state; components with units as they are."""
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, "a table of components of the state: {x2 = 0.1}")
-    return state_from(value)
+    return value if any(map(has_unit, value.values())) else state_from(value)
 
 
 def _text(name: str, value: Any) -> str:
