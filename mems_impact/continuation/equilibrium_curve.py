@@ -43,7 +43,7 @@ from mems_impact.continuation.equilibrium_branch import (
     EquilibriumEvent,
     EquilibriumProblem,
 )
-from mems_impact.continuation.multilinear_forms import MultilinearForms, lyapunov_coefficient
+from mems_impact.continuation.higher_derivatives import MultilinearForms, lyapunov_coefficient
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, MULTIPLIER_TOLERANCE
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.differences import central_difference
