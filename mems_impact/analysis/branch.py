@@ -295,7 +295,7 @@ def continue_orbit(
         branch's table with its value there, such as ``("impact speed", 0.3)``. The name is their
         kind and label. A function returns NaN where it is undefined; a jump is no zero.
     stop_at : str or collection of str, optional
-        Labels or kinds of special points, events included, at the first of which the branch ends.
+        Labels or kinds of special points, events included: the branch ends at the first such point.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
@@ -377,7 +377,7 @@ def _orbit_stops(
 def _stops(
     stop_at: str | Collection[str], labels: Mapping[str, str], others: Sequence[str]
 ) -> frozenset[str]:
-    """Return kinds of special points by their kinds or labels; InvalidParameter if none is so."""
+    """Return the kinds of special points with given labels or kinds."""
     kinds = {kind: kind for kind in [*labels, *others]}
     kinds |= {label: kind for kind, label in labels.items()}
     if not isinstance(stop_at, str | Collection):
@@ -1185,7 +1185,7 @@ def continue_equilibrium(
     events : mapping of str to callable or (str, float), optional
         Further special points, as for `continue_orbit`; functions of the `Equilibrium`.
     stop_at : str or collection of str, optional
-        Labels or kinds of special points, events included, at the first of which the branch ends.
+        Labels or kinds of special points, events included: the branch ends at the first such point.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with each value of the
         parameter.
