@@ -23,6 +23,7 @@ BOTH = mi.TwoSided(
 )
 TERMS = [
     mi.Adhesion(force=1e-6),
+    mi.ChargeDrive(parasitic=1e-14),
     mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
     mi.CubicStiffness(k3=1e9),
     mi.DielectricCharging(share=0.1, time=1e-2),
@@ -31,7 +32,8 @@ TERMS = [
     mi.Fringing(width=1e-3),
     mi.PowerLawRestitution(speed=1e-3),
     mi.RegularizedFriction(width=1e-4),
-    mi.SeriesResistance(resistance=1e6, parasitic=1e-12),
+    mi.SeriesResistance(resistance=1e9, parasitic=1e-12, current_limit=1e-9),
+    mi.SlewRate(rate=3e4),
     mi.SqueezeFilm(
         length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5, free_path_pressure=6.7e-3
     ),
@@ -40,7 +42,14 @@ TERMS = [
     mi.Tilt(angle=0.1),
 ]
 SYSTEMS = {name: ZHAO.under(drive) for name, drive in DRIVES.items()}
-SYSTEMS |= {term.name(): MITA.adding(term).under(BOTH) for term in TERMS}
+CHARGES = mi.TwoSided(
+    right=mi.Square(amplitude="2 pC", frequency=100.0),
+    left=mi.Square(amplitude="2 pC", frequency=100.0, phase=3.0),
+)
+SYSTEMS |= {
+    term.name(): MITA.adding(term).under(CHARGES if term.drive_unit == "C" else BOTH)
+    for term in TERMS
+}
 
 EXPORTS = """
 #include "arithmetic.h"
