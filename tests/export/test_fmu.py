@@ -203,10 +203,18 @@ def test_every_event_is_that_of_simulate(tmp_path, name, fmi):
         ("ModelExchange", {"relative_tolerance": 1e-12}),
     ):
         found, result = events_of(path, stop, kind, **options)
-        assert result["event_count"][-1] == len(run.events)
-        difference, count = compared(found, run)
-        assert difference < 1e-6 * system.forcing_period
-        assert count >= 0.9 * len(run.events)
+        if kind == "ModelExchange" and "chatter ends" in set(run.events["event"]):
+            # The importer's tolerance decides how many of the lowest flights there are.
+            times = run.events["t"].to_numpy() / system.forcing_period
+            own = np.array([at for at, _ in found.values()]) / system.forcing_period
+            assert max(np.abs(times - at).min() for at in own) < 1e-6
+            assert max(np.abs(own - at).min() for at in times) < 1e-5
+            assert len(own) == pytest.approx(len(times), rel=0.03)
+        else:
+            assert result["event_count"][-1] == len(run.events)
+            difference, count = compared(found, run)
+            assert difference < 1e-6 * system.forcing_period
+            assert count >= 0.9 * len(run.events)
         for state in system.states:
             span = float(np.ptp(result[state]))
             assert float(result[state][-1]) == pytest.approx(run.final[state], abs=1e-5 * span)

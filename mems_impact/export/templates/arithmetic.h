@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <string.h>
 
 /* The event loop relies on exact zeros of differences, which fused operations do not preserve. */
 #if defined(__GNUC__) && !defined(__clang__)
