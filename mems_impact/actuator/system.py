@@ -33,6 +33,7 @@ from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltages
+from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.impact_statistics import yields
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
@@ -487,6 +488,9 @@ class ActuatorSystem(ActuatorNumerics):
         if not set(needed) <= set(inputs):
             allowed = "both voltage and left_voltage: this drive has two electrodes"
             raise InvalidParameter("inputs", tuple(inputs), allowed)
+        if self.source is not self.drive:
+            problem = "the device limits the rate of its drive; omit that term"
+            raise InvalidParameter("inputs", "voltage", "", problem=problem)
         own = 2.0 * math.pi * math.sqrt(self.actuator.m2 / self.actuator.k)
         start = float(self.drive.value(0.0))
         values: dict[str, float] = {"period": min(own, self.drive.time_scale), "level": start}
@@ -499,8 +503,32 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def parameter_places(self) -> Mapping[str, int]:
-        """Indices of the numbers of actuator and terms in the parameter array."""
-        return {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_places}
+        """Indices in the parameter array of the numbers that occur in it as they stand."""
+        places = {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_places}
+        if isinstance(self.source, Sine):
+            first = len(self._device)
+            places |= {"amplitude": first, "phase": first + 3}
+        shaping = {
+            f"{term.name()}.{name}"
+            for term in self.actuator.terms
+            if term.source(self.drive) is not self.drive
+            for name in term.names
+        }
+        return {
+            name: i
+            for name, i in places.items()
+            if name not in shaping and self._occurs_at(name, i)
+        }
+
+    def _occurs_at(self, name: str, place: int) -> bool:
+        """Return whether a parameter changes one element of the array, in proportion, alone."""
+        value = self.value(name)
+        other = value * (1.0 + 2.0**-10) if value != 0.0 else 2.0**-10
+        before, after = self.numbers(), self.numbers({name: other})
+        if len(before.parameters) != len(after.parameters) or before[1:] != after[1:]:
+            return False
+        changed = np.flatnonzero(before.parameters != after.parameters).tolist()
+        return changed == [place] and after.parameters[place] == other / self.factor(name)
 
     @property
     def initial(self) -> State:

@@ -241,6 +241,17 @@ def test_a_voltage_from_outside(tmp_path):
         assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
 
 
+def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):
+    sine = mi.Sine(amplitude="60 V", frequency="100 Hz")
+    places = MITA.adding(mi.Tilt(angle=0.1)).under(sine).parameter_places
+    assert {"amplitude", "phase", "e", "k", "tilt.angle"} <= set(places)
+    assert {"frequency", "bias"}.isdisjoint(places)
+    slewed = MITA.adding(mi.SlewRate(rate=1e6))
+    assert {"amplitude", "slew_rate.rate"}.isdisjoint(slewed.under(sine).parameter_places)
+    with pytest.raises(mi.InvalidParameter, match="limits the rate of its drive"):
+        slewed.to_fmu(tmp_path / "device.fmu", sine, inputs=["voltage"])
+
+
 @pytest.mark.parametrize(
     ("inputs", "said"),
     [
