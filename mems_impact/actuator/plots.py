@@ -659,6 +659,9 @@ ENERGY_WORDS = {
 }
 
 
+NEGLIGIBLE_SHARE = 1e-6  # of the input: the stored energy of an orbit is an error of rounding
+
+
 @styled
 def plot_energy(energy: Energy, ax: Any = None) -> Any:
     """Draw the energy per forcing period of every account as a bar, labelled with its share.
@@ -695,6 +698,9 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
         label = None if row.kind in shown else ENERGY_WORDS[row.kind]
         shown.add(row.kind)
         value = table["energy per period"].iloc[place]
+        share = row.share
+        if abs(share) < NEGLIGIBLE_SHARE:
+            value = share = 0.0
         face = color(ENERGY_COLORS[row.kind]) if row.kind in ENERGY_COLORS else "0.8"
         bar = ax.barh(
             place,
@@ -704,7 +710,7 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
             hatch=ENERGY_HATCHES.get(row.kind),
             edgecolor="0.3",
         )
-        ax.bar_label(bar, labels=[f"{100.0 * row.share:.3g} %"], padding=3, fontsize="small")
+        ax.bar_label(bar, labels=[f"{100.0 * share:.3g} %"], padding=3, fontsize="small")
     ax.set_yticks(list(places), [name.replace("_", " ") for name in table["account"]])
     ax.invert_yaxis()
     ax.axvline(0.0, color=color("guide"), linewidth=0.6)

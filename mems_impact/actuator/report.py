@@ -685,7 +685,7 @@ class ReportMaker:
 
     def energy(self) -> Content:
         """Return the energy balance."""
-        from mems_impact.actuator.plots import plot_energy
+        from mems_impact.actuator.plots import NEGLIGIBLE_SHARE, plot_energy
 
         found = energy(self.run)
         per_cycle = found.given / found.periods
@@ -694,11 +694,13 @@ class ReportMaker:
         rows["per blow"] = self.text(per_cycle / blows if blows > 0.0 else math.nan, "J")
         rows["mean power"] = self.text(per_cycle / float(self.system.forcing_period), "W")
         table = found.table
-        accounts = [
-            (str(row["account"]).replace("_", " "), str(row["kind"]),
-             self.text(row["energy per period"], "J"), percent(row["share"]))
-            for row in table.to_dict("records")
-        ]  # fmt: skip
+        accounts = []
+        for row in table.to_dict("records"):
+            share, each = float(row["share"]), float(row["energy per period"])
+            if abs(share) < NEGLIGIBLE_SHARE:
+                share = each = 0.0
+            name = str(row["account"]).replace("_", " ")
+            accounts.append((name, str(row["kind"]), self.text(each, "J"), percent(share)))
         words = (
             "The balance of the work of the electrodes on the block. The field energy of the "
             "electrodes returns to the voltage source and is not counted."
