@@ -3,6 +3,7 @@
 import math
 import zipfile
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -10,7 +11,6 @@ import mems_impact as mi
 from mems_impact.export.fmu import find_compiler
 from tests.export.systems import BALL, belt
 
-fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
 
 NAMES = ("event_time", "event_count", "event_kind", "event_guard", "mode")
