@@ -86,7 +86,7 @@ Block = str | Picture | Listing
 """A paragraph, a figure or a table."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ReportSection(SummaryRepr):
     """A section of a report.
 

@@ -440,11 +440,13 @@ def switch_branch(
     steps : StepControl, optional
         As for `continue_orbit`, or `continue_equilibrium`. The number of steps is that of each
         side.
-    through_grazing, progress
+    through_grazing
         As for `continue_orbit`.
     events, stop_at
         As for `continue_orbit`, or `continue_equilibrium`. A branch through a branch point ends at
         its first such point on each side.
+    progress
+        As for `continue_orbit`.
 
     Returns
     -------
