@@ -156,6 +156,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             status = main_group.main(given, prog_name=PROGRAM, standalone_mode=False, obj=given)
         except (Exception, KeyboardInterrupt) as error:
             status = report_error(error)
-    if status == INTERRUPTED and signal.SIGTERM in signals:
-        status = TERMINATED
+    if status == INTERRUPTED:
+        # An interrupt within `exec` of a text, as of a dataclass that is being imported, leaves a
+        # flag by which "python -m" ends by the signal, whatever its status. The next one clears it.
+        exec("")
+        if signal.SIGTERM in signals:
+            status = TERMINATED
     sys.exit(status if isinstance(status, int) else 0)

@@ -130,6 +130,15 @@ def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     assert seconds < 5.0
 
 
+def test_an_interrupt_while_a_dataclass_is_made_has_the_same_status(tmp_path):
+    plugin = tmp_path / "interrupted.py"
+    plugin.write_text("exec('raise KeyboardInterrupt')\n")
+    arguments = ["simulate", f"{plugin}:system"]
+    done = subprocess.run([*PROGRAM, *arguments], capture_output=True, text=True)
+    assert done.stderr == "mems-impact: interrupted; nothing was written\n"
+    assert done.returncode == 130
+
+
 @pytest.mark.slow
 def test_sigterm_is_heard_like_ctrl_c(tmp_path):
     directory = tmp_path / "out"

@@ -192,6 +192,8 @@ def test_figure(orbit, tmp_path):
     found = mi.energy(orbit)
     ax = mi.plot_energy(found)
     widths = [bar.get_width() for bar in ax.patches]
-    np.testing.assert_allclose(widths, found.table["energy per period"])
+    drawn = found.table["energy per period"].where(found.table["share"].abs() > 1e-6, 0.0)
+    np.testing.assert_allclose(widths, drawn)
+    assert np.count_nonzero(widths) == 4  # the stored energies of an orbit are rounding errors
     ax.figure.savefig(tmp_path / "energy.png")
     assert (tmp_path / "energy.png").stat().st_size > 5_000

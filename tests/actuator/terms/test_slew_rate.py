@@ -179,5 +179,5 @@ def test_a_branch_ends_where_the_source_begins_to_limit():
 
 def test_a_voltage_that_an_importer_sets_has_no_ramps_in_advance(tmp_path):
     device = ZHAO.adding(mi.SlewRate(rate=0.1))
-    with pytest.raises(mi.InvalidParameter, match=r"inputs.*the ramps of SlewRate are computed"):
+    with pytest.raises(mi.InvalidParameter, match=r"inputs.*limits the rate of its drive; omit"):
         device.to_fmu(tmp_path / "a.fmu", mi.Sine(amplitude=0.2, omega=0.5), inputs=["voltage"])
