@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.hybrid.automaton import Automaton, Guard
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
@@ -95,8 +96,8 @@ def mode_under(y: Any, pull: float, p: Any) -> int:
 def impact(side: int, e: float, y: Any, p: Any) -> None:
     """Apply Equations (5) and (6) at the stopper on `side` and put the block on it exactly."""
     y[X2] = side * p[eq.DELTA]
-    y[V1] = eq.frame_speed_after(y[V1], y[V2], e, p)
-    y[V2] = eq.block_speed_after(y[V2], e)
+    y[V1] = impact_law.frame_speed_after(y[V1], y[V2], e, p)
+    y[V2] = impact_law.block_speed_after(y[V2], e)
 
 
 class Pull(NamedTuple):

@@ -16,6 +16,7 @@ from itertools import accumulate, product
 from typing import Any, NamedTuple
 
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import (
     BREAK_AWAY,
     COUNT,
@@ -199,7 +200,7 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
         on_block=total_of([part.on_block for part in parts if part.on_block]),
         static_limit=limit_of(normal),
         sliding_friction=friction_of(override(parts, "friction") or eq.mu_d, normal),
-        restitution=override(parts, "restitution") or eq.restitution,
+        restitution=override(parts, "restitution") or impact_law.restitution,
         adhesion=override(parts, "adhesion") or eq.no_adhesion,
         stopper=override(parts, "stopper"),
         stopper_slopes=override(parts, "stopper_slopes") or eq.no_slopes,
@@ -605,8 +606,8 @@ def composed_automaton(
         y[X2] = side * p[eq.DELTA]
         if rigid:
             e = 0.0 if resting else restitution(abs(y[V2]), p)
-            y[V1] = eq.frame_speed_after(y[V1], y[V2], e, p)
-            y[V2] = eq.block_speed_after(y[V2], e)
+            y[V1] = impact_law.frame_speed_after(y[V1], y[V2], e, p)
+            y[V2] = impact_law.block_speed_after(y[V2], e)
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         v, w = volts(t, p)

@@ -1,4 +1,4 @@
-"""Equations (1) to (6) of the paper as scalar functions of state, force and parameters.
+"""Equations (1) to (4) of the paper as scalar functions of state, force and parameters.
 
 Everything here is plain arithmetic that numba compiles unchanged. ``p`` is the parameter array
 of `Actuator.to_array`, followed by the parameters of the drive.
@@ -30,20 +30,12 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # contact_force       between stopper and resting block, positive when it presses: Equations
 #                     (1) and (2) with x2 held
 # contact_force_rate  its time derivative
-# frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
+# The impact law, Equations (5) and (6), is in `impact_law`.
 #
 # Functions that terms may replace (see `actuator.terms.base`):
 #
 # capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
-# mu_d, restitution, no_adhesion, no_slopes   constants of the paper, and zero
-
-
-def impact_loss(m1: float, m2: float, before: Any, after: Any) -> Any:
-    """Return the energy lost in an impact, from the velocities v2 of the block in the frame.
-
-    Equations (5) and (6) conserve momentum, so that only energy of the relative motion is lost.
-    """
-    return 0.5 * m1 * m2 / (m1 + m2) * (before - after) * (before + after)
+# mu_d, no_adhesion, no_slopes   constants of the paper, and zero
 
 
 def electrode_gap(x2: float, p: Any) -> float:
@@ -110,14 +102,6 @@ def contact_force_rate(side: int, pull_rate: float) -> float:
     return side * pull_rate
 
 
-def frame_speed_after(v1: float, v2: float, e: float, p: Any) -> float:
-    return v1 + (1.0 + e) * p[M2] * v2 / (p[M1] + p[M2])
-
-
-def block_speed_after(v2: float, e: float) -> float:
-    return -e * v2
-
-
 def capacitance(x: float, p: Any) -> float:
     return 2.0 * p[ALPHA] / electrode_gap(x, p)
 
@@ -129,10 +113,6 @@ def capacitance_slope(x: float, p: Any) -> float:
 
 def mu_d(speed: float, p: Any) -> float:
     return p[MU_D]
-
-
-def restitution(speed: float, p: Any) -> float:
-    return p[E]
 
 
 def no_adhesion(p: Any) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
 from mems_impact.actuator.automaton_with_terms import layout
 from mems_impact.actuator.parameters import Actuator
@@ -73,7 +73,7 @@ def energy_lost(events: Events, actuator: Actuator) -> Floats:
     """
     if not yields(actuator):
         speeds = events.before[:, V2], events.after[:, V2]
-        lost: Floats = eq.impact_loss(actuator.m1, actuator.m2, *speeds)
+        lost: Floats = impact_law.impact_loss(actuator.m1, actuator.m2, *speeds)
         return np.where(is_impact(events) | (events.kind == workspace.ACCUMULATION), lost, 0.0)
     rows = np.flatnonzero(is_impact(events))
     ends = np.flatnonzero(is_release(events) | (events.kind == workspace.ACCUMULATION))

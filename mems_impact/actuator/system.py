@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import (
     GUARDS,
     MARGIN_UNITS,
@@ -361,7 +362,7 @@ def _frame_position(y: Any, p: Any) -> float:
 
 
 def _energy_lost(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
-    return float(eq.impact_loss(p[eq.M1], p[eq.M2], before.v2, after.v2))
+    return float(impact_law.impact_loss(p[eq.M1], p[eq.M2], before.v2, after.v2))
 
 
 def _contact_loss(y: Any, p: Any) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import V1, V2
 from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, voltages
 from mems_impact.actuator.energy_accounting import (
@@ -273,7 +273,7 @@ def summed(
                 rows.note(replace(now, time=now.time + (end - begin) * period, y=y))
         ended = arc.begin.cycle + (arc.begin.time + arc.length) / period
         if inside and arc.row >= 0 and ended < high - MIN_STRETCH_PERIODS:
-            rows.summed[-1] += eq.impact_loss(device.m1, device.m2, *arc.v2)
+            rows.summed[-1] += impact_law.impact_loss(device.m1, device.m2, *arc.v2)
             if arc.row in blows:
                 marks["blow"].append(len(rows.place) - 1)
     end = len(rows.place) - 1

@@ -13,7 +13,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator import results
+from mems_impact.actuator import impact_law, results
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X2
 from mems_impact.actuator.automaton_with_terms import Model, compose
 from mems_impact.actuator.design.static_forces import StaticForces
@@ -282,7 +282,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
         return _step_with_terms(actuator, speed, voltage)
     p = actuator.to_array()
     speeds, volts = np.broadcast_arrays(np.asarray(speed, float), np.asarray(voltage, float))
-    after = eq.frame_speed_after(0.0, 1.0, actuator.e, p) * speeds
+    after = impact_law.frame_speed_after(0.0, 1.0, actuator.e, p) * speeds
     pull = actuator.alpha * volts**2 / (actuator.d - actuator.delta) ** 2
     load = actuator.k * actuator.delta - actuator.c * actuator.e * speeds - pull
     slowing = (eq.sliding_friction(1, p) - load) / actuator.m1

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator import equations as eq
+from mems_impact.actuator import impact_law
 from mems_impact.actuator.automaton import V1, V2, X2
 from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.parameters import Actuator
@@ -187,8 +187,8 @@ class StaticForces:
         e = self.model.restitution(speed, self.p)
         y = np.zeros(len(self.model.layout.states))
         y[X2] = self.actuator.delta
-        y[V1] = eq.frame_speed_after(0.0, speed, e, self.p)
-        y[V2] = eq.block_speed_after(speed, e)
+        y[V1] = impact_law.frame_speed_after(0.0, speed, e, self.p)
+        y[V2] = impact_law.block_speed_after(speed, e)
         return y
 
     def _check_impact(self) -> None:
