@@ -9,6 +9,9 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
+from mems_impact.hybrid.attractors import mapper
+from mems_impact.hybrid.problem import create_engine
+from mems_impact.hybrid.variational import lyapunov
 from tests.analysis import oscillators
 from tests.analysis.systems import ball, oscillator
 
@@ -75,6 +78,41 @@ def test_a_point_is_the_same_whoever_goes_with_it(method):
         assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
         assert np.array_equal(alone.states, one.states)
         assert (alone.motion, alone.period, alone.returns) == (one.motion, one.period, one.returns)
+
+
+def spiral(mode, t, y, p):
+    return y.v, -y.x - 0.1 * y.v
+
+
+DECAYING = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
+
+
+@pytest.mark.parametrize(
+    ("system", "recurrence"),
+    [
+        (device(0.24), RecurrenceOptions(transient=60, periods=10)),
+        (device(0.24, 0.45), RecurrenceOptions(transient=20, periods=5, chaos_persistence=1.0)),
+        (oscillators.belt(), RecurrenceOptions(transient=80.0, periods=20.0, exponents="all")),
+        (DECAYING, RecurrenceOptions(transient=600.0, periods=5.0)),
+        (ball(), RecurrenceOptions(transient=30.0, periods=5.0)),
+    ],
+    ids=["periodic", "chaotic", "cycle", "spiral", "ball"],
+)
+def test_results_do_not_depend_on_the_steps_per_call(monkeypatch, system, recurrence):
+    """Compiled code returns to its caller after 1, 7 or 20,000 steps."""
+    found = []
+    for steps in (1, 7, 20_000):
+
+        def bound(problem, steps=steps):
+            return replace(create_engine(problem), steps_per_call=steps)
+
+        for module in (mapper, lyapunov):
+            monkeypatch.setattr(module, "create_engine", bound)
+        found += map_attractors([InitialCondition(system)], recurrence, FAST)
+    first = found[0]
+    for one in found[1:]:
+        assert repr(one) == repr(first)
+        assert np.array_equal(one.states, first.states)
 
 
 def test_interpreted_and_compiled_tell_the_same():
@@ -371,21 +409,15 @@ def test_rates_of_an_autonomous_system_are_per_unit_of_its_time():
         assert found.measures[name] == pytest.approx(run[name], rel=1e-6), name
 
 
-def spiral(mode, t, y, p):
-    return y.v, -y.x - 0.1 * y.v
-
-
 @pytest.mark.parametrize("engine", ["interpreted", "compiled"])
 def test_motion_without_returns_is_unsettled(engine):
-    system = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
     recurrence = RecurrenceOptions(transient=20.0, periods=10.0, exponents="none")
     options = mi.Options(engine=engine, method="dop853")
-    (found,) = map_attractors([InitialCondition(system, None)], recurrence, options)
+    (found,) = map_attractors([InitialCondition(DECAYING)], recurrence, options)
     assert found.motion == "unsettled"
 
 
 def test_run_error_of_an_autonomous_system_has_the_time():
-    system = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
     with pytest.raises(mi.RunError, match=r"\(time 0\.\d+, mode ") as caught:
-        mi.simulate(system, duration=50, options=mi.Options(max_steps=20, engine="interpreted"))
+        mi.simulate(DECAYING, duration=50, options=mi.Options(max_steps=20, engine="interpreted"))
     assert caught.value.phase_time + caught.value.cycle * caught.value.period < 50.0

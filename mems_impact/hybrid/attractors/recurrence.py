@@ -1,8 +1,9 @@
 """Attractors by recurrence: detection of the period, statistics over it.
 
 Functions over `integrators.interface`, interpreted and compiled; compiled, a whole batch of points
-runs without Python. The event loop computes a few steps of a point at a time; this module reads its
-buffers, return by return, and accumulates statistics.
+runs without Python. The event loop computes one step of a point at a time; this module reads its
+buffers, return by return, and accumulates statistics. So the result of a point does not depend on
+the number of steps per call.
 
 A *return* is the beginning of a forcing period; in an autonomous system a crossing of the section
 or, without a section, an event of one guard. A motion has period n if 2 n successive returns, and
@@ -89,6 +90,7 @@ WORK = np.dtype(
         ("measured", np.int64),  # returns in the statistics
         ("since", np.float64),  # start of the present mode
         ("last", np.float64),  # time of the last return
+        ("rest_check", np.int64),  # number of the step after which rest is checked
         ("opened", np.int64),  # first return of the present window
         ("at_rest", np.int64),  # 1 if all non-cyclic components are at rest
         ("failed", np.int64),  # 1 if an observable has failed
@@ -241,7 +243,7 @@ def sum_over_period(s: Any, w: Any) -> None:
 UNDECIDED, PERIODIC, APERIODIC, STATIONARY, FAILED = range(5)
 # Kinds of return.
 STROBOSCOPIC, AT_SECTION, AT_GUARD = range(3)
-STEPS_PER_CALL = 32  # steps of the event loop between two reads of its buffers
+REST_CHECK_STEPS = 32  # steps between two checks for rest of an autonomous system
 SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is accepted
 # Least number of successive small differences, beside two periods: a motion that passes an unstable
 # orbit has left it by then. A close passage is the likelier, the longer the motion; for few returns
@@ -281,8 +283,8 @@ def result_of(w: Any) -> Any:
 
 
 def advance(engine: Any, s: Any, w: Any) -> int:
-    """Run the event loop for some steps."""
-    return loop.run_steps(engine, s, STEPS_PER_CALL)
+    """Run the event loop for one step."""
+    return loop.run_steps(engine, s, 1)
 
 
 def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
@@ -307,8 +309,12 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
             if quota <= 0:
                 return PAUSED
             status = advance(engine, s, w)
-            quota -= STEPS_PER_CALL
-            process_events(engine, s, w)
+            quota -= 1
+            update_sizes(s, w)
+            if s.events_written + s.samples_written > 0:
+                process_events(engine, s, w)
+            if w.outcome == UNDECIDED and s.steps >= w.rest_check:
+                check_rest(engine, s, w)
             if w.outcome == UNDECIDED:
                 if status == DONE and not extend_approach(s, w):
                     w.outcome = APERIODIC
@@ -390,6 +396,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     w.opened = 0
     w.since = s.t
     w.last = s.t
+    w.rest_check = REST_CHECK_STEPS
     reset_row(s, w, scratch_row(w, NOW))
     reset_row(s, w, scratch_row(w, ALL))
     for i in range(w.memory_width):
@@ -402,9 +409,27 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
             scratch_row(w, LARGEST_DISTANCES + k)[i] = math.inf
 
 
+def update_sizes(s: Any, w: Any) -> None:
+    """Update the largest size of each component."""
+    sizes = scratch_row(w, SIZES)
+    for j in range(s.n):
+        if table_row(s, CYCLIC)[j] == 0.0:
+            sizes[j] = max(sizes[j], abs(table_row(s, Y)[j]))
+
+
+def check_rest(engine: Any, s: Any, w: Any) -> None:
+    """Detect rest between two returns of an autonomous system."""
+    w.rest_check += REST_CHECK_STEPS
+    y = table_row(s, STATE)
+    for j in range(s.n):
+        y[j] = table_row(s, Y)[j] + table_row(s, OFFSET)[j]
+    if w.return_kind != STROBOSCOPIC and is_at_rest(engine, s, w, s.mode, s.t, y):
+        w.outcome = STATIONARY
+
+
 def process_events(engine: Any, s: Any, w: Any) -> None:
     """Read the buffers of the event loop in the order of time."""
-    processed, n, y, sizes = 0, s.n, table_row(s, STATE), scratch_row(w, SIZES)
+    processed, n, y = 0, s.n, table_row(s, STATE)
     for i in range(s.events_written):
         event = event_at(s, i)
         when = event[CYCLE] * s.period + event[TIME]
@@ -424,13 +449,6 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
     close_periods(engine, s, w, processed, math.inf)
     s.events_written = 0
     s.samples_written = 0
-    for j in range(n):
-        y[j] = table_row(s, Y)[j] + table_row(s, OFFSET)[j]
-        if table_row(s, CYCLIC)[j] == 0.0:
-            sizes[j] = max(sizes[j], abs(y[j]))
-    may_rest = w.return_kind != STROBOSCOPIC and w.outcome == UNDECIDED
-    if may_rest and is_at_rest(engine, s, w, s.mode, s.t, y):
-        w.outcome = STATIONARY
 
 
 def close_periods(engine: Any, s: Any, w: Any, processed: int, until: float) -> int:

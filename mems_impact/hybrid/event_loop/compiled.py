@@ -110,15 +110,13 @@ def _observe(engine, w, mode, code, t, states, out):  # type: ignore[no-untyped-
 @overload(recurrence.advance, jit_options={**JIT, **INNER})
 def _advance(engine, s, w):  # type: ignore[no-untyped-def]
     if _is_work(w):
-        steps = recurrence.STEPS_PER_CALL
-        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), steps))
+        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), 1))
 
 
 @overload(saltation.run_loop, jit_options={**JIT, **INNER})
 def _run_on(s, w):  # type: ignore[no-untyped-def]
     if isinstance(w, types.Record) and "plain" in w.fields:
-        steps = saltation.STEPS_PER_STRETCH
-        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), steps))
+        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), 1))
 
 
 @overload(recurrence.scratch_row, jit_options={**JIT, **INNER})

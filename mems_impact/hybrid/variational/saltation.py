@@ -894,7 +894,6 @@ STRETCHING = np.dtype(
         ("lost", np.int64),  # 1 if the propagation of the columns failed
     ]
 )
-STEPS_PER_STRETCH = 4  # steps of the event loop between two reads of its buffers
 MAX_LEAD_RATIO = 0.75  # lead of the run, relative to the time between orthonormalizations
 
 
@@ -933,7 +932,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
             if quota <= 0:
                 return PAUSED
             status = run_loop(s, w)
-            quota -= STEPS_PER_STRETCH
+            quota -= 1
             for i in range(s.events_written):
                 if not propagate_to_event(engine, event_at(s, i), at, setup):
                     w.lost = 1
@@ -982,5 +981,5 @@ def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
 
 
 def run_loop(s: Any, w: Any) -> int:
-    """Run the event loop for some steps."""
-    return loop.run_steps(w.plain, s, STEPS_PER_STRETCH)
+    """Run the event loop for one step."""
+    return loop.run_steps(w.plain, s, 1)
