@@ -29,6 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
 from mems_impact.integrators.jit.numba_support import INNER, JIT
+from mems_impact.integrators.jit.trigonometry import SUBSTITUTES, substitute
 
 __all__ = ["try_compile"]
 
@@ -40,7 +41,7 @@ LIBRARIES = ("math", "numba", "numpy")
 _registering = threading.Lock()  # numba's registries are not thread-safe
 
 # Functions with overloads of their own.
-_overloaded: set[Callable[..., Any]] = set()
+_overloaded: set[Callable[..., Any]] = {*SUBSTITUTES.values()}
 
 
 def mark_overloaded(*functions: Callable[..., Any]) -> None:
@@ -325,7 +326,7 @@ class _Copier:
 
     def value(self, value: Any, names: tuple[str, ...]) -> Any:
         """Return a value with copies of all functions in it."""
-        value = _plain(value)
+        value = substitute(_plain(value))
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType) and not _is_library(value.__name__):

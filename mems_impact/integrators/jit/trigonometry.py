@@ -1,0 +1,162 @@
+"""Sine and cosine of compiled code, in place of those of the C library.
+
+On processors with a fused multiply-add they are part of the compiled function, so that no call
+interrupts it: the argument is reduced by three parts of pi/2 (Cody and Waite), and the kernels are
+the polynomials of fdlibm on [-pi/4, pi/4], with the rounding error of the reduced argument. Their
+error is below one unit in the last place. Elsewhere, and for zeros, infinities, NaN and arguments
+beyond `LARGEST_ARGUMENT`, the C library computes them.
+
+Sources: W. J. Cody and W. Waite, "Software Manual for the Elementary Functions", Prentice-Hall,
+1980; fdlibm 5.3, ``k_sin.c`` and ``k_cos.c``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic, overload
+
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER
+
+__all__ = ["SUBSTITUTES", "cos", "sin", "substitute"]
+
+LARGEST_ARGUMENT = 1e9  # rad, up to which three parts of pi/2 suffice
+
+HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
+SHIFTER = 6755399441055744.0  # 1.5 * 2^52: a sum with it is rounded to an integer
+SINE = (
+    -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
+    2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
+)  # fmt: skip
+COSINE = (
+    4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
+    -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
+)  # fmt: skip
+
+DOUBLE, WORD = ir.DoubleType(), ir.IntType(64)
+
+
+def cos(x: float) -> float:
+    """Return the cosine."""
+    return math.cos(x)
+
+
+def sin(x: float) -> float:
+    """Return the sine."""
+    return math.sin(x)
+
+
+class Reduction:
+    """LLVM instructions for an argument reduced to a quadrant and an angle in [-pi/4, pi/4]."""
+
+    def __init__(self, builder: Any, x: Any) -> None:
+        kind = ir.FunctionType(DOUBLE, [DOUBLE] * 3)
+        self._fma = cgutils.get_or_insert_function(builder.module, kind, "llvm.fma.f64")
+        self._builder = builder
+        shifted = self.fma(x, self.constant(2.0 / math.pi), self.constant(SHIFTER))
+        count = builder.fsub(shifted, self.constant(SHIFTER))
+        first, second, third = (self.constant(-part) for part in HALF_PI)
+        rest = self.fma(count, first, x)  # exact
+        product = builder.fmul(count, second)
+        self.angle = builder.fadd(rest, product)
+        # The error of this sum (Knuth's TwoSum), that of the product, and the third part.
+        back = builder.fsub(self.angle, rest)
+        error = builder.fadd(
+            builder.fsub(rest, builder.fsub(self.angle, back)), builder.fsub(product, back)
+        )
+        error = builder.fadd(error, self.fma(count, second, builder.fneg(product)))
+        self.tail = self.fma(count, third, error)
+        self.quadrant = builder.bitcast(shifted, WORD)
+        self.square = builder.fmul(self.angle, self.angle)
+
+    def constant(self, value: float) -> Any:
+        return ir.Constant(DOUBLE, value)
+
+    def fma(self, a: Any, b: Any, c: Any) -> Any:
+        return self._builder.call(self._fma, [a, b, c])
+
+    def polynomial(self, c: tuple[float, ...], fourth: Any) -> Any:
+        """Return a polynomial of degree five in the square, by Estrin's scheme."""
+        low, middle, high = (
+            self.fma(self.constant(c[i + 1]), self.square, self.constant(c[i])) for i in (0, 2, 4)
+        )
+        return self.fma(fourth, self.fma(fourth, high, middle), low)
+
+    def value(self, quarter_turns: int) -> Any:
+        """Return the sine of the argument advanced by quarter turns."""
+        b, r, tail, z = self._builder, self.angle, self.tail, self.square
+        fourth, half = b.fmul(z, z), b.fmul(z, self.constant(0.5))
+        # sin(r + tail) = r + (r z S(z) + tail (1 - z/2))
+        weight = b.fsub(self.constant(1.0), half)
+        cubic = b.fmul(b.fmul(r, z), self.polynomial(SINE, fourth))
+        sine = b.fadd(r, self.fma(tail, weight, cubic))
+        # cos(r + tail) = weight + (error of weight + z z C(z) - r tail)
+        error = b.fsub(b.fsub(self.constant(1.0), weight), half)
+        error = self.fma(b.fneg(r), tail, error)
+        cosine = b.fadd(weight, self.fma(fourth, self.polynomial(COSINE, fourth), error))
+        turns = b.add(self.quadrant, ir.Constant(WORD, quarter_turns))
+        chosen = b.select(b.trunc(turns, ir.IntType(1)), cosine, sine)
+        sign = b.shl(b.and_(turns, ir.Constant(WORD, 2)), ir.Constant(WORD, 62))
+        return b.bitcast(b.xor(b.bitcast(chosen, WORD), sign), DOUBLE)
+
+
+def _advanced_sine(quarter_turns: int) -> Any:
+    @intrinsic
+    def compute(_typing: Any, x: Any) -> Any:
+        def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return Reduction(builder, args[0]).value(quarter_turns)
+
+        return types.float64(types.float64), codegen
+
+    return compute
+
+
+def has_fma() -> bool:
+    """Return whether the processor that code is compiled for has a fused multiply-add."""
+    triple, _, features = cpu_target.target_context.codegen().magic_tuple()
+    return triple.startswith(("aarch64", "arm64")) or "+fma," in f"{features},"
+
+
+_sine, _cosine = _advanced_sine(0), _advanced_sine(1)
+
+
+def _overload(
+    stand_in: Callable[..., Any], library: Callable[[float], float], compute: Any
+) -> None:
+    @overload(stand_in, jit_options={**FOR_C, **INNER}, strict=False)
+    def _compiled(x: Any) -> Any:
+        if x != types.float64 or not has_fma():
+            return lambda x: library(x)
+
+        def implementation(x):  # type: ignore[no-untyped-def]
+            if 0.0 < abs(x) < LARGEST_ARGUMENT:
+                return compute(x)
+            return library(x)
+
+        return implementation
+
+
+_overload(sin, math.sin, _sine)
+_overload(cos, math.cos, _cosine)
+
+SUBSTITUTES: dict[Any, Callable[..., Any]] = {math.sin: sin, math.cos: cos}
+"""Functions of compiled code by those of Python."""
+
+_mathematics = ModuleType("math")
+vars(_mathematics).update({**vars(math), "sin": sin, "cos": cos})
+
+
+def substitute(value: Any) -> Any:
+    """Return what stands for `value` in compiled code: `math` and its sine and cosine."""
+    if value is math:
+        return _mathematics
+    if isinstance(value, type(math.sin)):
+        return SUBSTITUTES.get(value, value)
+    return value
