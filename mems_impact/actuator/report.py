@@ -44,8 +44,8 @@ from mems_impact.actuator.parameters import (
     Actuator,
     numbers_for,
 )
-from mems_impact.actuator.results import COLUMN_UNITS, ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.results import COLUMN_UNITS, ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem, kick_speeds, kicked_state
 from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
@@ -349,6 +349,11 @@ OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
 """Lengths of transient and measurement, in free oscillations of the block."""
 FEWEST, MOST = 4, {"transient": 300, "periods": 60}
 """Forcing periods of transient and measurement."""
+DRIFT_TIMES, MOST_DRIFT = 5.0, 1000
+"""Transient of a frame that never rests: times in which friction stops it, and most periods."""
+NEVER_AT_REST = 0.999  # share of time in which the frame slips
+LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
+SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of the orbit
 COUNTS = {"voltages": 41, "crises": 2, "samples": 64}
 QUICK = {"voltages": 13, "crises": 0, "samples": 16}
 """Voltages of the sweep, frequencies at which the chart is simulated, sampled devices."""
@@ -556,7 +561,7 @@ class ReportMaker:
             "mean speed": text(found["mean speed"], "m/s"),
             "largest impact speed": text(found["impact speed max"], "m/s"),
             "share of time in which the frame slips": percent(found["share slipping"]),
-            "motion": self._kind(),
+            "motion": self._kind(cycle),
         }
         begin, end = self.lengths["transient"], sum(self.lengths.values())
         words = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
@@ -567,9 +572,20 @@ class ReportMaker:
                 "per cycle may then differ in sign from the displacement by the blow."
             )
         if found["blows per period"] == 0.0:
+            moves = abs(cycle) > LEAST_STEP * self.actuator.delta
+            outcome = (
+                "and the frame moves by slip alone" if moves else "so the device makes no step"
+            )
             blocks.append(
-                "The block does not strike here, so the device makes no step; raise the voltage, "
-                "or change the frequency."
+                f"The block does not strike here, {outcome}; raise the voltage, or change the "
+                "frequency."
+            )
+        needed = _drift_periods(self.system)
+        drifts = found["share slipping"] > NEVER_AT_REST and needed > begin
+        if drifts and not rows["motion"].startswith("periodic"):
+            blocks.append(
+                f"The frame never rests, and friction needs some {needed} cycles to end a drift of "
+                "it, so that the speed may still change; give a longer transient."
             )
         first = max(begin, end - (2 if _oscillations(self.system) > 20.0 else 6))
         blocks.append(
@@ -585,14 +601,19 @@ class ReportMaker:
         }
         return Content(blocks, facts)
 
-    def _kind(self) -> str:
-        """Return whether the motion is periodic, in words."""
+    def _kind(self, step: float) -> str:
+        """Return whether the motion is periodic, in words; `step` is the measured one."""
         try:
             orbit = find_orbit(self.run)
         except OrbitError:
             return "not periodic within the search"
+        assert isinstance(orbit, ActuatorOrbit)
         kind = "stable" if orbit.stable else "unstable"
-        return f"periodic, period {orbit.periods}, {kind}"
+        text = f"periodic, period {orbit.periods}, {kind}"
+        final = orbit.step / orbit.periods
+        if abs(final - step) > max(SETTLED_RTOL * abs(final), LEAST_STEP * self.actuator.delta):
+            return f"settling to a step per cycle of {self.text(final, 'm')} ({text})"
+        return text
 
     def chart(self) -> Content:
         """Return on- and off-voltages over the frequency."""
@@ -888,6 +909,16 @@ def _oscillations(system: ActuatorSystem) -> float:
     return float(system.forcing_period) * math.sqrt(device.k / device.m2) / (2.0 * math.pi)
 
 
+def _drift_periods(system: ActuatorSystem) -> int:
+    """Return after how many forcing periods friction has ended a drift of a frame that slips."""
+    device = system.actuator
+    _, common = kick_speeds(device)
+    friction = device.mu_d * device.g
+    if friction == 0.0:
+        return sys.maxsize
+    return math.ceil(DRIFT_TIMES * common / (friction * float(system.forcing_period)))
+
+
 def report(
     actuator: Actuator,
     drive: Drive | None = None,
@@ -942,7 +973,8 @@ def report(
         As for `life`; by default assumed values, 1e-13 m^3/(N m), 1e-8 m^2 and 0.1 um.
     transient, periods : int, optional
         Forcing periods discarded and measured; by default 1000 and 200 free oscillations of the
-        block, at most 300 and 60 forcing periods.
+        block, at most 300 and 60 forcing periods; of a frame that never rests, up to 1000 are
+        discarded.
     initial : State, optional
         Initial state of the motion; a kick by default (see `kicked_state`).
     command : str, optional
@@ -1009,6 +1041,11 @@ def report(
         assumed_wear=None in (wear, area, depth),
         initial=initial,
     )
+    if transient is None and (needed := _drift_periods(system)) > lengths["transient"]:
+        with contextlib.suppress(MemsImpactError):  # the sections say what it is
+            if maker.run.statistics["share slipping"] > NEVER_AT_REST:
+                lengths["transient"] = min(needed, MOST_DRIFT)
+                maker = replace(maker, lengths=lengths)
     wanted = list(maker.sections if only is None else only)
     for name in wanted:
         if name not in maker.sections:

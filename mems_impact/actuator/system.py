@@ -72,7 +72,13 @@ from mems_impact.systems.observables import Observable, Quantity
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 
-__all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_state"]
+__all__ = [
+    "ActuatorSystem",
+    "EndedSystem",
+    "EnergyAccountingSystem",
+    "kick_speeds",
+    "kicked_state",
+]
 
 # --- Parameters of an actuator under a drive
 
@@ -772,7 +778,9 @@ def own_functions(drive: Drive) -> dict[str, str]:
 def kicked_state(actuator: Actuator) -> State:
     """Return a kicked state: the block passes the middle fast enough to strike a stopper.
 
-    Its kinetic energy is four times the spring energy at the stopper.
+    Its kinetic energy is four times the spring energy at the stopper. If friction would need more
+    than one free oscillation to stop the device, the frame moves the other way, with the opposite
+    momentum: otherwise the device would coast for thousands of periods.
 
     Parameters
     ----------
@@ -795,11 +803,21 @@ def kicked_state(actuator: Actuator) -> State:
     >>> float(run.statistics["impacts per period"])
     1.0
     """
+    speed, common = kick_speeds(actuator)
+    oscillation = 2.0 * math.pi * math.sqrt(actuator.m2 / actuator.k)
+    if common > actuator.mu_d * actuator.g * oscillation:
+        return State(v1=-common, v2=speed)
+    return State(v2=speed)
+
+
+def kick_speeds(actuator: Actuator) -> tuple[float, float]:
+    """Return the speeds of the block after a kick and of the center of mass with it."""
     spring: Any = actuator.term("tabulated_spring")
     stored = 0.0 if spring is None else spring.energy(actuator.delta)
+    speed = 2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2)
     if stored > 0.0:
-        return State(v2=math.sqrt(8.0 * stored / actuator.m2))
-    return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
+        speed = math.sqrt(8.0 * stored / actuator.m2)
+    return speed, actuator.m2 * speed / (actuator.m1 + actuator.m2)
 
 
 class NamedState:

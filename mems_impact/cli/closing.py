@@ -89,7 +89,11 @@ def command(
         show_closing(found)
         files.show()
     if math.isnan(found.closing_time):
-        say("the contact does not close; raise the voltage (see mems-impact pull-in)")
+        other = "" if isinstance(drive, mi.Step) else ", or give --drive step"
+        say(
+            f"the contact does not close under {drive}; raise the voltage (see mems-impact pull-in)"
+            f"{other}"
+        )
         ctx.exit(FAILED)
 
 

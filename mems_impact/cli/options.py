@@ -122,14 +122,24 @@ class QuantityType(click.ParamType):
 
     def _of_drive(self, value: str) -> str:
         """Return the text of a voltage, or of a charge: the device determines which."""
-        try:
-            number_of(value, "V")
-        except QuantityError as error:
-            try:
-                number_of(value, "C")
-            except QuantityError:
-                raise error from None
+        _voltage_or_charge(value)
         return value
+
+    def number(self, value: Any) -> float:
+        """Return the number in SI, also of a voltage or a charge."""
+        found = self.convert(value, None, None)
+        return _voltage_or_charge(found) if isinstance(found, str) else found
+
+
+def _voltage_or_charge(value: str) -> float:
+    """Return the number of a text with a unit of the voltage, or of the charge, of a drive."""
+    try:
+        return number_of(value, "V")
+    except QuantityError as error:
+        try:
+            return number_of(value, "C")
+        except QuantityError:
+            raise error from None
 
 
 def _assignments(
@@ -245,10 +255,10 @@ def _with_numbers(command: Any) -> Any:
 
     @wraps(command)
     def converted(*given: Any, **named: Any) -> Any:
-        unit = parameter_unit(named.get("parameter", "frequency"))
+        kind = QuantityType(parameter_unit(named.get("parameter", "frequency")))
         for name in ("start", "stop", "back"):
             if isinstance(named.get(name), str):
-                named[name] = QuantityType(unit).convert(named[name], None, None)
+                named[name] = kind.number(named[name])
         return command(*given, **named)
 
     return converted
@@ -321,15 +331,14 @@ AXIS_TYPE = click.Tuple([str, QuantityType(), QuantityType(), click.IntRange(1, 
 
 
 def _axis(
-    ctx: click.Context, parameter: click.Parameter, axis: tuple[str, Any, Any, int] | None
+    _ctx: click.Context, _parameter: click.Parameter, axis: tuple[str, Any, Any, int] | None
 ) -> tuple[str, float, float, int] | None:
     """Return an axis with its ends as numbers in the unit of its parameter."""
     if axis is None:
         return None
     name, start, stop, count = axis
-    unit = QuantityType(parameter_unit(name))
-    low, high = (float(unit.convert(end, parameter, ctx)) for end in (start, stop))
-    return name, low, high, count
+    kind = QuantityType(parameter_unit(name))
+    return name, kind.number(start), kind.number(stop), count
 
 
 def axis_options(first: str, second: str) -> Decorator:

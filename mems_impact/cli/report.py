@@ -131,7 +131,9 @@ def command(
     name, description = device_text(device)
     given: dict[str, Any] = {**options, "title": title or name, "description": description}
     if voltages is not None:
-        given["voltages"] = np.linspace(*voltages)
+        low, high, count = voltages
+        kind = QuantityType("V")
+        given["voltages"] = np.linspace(kind.number(low), kind.number(high), count)
     if initial:
         given["initial"] = state_from(initial, actuator)
     given["tolerances"] = options["tolerances"] or None

@@ -92,9 +92,10 @@ def contact_coefficients(
 ) -> Floats | None:
     """Return xi_1 .. xi_count, or None if the orbit has events or the kick is along the flow.
 
-    The kick of a planar limit cycle is along the flow, and only shifts the time of contact.
+    Switches at fixed times are no events. The kick of a planar limit cycle is along the flow, and
+    only shifts the time of contact.
     """
-    if any(event is not None for event in point.events):
+    if any(segment.guard(shooting.m) != NONE for segment in shooting.segments):
         return None
     touch = closest_approach(shooting, point, monitor.guard)
     if touch is None:
@@ -106,10 +107,15 @@ def contact_coefficients(
     variational = shooting.variational(point.setting)
     to_touch = variational.arc(segment.mode, states[i], point.starts[i], time)
     from_touch = variational.arc(segment.mode, to_touch.end, time, point.ends[i])
-    total = from_touch.by_state[free]
+
+    def switched(j: int, by_state: Floats) -> Floats:
+        switch = point.events[j]
+        return (by_state if switch is None else switch.jump_by_state @ by_state)[free]
+
+    total = switched(i, from_touch.by_state)
     others = len(shooting.segments)
-    for j in range(1, others):
-        total = point.arcs[(i + j) % others].by_state[free] @ total
+    for j in range(i + 1, i + others):
+        total = switched(j % others, point.arcs[j % others].by_state) @ total
     total = to_touch.by_state[free] @ total
     event = variational.event(segment.mode, monitor.guard, time, to_touch.end)
     # Components that the mode holds fixed contribute rounding errors only, which would grow.

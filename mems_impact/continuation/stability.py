@@ -184,6 +184,8 @@ class Crossings:
 
     def within(self, length: float) -> list[Crossing]:
         """Return all crossings in the first `length` of a step, in order."""
+        if length == 0.0:  # a loss at the start of the step
+            return []
         if self._behind is None:
             half = 0.5 * length
             first, last = (0.0, self.spectrum(0.0)), (length, self.spectrum(length))

@@ -4,6 +4,7 @@ import json
 import math
 
 import pandas as pd
+import pytest
 
 import mems_impact as mi
 from mems_impact.cli.output import with_unit_column
@@ -84,3 +85,30 @@ def test_two_runs_beside_each_other(cli, monkeypatch):
     ).out
     assert "time apart [s]" in out
     assert "v2 apart [m/s]" in out
+
+
+def test_voltages_with_units_at_the_ends_of_a_range(cli, tmp_path):
+    ends = ["20V", "0.03kV"]
+    quick = ["--transient", "1", "--no-figure"]
+    vary = ["--parameter", "amplitude", "--start", ends[0], "--stop", ends[1], "--points", "2"]
+    cli("sweep", "mita2003", *vary, "--frequency", "0.1kHz", "--periods", "1", *quick)
+    table = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
+    assert set(table["amplitude [V]"]) == {20.0, 30.0}
+    axes = ["--x", "amplitude", *ends, "2", "--y", "frequency", "0.1kHz", "110Hz", "2"]
+    cli("map", "mita2003", *axes, "--longest", "1", *quick)
+    table = pd.read_csv(tmp_path / "out" / "map-table.csv")
+    assert set(table["amplitude [V]"]) == {20.0, 30.0}
+    assert set(table["frequency [Hz]"]) == {100.0, 110.0}
+    done = cli("sweep", "mita2003", *vary[:-4], "--stop", "3um", "--frequency", "100")
+    assert "'3um' must be a number [V]" in done.err
+
+
+@pytest.mark.slow
+def test_voltages_of_a_report_with_units(cli, tmp_path):
+    done = cli(
+        "report", "mita2003", "--amplitude", "30V", "--voltages", "20V", "0.03kV", "2",
+        "--quick", "--frequency", "100Hz", "--transient", "1", "--periods", "1",
+        "--only", "Step and speed over the voltage",
+    )  # fmt: skip
+    assert done.status == 0
+    assert '<td class="number">30 V</td>' in (tmp_path / "report.html").read_text("utf-8")

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy import linalg
 
+import mems_impact as mi
 from mems_impact.continuation.grazing import contact_coefficients, grazing_type
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import InvalidParameter
@@ -68,6 +70,32 @@ def test_linear_oscillator_jumps():
     branch = follow(orbit, "amplitude", low=0.2, high=0.72)
     found = next(s for s in branch.special_points if s.kind == "grazing")
     assert grazing_type(found.orbit, found.monitor) == "jump"
+
+
+@pytest.mark.parametrize(("c", "expected"), [(2.5, "continuous"), (0.1, "jump")])
+def test_a_linear_oscillator_under_a_voltage_that_switches(c, expected):
+    """xi_k is proportional to (M^k)_12 with M = exp(A T), whatever the switches."""
+
+    def flow(mode, t, y, p):
+        return y.v, (p.f if t < 5.0 else -p.f) - y.x - p.c * y.v
+
+    def rebound(mode, t, y, p):
+        return mode, (y.x, -0.5 * y.v)
+
+    system = mi.System(
+        states=("x", "v"), flow=flow, period=8.0, switches=(5.0,),
+        parameters={"f": 0.5, "c": c},
+        guards=[mi.Impact("stop", lambda mode, t, y, p: 2.0 - y.x, rebound)],
+    )  # fmt: skip
+    branch = mi.continue_orbit(mi.find_orbit(system, transient=100), "f", stop=9.0)
+    special = next(each for each in branch.special_points if each.label == "G")
+    assert mi.grazing_type(special) == expected
+    found = special.without_impact
+    xi = contact_coefficients(found.orbit.shooting, found.orbit.point, found.monitor, 8)
+    monodromy = linalg.expm(8.0 * np.array([[0.0, 1.0], [-1.0, -c]]))
+    powers = np.array([np.linalg.matrix_power(monodromy, k)[0, 1] for k in range(1, 9)])
+    np.testing.assert_allclose(xi / xi[0], powers / powers[0], atol=1e-6)
+    assert xi[0] * powers[0] > 0.0
 
 
 def test_only_grazings_have_a_type():

@@ -32,6 +32,10 @@ def test_pairs_that_cross_both_ways_in_one_step(unit):
     assert places(IMAGINARY_AXIS, matrix, 0.06) == pytest.approx([0.03, 0.031], abs=1e-12)
 
 
+def test_a_step_that_is_lost_at_its_start_has_no_crossing():
+    assert places(IMAGINARY_AXIS, lambda s: pair(s, 1.0), 0.0) == []
+
+
 def test_a_pair_that_crosses_and_comes_back():
     def matrix(s):
         return pair(0.01 - (s - 0.5) ** 2, 1.0)

@@ -7,6 +7,7 @@ they determine the eleven parameters; an equation whose quantities are all known
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,6 +39,10 @@ PULL_IN_RTOL = 1e-14  # relative error of an electrode constant found from a pul
 PULL_IN_ITERATIONS = 50
 SNAP = 1.0 / 3.0  # of the gap, where a slowly rising voltage makes the block snap
 COMPUTED = ("pull_in", "release", "capacitance", "spring_force")  # of a device with terms
+MAY_BE_ZERO = {
+    "damping", "damping_ratio", "restitution", "gravity", "friction", "static_friction",
+    "dynamic_friction", "static_friction_force", "dynamic_friction_force",
+}  # fmt: skip
 STICKS, SLIPS = "sticks until the blow", "slips before the blow"
 
 
@@ -214,7 +219,10 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
         if name not in known:
             raise _missing(name, parameter, known, relations)
     values = {parameter: known[name] for parameter, name in OF_PARAMETER.items()}
-    actuator = Actuator(**values, units="SI", terms=tuple(terms))
+    try:
+        actuator = Actuator(**values, units="SI", terms=tuple(terms))
+    except InvalidParameter as error:
+        raise _by_quantities(error) from None
     if by_voltage:
         actuator = _with_voltage(actuator, voltage, known[voltage])
     elif by_capacitance:
@@ -254,9 +262,24 @@ def _numbers(given: Mapping[str, Any]) -> dict[str, float]:
 
 def _number(name: str, value: Any, unit: str) -> float:
     number = quantity(name, value, unit)
-    if not is_number(number) or number < 0.0:
-        raise InvalidParameter(name, value, f"a finite number >= 0 [{unit}]".replace(" []", ""))
+    least = ">=" if name in MAY_BE_ZERO else ">"
+    if not is_number(number) or number < 0.0 or (number == 0.0 and least == ">"):
+        raise InvalidParameter(
+            name, value, f"a finite number {least} 0 [{unit}]".replace(" []", "")
+        )
     return float(number)
+
+
+def _by_quantities(error: InvalidParameter) -> InvalidParameter:
+    """Return an error on parameters as one on the quantities of a data sheet."""
+
+    def renamed(text: str) -> str:
+        return re.sub(r"\b(\w+)(?= =)", lambda found: OF_PARAMETER.get(found[1], found[1]), text)
+
+    name, problem = OF_PARAMETER.get(error.field, error.field), error.problem
+    return InvalidParameter(
+        name, error.value, renamed(error.allowed), problem=problem and renamed(problem)
+    )
 
 
 def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> dict[str, float]:

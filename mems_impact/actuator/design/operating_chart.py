@@ -498,6 +498,11 @@ class ChartBuilder:
         curve = self._grazings(low, high)
         marks = [s for s in curve.special_points if s.kind in SEPARATING]
         marks.sort(key=lambda s: s.values[1])
+        edges = [low, *(s.values[1] for s in marks), high]
+        if any(self._first(0.5 * (left + right))[1] == SLIPS for left, right in pairwise(edges)):
+            self.notes.clear()  # of the curve of grazings, which this replaces
+            self._thresholds(crises, periods, workers)
+            return
         self.special_points = tuple(
             sorted(
                 (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
@@ -505,7 +510,6 @@ class ChartBuilder:
             )
         )
         self.marks = {s.values[1] for s in marks}
-        edges = [low, *(s.values[1] for s in marks), high]
         self.total = 2 * (len(edges) - 1)
         simulated = []
         for left, right in pairwise(edges):

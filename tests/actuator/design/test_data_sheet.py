@@ -128,7 +128,7 @@ REFUSED = [
     (without("restitution"), "restitution: not determined"),
     (without(frequncy=3), "unknown name, did you mean frequency?"),
     (without(gap="4 V"), "gap = '4 V': must be a number \\[m\\]"),
-    (without(gap=-1.0), "gap = -1: must be a finite number >= 0 \\[m\\]"),
+    (without(gap=-1.0), "gap = -1: must be a finite number > 0 \\[m\\]"),
     (without(friction=(1, 2, 3)), "one coefficient, or a pair"),
     (without(static_friction=0.3), "friction = .* omitted if static_friction is given"),
     (without("frame_mass", total_mass="0.1 mg"), "give frame_mass = -1e-07, which must be > 0"),

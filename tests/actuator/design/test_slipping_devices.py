@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.slipping import SLIPPING, random_device
+from mems_impact.actuator.report import amount
+from tests.actuator.slipping import LIGHT, SLIPPING, random_device
 
 pytestmark = pytest.mark.slow
 SEEDS = range(8)
@@ -87,3 +88,52 @@ def test_what_follows_the_orbit(seed):
         initial=orbit.state,
     )  # fmt: skip
     assert np.isfinite(spread.table["mean speed"]).all()
+
+
+FLOATING = mi.Actuator.from_design(
+    frequency=42.2e3, quality=36, proof_mass=4.71e-6, frame_mass=3.23e-6, gap=16.3e-6,
+    travel=7.22e-6, pull_in=47.9, friction=(0.349, 0.194), restitution=0.427,
+)  # fmt: skip
+"""A device that friction would stop after some 50,000 oscillations only."""
+
+
+def test_a_kick_gives_such_a_device_no_momentum():
+    kick = mi.kicked_state(FLOATING)
+    momentum = FLOATING.m1 * kick.v1 + FLOATING.m2 * (kick.v1 + kick.v2)
+    assert momentum == pytest.approx(0.0, abs=1e-12 * FLOATING.m2 * kick.v2)
+    assert kick.v2 == mi.kicked_state(FLOATING.replace(mu_s=40.0, mu_d=4e5)).v2
+    assert mi.kicked_state(LIGHT).v1 == 0.0
+    drive = mi.Sine(amplitude=57.4, frequency=2110.0)
+    speeds = [
+        mi.simulate(FLOATING, drive, 60, window=(40, 60), initial=state).statistics["mean speed"]
+        for state in (mi.State(), kick)
+    ]
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-4)
+    assert abs(speeds[0]) < 1e-4  # with the momentum of a kick: 2.2 m/s
+
+
+def test_a_report_waits_until_friction_has_ended_the_drift():
+    device = mi.Actuator.from_design(
+        frequency=26.5e3, quality=288, proof_mass=5.52e-8, frame_mass=2.91e-7, gap=7.33e-6,
+        travel=2.3e-6, pull_in=112, friction=(0.605, 0.588), restitution=0.769,
+    )  # fmt: skip
+    drive = mi.Square(amplitude=126.3, frequency=6100.0)
+    page = mi.report(device, drive, only=["Motion"])
+    orbit = mi.find_orbit(mi.simulate(device, drive, 2000, keep="statistics"))
+    assert orbit.stable
+    assert page.facts["motion"] == "periodic, period 1, stable"
+    number, unit = page.facts["step per cycle"].split()
+    assert unit == "nm"
+    assert float(number) == pytest.approx(1e9 * orbit.step, rel=5e-3)
+    early = mi.report(device, drive, only=["Motion"], transient=20, periods=5)
+    step = amount(orbit.step, "m")
+    assert early.facts["motion"].startswith(f"settling to a step per cycle of {step}")
+    assert "friction needs some" in early.html
+
+
+def test_a_chart_whose_frame_slips_between_its_ends_only():
+    device = LIGHT.replace(mu_s=2.3, mu_d=2.3, e=0.6)
+    chart = mi.operating_chart(device, frequency=(528, 612), crises=0, workers=1)
+    assert chart.notes == ()
+    slips = chart.table[chart.table["boundary"] == "slip"]
+    assert 528 < slips["frequency"].min() <= slips["frequency"].max() < 612
