@@ -17,7 +17,7 @@ import inspect
 import math
 import operator
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
@@ -111,9 +111,14 @@ class Fixed:
         mine, yours = self.value, other.value
         if mine is yours:
             return True
-        plain = (bool, int, float, str, tuple)
-        same = type(mine) is type(yours) and isinstance(mine, plain)
-        return same and repr(mine) == repr(yours)
+        if type(mine) is not type(yours):
+            return False
+        if isinstance(mine, tuple):
+            return len(mine) == len(yours) and all(
+                map(operator.eq, map(Fixed, mine), map(Fixed, yours))
+            )
+        plain = (bool, int, float, str)
+        return isinstance(mine, plain) and repr(mine) == repr(yours)  # 0.0 is not -0.0
 
     def __hash__(self) -> int:
         return hash(type(self.value))
@@ -500,10 +505,6 @@ def _identifier(name: str) -> str:
 # --- One function
 
 
-class _Unstable(Exception):
-    """The kinds of variables have changed; the function is translated again."""
-
-
 class FunctionWriter:
     """Translates one function for arguments of given kinds."""
 
@@ -529,17 +530,16 @@ class FunctionWriter:
             self.refuse(f"a call with {len(self.kinds)} arguments", "give each argument")
         self.arguments = dict(zip(arguments, self.kinds, strict=True))
         self.variables = dict(self.arguments)
-        for _ in range(20):
+        body = (
+            [ast.copy_location(ast.Return(tree.body), tree)]
+            if isinstance(tree, ast.Lambda)
+            else tree.body
+        )
+        before: Any = None
+        while before != (self.variables, self.result):  # it ends, since kinds only become wider
             before = dict(self.variables), self.result
             self.begin()
-            body = (
-                [ast.copy_location(ast.Return(tree.body), tree)]
-                if isinstance(tree, ast.Lambda)
-                else tree.body
-            )
             self.block(body)
-            if before == (self.variables, self.result):
-                break
         return self.finish(arguments)
 
     def begin(self) -> None:
@@ -800,6 +800,8 @@ class FunctionWriter:
         if found.items is not None:
             kind = Tuple(tuple(self.runtime(item).kind for item in found.items), found.kind.names)
         self.result = self.joined(self.result, kind)
+        if _has_array(self.result):  # it may be a variable of this function
+            self.refuse("an array as a result", "return its elements, or write to an argument")
         code = self.converted(found, self.result)
         self.emit(f"return {code};" if code else "return;")
         return False
@@ -824,6 +826,8 @@ class FunctionWriter:
         if isinstance(target, ast.Name):
             if value.kind == NOTHING:
                 self.refuse("a call without a result as a value", "return a value")
+            if target.id in self.overlay:
+                self.refuse("an assignment to the variable of a loop", "use another name")
             known = self.variables.get(target.id)
             kind = value.kind
             if value.fixed and (target.id in self.variables or _is_number(value.kind.value)):
@@ -869,9 +873,11 @@ class FunctionWriter:
         if source is None:
             made = self.temporary(made)
         held = self.temporary(place)
-        for i in range(length):
-            each = made if source is None else source.item(str(i), i)
-            self.emit(f"{held.code}[{i}] = {self.number(each, 'an item').code};")
+        items = [made if source is None else source.item(str(i), i) for i in range(length)]
+        # All values are read before the first element changes: both slices may be of one array.
+        items = [self.temporary(self.number(each, "an item")) for each in items]
+        for i, each in enumerate(items):
+            self.emit(f"{held.code}[{i}] = {each.code};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Expression) -> None:
         if value.fixed:
@@ -1096,17 +1102,21 @@ class FunctionWriter:
         """Return the value of a test if it is known, and its code."""
         if isinstance(node, ast.BoolOp):
             both = isinstance(node.op, ast.And)
-            codes = []
+            mark, codes = " && " if both else " || ", []
             for each in node.values:
+                before = len(self.lines)
                 known, code = self.truth(each)
                 if known is None:
-                    codes.append(code)
+                    if codes and len(self.lines) > before:
+                        codes = [self.guarded(mark.join(codes), both, before, code)]
+                    else:
+                        codes.append(code)
                 elif known is not both:
                     # A later operand decides only if no earlier one has side effects: none has.
                     return known, literal(known)
             if not codes:
                 return both, literal(both)
-            return None, "(" + (" && " if both else " || ").join(codes) + ")"
+            return None, f"({mark.join(codes)})"
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             known, code = self.truth(node.operand)
             return (None if known is None else not known), f"!({code})"
@@ -1117,6 +1127,20 @@ class FunctionWriter:
         if isinstance(found.kind, Tuple):
             return bool(found.kind.items), literal(bool(found.kind.items))
         return None, self.number(found, "a condition").code
+
+    def guarded(self, first: str, both: bool, begin: int, second: str) -> str:
+        """Return a variable with ``first and second``, or with ``first or second``.
+
+        The lines from `begin` on belong to `second`, which may be invalid unless `first` holds.
+        """
+        own = ["    " + line for line in self.lines[begin:]]
+        del self.lines[begin:]
+        held = self.temporary(Expression(BOOLEAN, f"({first})")).code
+        self.emit(f"if ({held if both else f'!{held}'}) {{")
+        self.lines += own
+        self.emit(f"    {held} = {second};")
+        self.emit("}")
+        return held
 
     # --- Expressions
 
@@ -1343,11 +1367,15 @@ class FunctionWriter:
         return Expression(REAL, f"pow({base.code}, {exponent.code})")
 
     def of_BoolOp(self, node: ast.BoolOp) -> Expression:
+        lines, temporaries = list(self.lines), list(self.temporaries)
         parts = [self.value(each) for each in node.values]
         kinds = {self.runtime(part).kind for part in parts}
         if kinds <= {BOOLEAN} or all(part.fixed for part in parts):
+            self.lines, self.temporaries = lines, temporaries
             known, code = self.truth(node)
             return Expression(BOOLEAN, code) if known is None else constant(known)
+        if len(self.lines) > len(lines):
+            self.refuse("the value of and or or", "use if and else", node)
         both = isinstance(node.op, ast.And)
         found = parts[-1]
         for part in reversed(parts[:-1]):
@@ -1651,6 +1679,12 @@ class Iterable:
     unrolled: bool = False
 
 
+def _has_array(kind: Any) -> bool:
+    if isinstance(kind, Tuple):
+        return any(map(_has_array, kind.items))
+    return isinstance(kind, Array)
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, bool | int | float | np.number | np.bool_ | IntEnum)
 
@@ -1666,10 +1700,3 @@ def _as_read(target: ast.expr) -> Any:
     made = type(target)(**{name: getattr(target, name) for name in target._fields})
     made.ctx = ast.Load()  # type: ignore[attr-defined]
     return ast.copy_location(made, target)
-
-
-def names_of(kinds: Sequence[Kind]) -> Iterator[str]:
-    """Yield the C types of kinds."""
-    for kind in kinds:
-        if not isinstance(kind, Fixed):
-            yield kind.ctype

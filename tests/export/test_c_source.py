@@ -105,9 +105,38 @@ def fill(x, out):
     out[0], out[1] = x, x + 1.0
 
 
+def guarded(i, n):
+    calls = np.zeros(1)
+    first = i < n and 0 <= counted(i, calls) < 5
+    second = i < n or 0 <= counted(i, calls) < 5
+    return 10.0 * calls[0] + first + 2.0 * second
+
+
+def counted(i, calls):
+    calls[0] += 1.0
+    return i
+
+
+def shifted(x, y):
+    out = np.array([x, y, x + y, x - y])
+    out[1:] = out[:-1]
+    return out[0] + 10.0 * out[1] + 100.0 * out[2] + 1000.0 * out[3]
+
+
+def widening(x, n):
+    """Have the kind of each variable depend on that of the next one, up to a real number."""
+    a = b = c = d = e = f = g = h = i = j = k = m = o = q = r = s = t = u = v = w = z = 0
+    for _ in range(10 * n):
+        (a, b, c, d, e), (f, g, h, i, j) = (b, c, d, e, f), (g, h, i, j, k)
+        (k, m, o, q, r), (s, t, u, v, w) = (m, o, q, r, s), (t, u, v, w, z)
+        z = x
+    return a + b + c + d + e + f + g + h + i + j + k + m + o + q + r + s + t + u + v + w + z
+
+
 CASES = [
     (arithmetic, REAL), (swapped, REAL), (arrays, REAL), (of_functions, REAL), (logic, REAL),
     (written, REAL), (numpy_scalars, REAL), (integers, INTEGER), (loops, None),
+    (shifted, REAL), (guarded, INTEGER), (widening, None),
 ]  # fmt: skip
 
 
@@ -175,6 +204,18 @@ def changing(x):
     return value
 
 
+def returned_array(x):
+    return np.array([x, 2.0 * x])
+
+
+def renamed(x):
+    total = 0.0
+    for function in (math.sin, math.cos):
+        total += function(x)
+        function = x
+    return total
+
+
 def try_and_catch(x):
     try:
         return 1.0 / x
@@ -190,6 +231,8 @@ def try_and_catch(x):
         (of_scipy, "norm"),
         (endless, "it is recursive"),
         (changing, "several types"),
+        (returned_array, "an array as a result"),
+        (renamed, "the variable of a loop"),
         (try_and_catch, "the statement Try"),
     ],
     ids=lambda each: getattr(each, "__name__", ""),
