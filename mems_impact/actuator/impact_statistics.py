@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import impact_law
-from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
+from mems_impact.actuator.automaton import (
+    GUARDS,
+    MODES,
+    RELEASE,
+    SLIP_END,
+    V2,
+    X1,
+    direction_of,
+    side_of,
+)
 from mems_impact.actuator.automaton_with_terms import layout
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.event_loop import workspace
@@ -23,6 +32,7 @@ __all__ = [
     "RestDetector",
     "blow_of",
     "contact_loss",
+    "contact_side",
     "contact_time",
     "contacts",
     "each_blow",
@@ -36,13 +46,19 @@ __all__ = [
 
 # --- Impacts and steps of the frame
 
-SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
-"""Whether the frame slips, by mode; further modes repeat these."""
+# By mode; further modes, in which a current is limited, repeat these.
+_DIRECTIONS = np.array([direction_of(mode) for mode in range(len(MODES))])
+_SIDES = np.array([side_of(mode) for mode in range(len(MODES))])
 
 
 def is_slipping(modes: Any) -> Any:
     """Return whether the frame slips, by number of the mode."""
-    return SLIPPING[modes % SLIPPING.size]
+    return _DIRECTIONS[modes % len(MODES)] != 0
+
+
+def contact_side(modes: Any) -> Any:
+    """Return 1 for rest on the right stopper, -1 on the left one, else 0, by number of the mode."""
+    return _SIDES[modes % len(MODES)]
 
 
 def is_impact(events: Events) -> NDArray[np.bool_]:

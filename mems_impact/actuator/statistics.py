@@ -10,15 +10,16 @@ from typing import Any, Literal
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import GUARDS, MODES, STATES, V2, X1, X2, side_of
+from mems_impact.actuator.automaton import GUARDS, MODES, STATES, V2, X1, X2
 from mems_impact.actuator.impact_statistics import (
-    SLIPPING,
     BlowCounter,
     RestDetector,
     contact_loss,
+    contact_side,
     contacts,
     energy_lost,
     is_impact,
+    is_slipping,
     yields,
 )
 from mems_impact.actuator.parameters import Actuator
@@ -64,7 +65,6 @@ _MEASURES = (
     "closest approach",
 )
 _ENERGY = ("energy in per period", "energy in per impact")  # with energy accounting
-_RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 
 
 def measure_names(system: HybridSystem) -> tuple[str, ...]:
@@ -105,16 +105,21 @@ def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict
         "mean speed": ratio(displacement, totals.duration),
         **{f"impact speed {each}": speeds.reduced(each, totals.periods) for each in REDUCED},
         "energy lost per period": totals.per_period(lost),
-        "share slipping": totals.share(SLIPPING),
-        "share resting": totals.share(_RESTING),
+        "share slipping": totals.share(is_slipping(np.arange(totals.durations.size))),
+        "share resting": resting_share(totals),
     }
+
+
+def resting_share(totals: MotionTotals) -> float:
+    """Return the fraction of time in which the block rests on a stopper."""
+    return totals.share(contact_side(np.arange(totals.durations.size)) != 0)
 
 
 def approach(totals: MotionTotals, impacts: float, closest: float) -> float:
     """Return the closest approach of a motion: NaN with impacts, 0 with rest contact."""
     if impacts > 0.0:
         return math.nan
-    return 0.0 if totals.share(_RESTING) > 0.0 else closest
+    return 0.0 if resting_share(totals) > 0.0 else closest
 
 
 # --- Statistics of a run

@@ -1102,7 +1102,7 @@ class FunctionWriter:
         """Return the value of a test if it is known, and its code."""
         if isinstance(node, ast.BoolOp):
             both = isinstance(node.op, ast.And)
-            mark, codes = " && " if both else " || ", []
+            mark, codes = " && " if both else " || ", list[str]()
             for each in node.values:
                 before = len(self.lines)
                 known, code = self.truth(each)

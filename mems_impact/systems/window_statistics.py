@@ -149,12 +149,7 @@ class MotionTotals:
         return float(self.counts[: len(guards)][[guard.impact for guard in guards]].sum())
 
     def share(self, modes: Any) -> float:
-        """Return the fraction of time in one mode or several, by number or by mask.
-
-        A mask of fewer modes is repeated.
-        """
-        if np.ndim(modes):
-            modes = np.resize(modes, self.durations.size)
+        """Return the fraction of time in one mode or several, by number or by mask."""
         return ratio(float(self.durations[modes].sum()), self.duration)
 
 

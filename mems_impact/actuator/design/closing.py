@@ -12,11 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mems_impact._util.arrays import Floats
-from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2, side_of
+from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.impact_statistics import is_impact
+from mems_impact.actuator.impact_statistics import contact_side, is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
@@ -40,7 +40,6 @@ FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
 DURATION_RATIO = 1.25  # of a voltage to the run, which ends before it is switched off
 REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
-SIDES = np.array([side_of(mode) for mode in range(81)])  # two current limits: 9 times the modes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -64,7 +63,8 @@ class Closing(Result):
         Least height of a bounce that counts, relative to the travel.
     table : DataFrame
         One row per impact: time t, stopper, impact speed; contact, the duration of the contact (0
-        for an impact with restitution); flight, the duration of the bounce that follows, and its
+        for an impact with restitution; that of the rest contact at the end of a chatter sequence,
+        with its last, unresolved impacts); flight, the duration of the bounce that follows, and its
         height. NaN if the block stays on the stopper, or does not return.
     run : ActuatorRun
         The run, from which `energy` is computed.
@@ -211,9 +211,11 @@ def run_of(
 def rest_start(trajectory: Trajectory) -> float:
     """Return the time since which the block has been on a stopper; NaN if it is not at the end."""
     log = trajectory.events
-    if SIDES[trajectory.final.mode] == 0:
+    if contact_side(trajectory.final.mode) == 0:
         return math.nan
-    begins = np.flatnonzero((SIDES[log.mode_before] == 0) & (SIDES[log.mode_after] != 0))
+    begins = np.flatnonzero(
+        (contact_side(log.mode_before) == 0) & (contact_side(log.mode_after) != 0)
+    )
     return float(times(trajectory)[begins[-1]]) if begins.size else 0.0
 
 
@@ -234,17 +236,18 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
     contact, flight, height = (np.full(hits.size, math.nan) for _ in range(3))
     for i, row in enumerate(hits.tolist()):
         end, following = row, int(hits[i + 1]) if i + 1 < hits.size else len(log)
-        if SIDES[log.mode_after[row]] != 0:
-            leaves = np.flatnonzero(SIDES[log.mode_after[row:following]] == 0)
-            if not leaves.size:
+        held = np.flatnonzero(contact_side(log.mode_after[row:following]))
+        if held.size:  # in a compliant contact, or after the end of a chatter sequence
+            end = row + int(held[-1]) + 1
+            if end == following:
                 continue
-            end = row + int(leaves[0])
         contact[i] = when[end] - when[row]
         if following < len(log):
             flight[i] = when[following] - when[end]
             height[i] = bounce_height(trajectory, end, following, delta, int(side[i]))
-    settled = rest_start(trajectory)
     closed = bool(hits.size)
+    stays = closed and contact_side(trajectory.final.mode) == side[0]
+    settled = rest_start(trajectory) if stays else math.nan
     speeds = np.abs(log.before[hits, V2])
     own = side == side[0] if closed else np.zeros(0, dtype=bool)
     columns = {
@@ -260,7 +263,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
         closing_time=float(system.out("time", when[hits[0]])) if closed else math.nan,
         impact_speed=float(system.out("impact speed", speeds[0])) if closed else math.nan,
         bounces=int((height[own] >= smallest_bounce * delta).sum()),
-        settling_time=float(system.out("time", settled)) if closed else math.nan,
+        settling_time=float(system.out("time", settled)),
         stopper=("right" if side[0] == 1 else "left") if closed else "",
         smallest_bounce=float(smallest_bounce),
         table=found,
@@ -276,7 +279,7 @@ def bounce_height(
     log, period = trajectory.events, trajectory.period
     start, end = log.instant(leaves), log.instant(returns)
     length = (end.cycle - start.cycle) * period + end.time - start.time
-    speed = abs(float(start.y[V2]))
+    speed = max(abs(float(start.y[V2])), abs(float(log.before[returns, V2])))
     if speed * length < MIN_SAMPLED_HEIGHT * delta:
         return 0.25 * speed * length  # of a parabola
     end = HybridState(end.cycle, end.time, int(log.mode_before[returns]), log.before[returns])

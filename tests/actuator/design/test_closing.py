@@ -174,6 +174,23 @@ def test_a_run_that_begins_on_the_stopper():
     assert math.isnan(held.closing_time)
 
 
+def test_a_block_that_is_pulled_off_and_rests_on_the_other_stopper():
+    switch = mi.load_actuator("abdulrahim2016")
+    pulled = switch.replace(g=3.0 * switch.k * switch.delta / switch.m2)
+    pulled = pulled.adding(mi.Tilt(angle=1.2))  # to the left, against the spring
+    pulse = mi.PulseAndHold(amplitude=400.0, width=1e-5, hold=0.0)
+    found = mi.closing(pulled, pulse)
+    assert found.stopper == "right"
+    assert math.isnan(found.settling_time)
+    last = found.table[found.table["stopper"] == "right"].iloc[-1]
+    across = found.table[found.table["stopper"] == "left"].iloc[0]
+    # The chatter sequence ends in a rest contact until the end of the pulse.
+    assert last["t"] + last["contact"] == pytest.approx(pulse.width, rel=1e-6)
+    assert across["t"] == pytest.approx(pulse.width + last["flight"], rel=1e-6)
+    assert last["height"] == pytest.approx(2.0 * switch.delta, rel=1e-6)
+    assert found.table.iloc[-1][["contact", "flight", "height"]].isna().all()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
