@@ -53,11 +53,11 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["verilog_a", "write_verilog_a"]
 
 PI = repr(math.pi)
-REST_SPEED = 1e-4  # rest speed in units of d w0
+REST_SPEED_RATIO = 1e-4  # rest speed in units of d w0
 EVENT_TOL = 1e-8  # of event location, in units of the guard and of 1/w0
 OFFSET = "0.01*event_tol"  # of guards, so that none is exactly zero after its event
 POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
-STEPS = 0.1  # longest step in units of 1/w0
+MAX_STEP = 0.1  # longest step in units of 1/w0
 
 Expression = Callable[[str], str]
 """An expression of the state whose variables have the given suffix."""
@@ -67,8 +67,8 @@ Expression = Callable[[str], str]
 
 
 @dataclass(frozen=True)
-class State:
-    """A state: its name, its unit as an expression, its derivative and its initial value."""
+class ModuleState:
+    """A state of the module: name, unit as an expression, derivative and initial value."""
 
     name: str
     unit: str
@@ -116,7 +116,7 @@ class TermCode:
     adhesion : str
         The pull-off force.
     sticks : bool
-    states : tuple of State
+    states : tuple of ModuleState
     functions : tuple of str
         Further functions.
     plate : Plate
@@ -134,7 +134,7 @@ class TermCode:
     stopper: str = ""
     adhesion: str = ""
     sticks: bool = True
-    states: tuple[State, ...] = ()
+    states: tuple[ModuleState, ...] = ()
     functions: tuple[str, ...] = ()
     plate: Plate | None = None
     constants: tuple[tuple[str, str], ...] = ()
@@ -170,7 +170,7 @@ def squeeze_film(term: Term) -> TermCode:
         parts = zip(names, (part for part, _ in sizes), strict=True)
         forces.append((side, [(name, repr(part)) for name, part in parts]))
         states += [
-            State(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
+            ModuleState(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
             for i, name in enumerate(names)
         ]
 
@@ -489,25 +489,25 @@ class Layout:
         return "".join(f" {part(suffix)}" for part in self.every(name))
 
     @property
-    def states(self) -> tuple[State, ...]:
+    def states(self) -> tuple[ModuleState, ...]:
         """All states."""
         return (
-            State("x1", "d", lambda s: f"v1{s}", "x1_0"),
-            State("v1", "(d*w0)", lambda s: f"a1{s}", "v1_0"),
-            State("x2", "d", lambda s: f"v2{s}", "x2_0"),
-            State("v2", "(d*w0)", lambda s: f"a2{s}", "v2_0"),
+            ModuleState("x1", "d", lambda s: f"v1{s}", "x1_0"),
+            ModuleState("v1", "(d*w0)", lambda s: f"a1{s}", "v1_0"),
+            ModuleState("x2", "d", lambda s: f"v2{s}", "x2_0"),
+            ModuleState("v2", "(d*w0)", lambda s: f"a2{s}", "v2_0"),
             *(state for code in self.codes for state in code.states),
             *(state for side in self.sides for state in electrode_states(self, side)),
         )
 
 
-def electrode_states(layout: Layout, side: Side) -> list[State]:
+def electrode_states(layout: Layout, side: Side) -> list[ModuleState]:
     """Return charge and offset of an electrode."""
     found = []
     node = f"{side.prefix}node"
     if layout.series:
         found.append(
-            State(
+            ModuleState(
                 f"{side.prefix}charge",
                 "charge_unit",
                 lambda s: f"source_current({side.voltage} - {node}{s})",
@@ -516,7 +516,7 @@ def electrode_states(layout: Layout, side: Side) -> list[State]:
     if layout.charging:
         offset = f"{side.prefix}offset"
         found.append(
-            State(
+            ModuleState(
                 offset,
                 "voltage_unit",
                 lambda s: (
@@ -819,7 +819,7 @@ def add_ports(text: Text, layout: Layout) -> None:
             across = f"({side.voltage} - {side.prefix}offset)" if layout.charging else side.voltage
             capacitance = f"{side.prefix}capacitance({side.position('')})"
             text.add(f"{branch} <+ ddt({capacitance}*{across});")
-    text.add(f"$bound_step({STEPS}/w0);")
+    text.add(f"$bound_step({MAX_STEP}/w0);")
 
 
 # --- Functions, parameters and the file
@@ -959,7 +959,7 @@ def parameters_of(layout: Layout) -> list[str]:
         declare(name, "0.0", limits, f"initial {kind} of {frame} [{unit}]")
     if layout.rigid:
         comment = "slower rebounds end in contact, if the stopper carries the block [m/s]"
-        declare("rest_speed", f"{REST_SPEED}*d*sqrt(k/m2)", "(0.0:inf)", comment)
+        declare("rest_speed", f"{REST_SPEED_RATIO}*d*sqrt(k/m2)", "(0.0:inf)", comment)
     if layout.events:
         declare("event_tol", repr(EVENT_TOL), "(0.0:0.001)", "relative tolerance of events [-]")
     return found

@@ -283,7 +283,7 @@ SLIDER_PARTS = (
     100  # of the way from a value to an end; where the end is not allowed, one of them is
 )
 MIN_SLIDER_STEPS = 500  # of a slider, at least
-DIGITS = 15  # significant digits that survive a change of the unit
+ROUND_TRIP_DIGITS = 15  # significant digits that survive a change of the unit
 ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 
 
@@ -327,16 +327,16 @@ class SliderSpec:
 
     def displayed(self, value: float) -> float:
         """Return a value of the parameter in the unit of the slider."""
-        return float(f"{value / self.factor:.{DIGITS}g}")
+        return float(f"{value / self.factor:.{ROUND_TRIP_DIGITS}g}")
 
     def nearest(self, displayed: float, low: float, high: float) -> float:
         """Return the value at a step of the slider, between two others, nearest a displayed one."""
         value = round(displayed * self.factor / self.step) * self.step
-        return float(f"{min(max(value, low), high):.{DIGITS}g}")
+        return float(f"{min(max(value, low), high):.{ROUND_TRIP_DIGITS}g}")
 
     def value(self, displayed: float) -> float:
         """Return the parameter of a displayed value, without the last digits of the division."""
-        return float(f"{displayed * self.factor:.{DIGITS}g}")
+        return float(f"{displayed * self.factor:.{ROUND_TRIP_DIGITS}g}")
 
 
 def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:

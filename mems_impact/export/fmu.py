@@ -14,7 +14,7 @@ import tempfile
 import warnings
 import zipfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -39,6 +39,7 @@ TEMPLATES = ("arithmetic.h", "runtime.h")
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file, so that equal models have equal bytes
 DEFAULT_STOP = 100.0  # periods, or units of time of an autonomous system
 COMPILERS = ("cc", "gcc", "clang")
+COMPILER_SECONDS = 600  # after which a compiler is ended
 FLAGS = ("-O2", "-std=c11", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 # --- Variables
@@ -218,8 +219,6 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
 
 def with_unique_names(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
     """Return variables with names that differ: a later one gets underscores."""
-    from dataclasses import replace
-
     taken: set[str] = set()
     found = []
     for variable in variables:
@@ -440,8 +439,11 @@ def compile_binary(sources: dict[str, str], main: str) -> tuple[bytes, str]:
         command = [*compiler, *FLAGS, main, "-o", "model", "-lm"]
         try:
             done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, check=False, timeout=600
-            )
+                command, cwd=folder, capture_output=True, text=True, check=False,
+                timeout=COMPILER_SECONDS,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return b"", f"{shlex.join(compiler)} did not end within {COMPILER_SECONDS} s"
         except OSError as error:
             return b"", f"{shlex.join(compiler)} cannot be run ({error.strerror})"
         if done.returncode != 0:

@@ -17,7 +17,7 @@ from mems_impact.integrators.dop853 import stepper
 
 __all__ = ["EVENT_VARIABLES", "TOKEN", "first_integer", "model_header"]
 
-EVENT_ROWS = 512  # of the event buffer; transitions of one instant fit
+EVENT_BUFFER_ROWS = 512  # and eight for each guard; transitions of one instant fit
 EVENT_VARIABLES = 4  # mode, and number, kind and guard of the latest event
 TOKEN = "@token@"
 CONSTANT, PARAMETER, INPUT = 0, 1, 2  # kinds of numbers
@@ -69,7 +69,7 @@ def model_header(model: ExportedModel) -> str:
         "MODE_START": int(model.initial.mode),
         "TABLE_ROWS": workspace.ROWS,
         "TABLE_WIDTH": max(n, 2 * m, switches),
-        "EVENT_ROWS": EVENT_ROWS + 8 * m,
+        "EVENT_ROWS": EVENT_BUFFER_ROWS + 8 * m,
         "EVENT_WIDTH": workspace.HEAD + 2 * n,
         "ENGINE_ROWS": stepper.ROWS,
         "ENGINE_WIDTH": max(n, 2 * m + 1),

@@ -159,6 +159,16 @@ def test_equal_models_have_equal_bytes_and_without_a_compiler_sources(tmp_path, 
     assert problems_of(path) == []
 
 
+def test_a_compiler_that_does_not_end_is_ended(tmp_path, monkeypatch):
+    slow = tmp_path / "slow"
+    slow.write_text("#!/bin/sh\nexec sleep 60\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setattr("mems_impact.export.fmu.COMPILER_SECONDS", 0.1)
+    with pytest.warns(UserWarning, match=r"slow did not end within 0\.1 s"):
+        BALL.to_fmu(tmp_path / "ball.fmu")
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

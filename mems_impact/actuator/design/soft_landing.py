@@ -307,7 +307,7 @@ class Landing:
                 options={"initial_simplex": np.clip(simplex, 0.0, 1.0), "maxiter": iterations,
                          "xatol": SIMPLEX_XTOL, "fatol": SIMPLEX_FTOL},
             )  # fmt: skip
-            if self.history[-1][0] < SOFT_RATIO:
+            if self.history[-1][0] < SOFT_RATIO and not math.isnan(self.step_speed):
                 ended = SOFT
                 break
             if found.fun <= self.history[-1][0]:

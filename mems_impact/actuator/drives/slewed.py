@@ -28,7 +28,7 @@ PIECE_NUMBERS = 4  # of a piece in q: start, whether it is a ramp, value at the 
 POINTS_PER_TIME_SCALE = 256  # at which voltage and rate are compared with the ramp
 POINTS_PER_NUMBER = 2  # at least, per number of the waveform: a piece of a record has five
 MIN_POINTS, MAX_POINTS = 32, 20_000
-EQUAL_RTOL = 1e-13  # of the range of the voltage
+VOLTAGE_RTOL = 1e-13  # of the range of the voltage
 RATE_RTOL = 1e-9  # by which a rate must exceed the limit
 PERIODS = 3  # of iteration before the periodic output is solved for
 FIRST_POINTS = 24  # halvings of the distance of two points, after the start of a ramp
@@ -134,7 +134,7 @@ def with_ramps(within: Waveform, side: int, is_rate: bool) -> Waveform:
 # --- The pieces of the output
 
 
-class Output(NamedTuple):
+class SlewedOutput(NamedTuple):
     """Parameter array and switching times of an output."""
 
     q: NDArray[np.float64]
@@ -142,7 +142,7 @@ class Output(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _output(drive: SlewedDrive) -> Output:
+def _output(drive: SlewedDrive) -> SlewedOutput:
     wave, period = drive.wave, drive.period
     sign = -1.0 if wave.changes_sign else 1.0
     turn = 2.0 * period if wave.changes_sign else period
@@ -164,7 +164,7 @@ def _output(drive: SlewedDrive) -> Output:
     assert PERIOD == 0
     assert COUNT == 1
     assert FIRST == 2
-    return Output(np.concatenate([*blocks, wave.parameters()]), tuple(sorted(times)))
+    return SlewedOutput(np.concatenate([*blocks, wave.parameters()]), tuple(sorted(times)))
 
 
 class SlewedSide:
@@ -206,11 +206,11 @@ class SlewedSide:
         before = 0.0
         for _ in range(PERIODS):
             after = self.sign * self._end(before)
-            if abs(after - before) <= EQUAL_RTOL * self.scale:
+            if abs(after - before) <= VOLTAGE_RTOL * self.scale:
                 return self._pass(before)[0]
             before = after
         # The value at the end grows with that at the start, by no more than it.
-        tolerance = EQUAL_RTOL * self.scale
+        tolerance = VOLTAGE_RTOL * self.scale
 
         def gain(value: float) -> float:
             return self.sign * self._end(value) - value
@@ -255,7 +255,7 @@ class SlewedSide:
         for begin, end in self.intervals:
             time = begin
             apart = self.value(begin) - output
-            if abs(apart) <= EQUAL_RTOL * self.scale:
+            if abs(apart) <= VOLTAGE_RTOL * self.scale:
                 if not following:
                     pieces.append(OutputPiece(begin, False))
                 following, ramping = True, math.nan
@@ -308,7 +308,7 @@ class SlewedSide:
             return sign * (piece.value + piece.rate * (t - piece.start) - self.value(t))
 
         times = self._grid(begin, end)
-        tolerance = EQUAL_RTOL * self.scale
+        tolerance = VOLTAGE_RTOL * self.scale
         if piece.start == begin and past(begin) >= -tolerance:
             # The ramp starts from the demanded voltage, perhaps for a short time.
             first = [begin + (times[1] - begin) * 0.5**k for k in range(FIRST_POINTS, 0, -1)]
