@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -230,10 +230,12 @@ class AttractorMapper:
         n, m = len(automaton.states), len(automaton.guards)
         self._observed = observed or NO_OBSERVABLES
         gains, marks = len(self._observed.gains), len(self._observed.marks)
+        forced = return_kind == recurrence.STROBOSCOPIC
+        if forced and problem.section is not None:
+            problem = replace(problem, section=None)  # only other returns need its crossings
         self._problem = problem
         self._bound = bound = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        forced = return_kind == recurrence.STROBOSCOPIC
         self._loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
         clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
