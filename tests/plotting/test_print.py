@@ -180,7 +180,7 @@ LONG = {
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
         made_sensitivity(ZHAO), "mean speed"),
     "plot_sweep without crossings": lambda _: mi.plot_sweep(silent_table()),
-    "speed in a report": lambda _: SimpleNamespace(figure=plot_speed(made_table())),
+    "speed in a report": lambda _: SimpleNamespace(figure=plot_speed(silent_table())),
     "animate": lambda get: SimpleNamespace(figure=mi.animate(get("run"), 98).frame(-1)),
     "animate an actuator": lambda _: SimpleNamespace(figure=mi.animate(real(), 2).frame(-1)),
     "the paper's displacement": lambda _: displacement(),
