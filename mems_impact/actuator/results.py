@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
@@ -27,6 +26,8 @@ from mems_impact.hybrid.simulation import Events
 from mems_impact.tables import Labels, table, when, words
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
 
@@ -205,6 +206,8 @@ def fit_parameters(
     at_bound: NDArray[np.bool_],
 ) -> pd.DataFrame:
     """Return one row per free parameter of a fit; `errors` are relative."""
+    import pandas as pd  # imported on first use, which a run without tables need not wait for
+
     columns = {
         "parameter": list(names),
         "start": list(start),
@@ -226,6 +229,8 @@ def fit_residuals(
     tolerances: Floats,
 ) -> pd.DataFrame:
     """Return one row per target of a fit."""
+    import pandas as pd
+
     columns = {
         "quantity": list(quantities),
         "drive": list(drives),

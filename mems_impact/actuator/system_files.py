@@ -24,7 +24,6 @@ from mems_impact.actuator.toml_files import (
     resolve_code_path,
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
-from mems_impact.studies.engine.config import verb_arguments, verb_of
 from mems_impact.systems.base import HybridSystem
 
 __all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
@@ -182,6 +181,8 @@ class StudyFile:
         **changes
             Arguments that replace those in the file: ``workers=8``.
         """
+        from mems_impact.studies.engine.config import verb_of
+
         return verb_of(self.kind)(self.system, **{**self.arguments, **changes})
 
 
@@ -278,6 +279,9 @@ class _Reader:
         kind = words.pop("kind", None)
         start = words.pop("initial", None) if words.get("initial") == KICKED else None
         try:
+            # Imported on first use, since it imports all of SciPy's statistics.
+            from mems_impact.studies.engine.config import verb_arguments
+
             given = verb_arguments(kind, words, self.file.parent)
         except InvalidParameter as error:
             raise error.located(owner="study") from None

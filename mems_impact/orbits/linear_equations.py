@@ -7,8 +7,6 @@ orders of magnitude, since its fill grows with the number of segments only.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from mems_impact._util.arrays import Floats
 
@@ -34,6 +32,9 @@ class SparseFactorization:
     """
 
     def __init__(self, matrix: Floats) -> None:
+        from scipy.sparse import csc_matrix  # imported on first use
+        from scipy.sparse.linalg import splu
+
         try:
             self._lu = splu(csc_matrix(matrix))
         except RuntimeError as error:

@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
@@ -459,6 +458,8 @@ class Shooting:
         sums = self._conserved(point)
         if not len(sums):
             return
+        from scipy.linalg import qr  # imported on first use, which a run need not wait for
+
         places = qr(sums, mode="r", pivoting=True)[1][: len(sums)]
         sums = np.asarray(np.linalg.solve(sums[:, places], sums), dtype=float)
         sums[np.abs(sums) < ACCEPTED] = 0.0

@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest, qmc
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import has_unit, percentage
@@ -142,6 +141,8 @@ def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
         In (0, 1).
     """
     generator = np.random.default_rng(seed)
+    from scipy.stats import qmc  # imported on first use, since it is slow
+
     if sampling == "random":
         points = generator.random((n, dimensions))
     elif sampling == "lhs":
@@ -161,6 +162,8 @@ def digest_of(points: Floats) -> str:
 
 def wilson(count: int, points: int) -> tuple[float, float]:
     """Return Wilson's interval of a share, estimated by `count` of some points."""
+    from scipy.stats import binomtest
+
     interval = binomtest(count, points).proportion_ci(LEVEL, method="wilson")
     return float(interval.low), float(interval.high)
 

@@ -17,8 +17,11 @@ from __future__ import annotations
 
 import ctypes
 import math
+import sys
 import weakref
 from functools import cache
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import find_spec, module_from_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,10 +121,8 @@ def load() -> ctypes.CDLL:
 
     check_numba()
     try:
-        from sksundae import _cy_common, _cy_cvode
-
-        config = _cy_common.config
-        library = ctypes.CDLL(_cy_cvode.__file__)
+        config = _build_config()
+        library = ctypes.CDLL(str(_extension("_cy_cvode").origin))
     except (ImportError, AttributeError, OSError) as error:
         raise EngineUnavailable(
             f"scikit-sundae's CVODE can't be opened: {error}", LIBRARY_REMEDY
@@ -144,13 +145,37 @@ def load() -> ctypes.CDLL:
     return library
 
 
+def _extension(name: str) -> ModuleSpec:
+    """Find an extension module of scikit-sundae without its package, which imports scipy.optimize.
+
+    That would take a third of the time until a first run.
+    """
+    package = find_spec("sksundae")
+    path = package.submodule_search_locations if package is not None else None
+    spec = PathFinder.find_spec(f"sksundae.{name}", path) if path is not None else None
+    if spec is None:
+        raise ImportError(f"there is no sksundae.{name}")
+    return spec
+
+
+def _build_config() -> dict[str, str]:
+    """Return how scikit-sundae's SUNDIALS was built."""
+    spec = _extension("_cy_common")
+    module = sys.modules.get(spec.name)
+    if module is None:
+        module = module_from_spec(spec)
+        assert spec.loader is not None
+        spec.loader.exec_module(module)
+    config: dict[str, str] = module.config
+    return config
+
+
 def sundials_version() -> str:
     """Return the version of SUNDIALS in scikit-sundae; empty if there is none."""
     try:
-        from sksundae import _cy_common
-    except ImportError:
+        return str(_build_config().get("SUNDIALS_VERSION", ""))
+    except (ImportError, AttributeError):
         return ""
-    return str(_cy_common.config.get("SUNDIALS_VERSION", ""))
 
 
 def check(config: dict[str, str]) -> None:

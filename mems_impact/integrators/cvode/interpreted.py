@@ -9,7 +9,6 @@ import threading
 from typing import Any
 
 import numpy as np
-from sksundae.cvode import CVODE
 
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations
@@ -122,6 +121,8 @@ class InterpretedCvode(Functions):
             self._make(share, flight_time)
 
     def _make(self, share: float, flight_time: float) -> None:
+        from sksundae.cvode import CVODE  # imports scipy.optimize
+
         # A solver's tolerances cannot be changed.
         self._share = share
         rtol, atol = scaled_tolerances(self._rtol, self._atol, share)

@@ -216,9 +216,14 @@ class _NamedCache(Cache):
         return sig, codegen.magic_tuple(), self._key_name
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return compiled code, or None if none can be read."""
+        """Return compiled code, or None if none can be read.
+
+        Only compilation requires numba's implementations of functions, so they are not imported
+        here, unlike in numba's own method.
+        """
         try:
-            found = super().load_overload(sig, target_context)
+            with self._guard_against_spurious_io_errors():
+                found = self._load_overload(sig, target_context)
         except Exception as error:  # unpickling a damaged file may raise any exception
             _log.info("compiled code in %s cannot be read (%s)", self.cache_path, error)
             found = None
