@@ -279,7 +279,7 @@ def _compiled(
         raise refusal from error
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
-        result = compiled.compiled(function)(engine.handle, *rest)
+        result = compiled.compiled(function)(engine.head, *rest)
         _raise_fault(engine, automaton)
         return result
 
@@ -297,7 +297,7 @@ def _compiled(
     def links(clock: Any, observe: Any, n: int, count: int) -> tuple[dict[str, Any], Any]:
         kernel = observables_of(observe, n, count) if observe is not None else None
         places = {
-            "advance": compiled.address_of_loop(engine.handle, clock),
+            "advance": compiled.address_of_loop(engine.head, clock),
             "observe": kernel.address if kernel is not None else 0,
         }
         return places, kernel

@@ -56,7 +56,7 @@ KEPT = """
 UNKEPT = """
     print(first_impact(in_c, *lower(-1.0)))
 """
-NOTICE = "compiling, about 7 s"
+NOTICE = "compiling the functions of a system"
 NOT_KEPT = "the compiled code of this system is not kept"
 
 

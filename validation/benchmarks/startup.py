@@ -1,51 +1,71 @@
-"""The first compilation and the start with a warm cache, each in a process of its own."""
+"""The first run after an installation and the start with a warm cache, each in a new process."""
 
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
+from llvmlite import binding as llvm
+
+from mems_impact.integrators.jit import precompiled
 from validation.benchmarks.timing import Row, Spread
 
-PROGRAM = """
-import time
-begin = time.perf_counter()
-from validation.benchmarks.contestants import PERIODIC, package
-go = package(PERIODIC, section=True)
-imported = time.perf_counter()
-go(1)
-first = time.perf_counter()
-go(1)
-second = time.perf_counter()
-print("imports", imported - begin)
-print("compile", (first - imported) - (second - first))
+TOPIC = "start"
+RUN = """
+import sys
+import mems_impact as mi
+drive = mi.Sine(amplitude=0.24, omega=0.5)
+mi.simulate(mi.load_actuator("zhao2004"), drive, periods=3, options=mi.Options(method=sys.argv[1]))
 """
+FIRST = {"adams": "<= 3", "bdf": "<= 3", "dop853": "<= 3", "auto": "<= 3.5"}
+WARM, COMMAND = "<= 1", "<= 1.5"
+COMMANDS = ("devices", "simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 20 --quiet")
 
 
-def _start(cache: str) -> dict[str, float]:
-    """Run PROGRAM with numba's cache in `cache`; seconds by name."""
+def _seconds(arguments: list[str], place: str, **environment: str) -> float:
+    """Run Python with numba's cache, and its results, in a folder; seconds of the process."""
+    paths = {"PYTHONPATH": str(Path(__file__).parents[2]), "NUMBA_CACHE_DIR": place}
     begin = time.perf_counter()
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    command = [sys.executable, "-c", PROGRAM]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    seconds = {name: float(value) for name, value in re.findall(r"(\w+) (\S+)", done.stdout)}
-    return seconds | {"process": time.perf_counter() - begin}
+    subprocess.run(
+        [sys.executable, *arguments],
+        env={**os.environ, **paths, **environment},
+        cwd=place,
+        capture_output=True,
+        check=True,
+    )
+    return time.perf_counter() - begin
 
 
 def startup(quick: bool) -> Iterator[Row]:
-    """Imports of the rivals weigh on "whole process" only, cold and warm alike."""
-    cold, warm = [], []
-    for _ in range(1 if quick else 3):
-        with tempfile.TemporaryDirectory() as cache:
-            cold.append(_start(cache))
-            warm.append(_start(cache))
-    topic, case = "start", "actuator, sine drive"
-    for name, runs, target in (("empty cache", cold, "<= 5"), ("warm cache", warm, "")):
-        spread = {key: Spread.of([run[key] for run in runs]) for key in runs[0]}
-        yield Row(topic, case, f"compile or load, {name}", spread["compile"], "s", target)
-        yield Row(topic, case, f"whole process, {name}", spread["process"], "s")
+    """Whole processes: imports, compilation or loading, and a run of three periods."""
+    # With a prescribed processor the machine code of the installation is not used.
+    without = {"NUMBA_CPU_NAME": llvm.get_host_cpu_name()}
+    repetitions = 1 if quick else 3
+    for method, target in FIRST.items():
+        run = ["-c", RUN, method]
+        first, compiled, warm = [], [], []
+        for _ in range(repetitions):
+            with tempfile.TemporaryDirectory() as place:
+                if precompiled.exists():
+                    first.append(_seconds(run, place))
+                else:
+                    compiled.append(_seconds(run, place))
+                warm.append(min(_seconds(run, place) for _ in range(2)))
+            if precompiled.exists():
+                with tempfile.TemporaryDirectory() as place:
+                    compiled.append(_seconds(run, place, **without))
+        if first:
+            yield Row(TOPIC, method, "first run of an installation", Spread.of(first), "s", target)
+        yield Row(TOPIC, method, "first run, all compiled", Spread.of(compiled), "s")
+        yield Row(TOPIC, method, "warm cache", Spread.of(warm), "s", WARM)
+    with tempfile.TemporaryDirectory() as place:
+        for command in COMMANDS:
+            call = ["-m", "mems_impact", *command.split()]
+            _seconds(call, place)
+            spread = Spread.of([_seconds(call, place) for _ in range(repetitions)])
+            yield Row(TOPIC, command.split()[0], "command, warm cache", spread, "s", COMMAND)

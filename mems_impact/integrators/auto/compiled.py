@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,22 @@ from mems_impact.integrators.cvode import compiled as cvode
 from mems_impact.integrators.cvode.compiled import HANDLE as CVODE_HANDLE
 from mems_impact.integrators.dop853 import compiled as onestep
 from mems_impact.integrators.interface import Equations
-from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
-from mems_impact.integrators.jit.kernels import KERNEL_FIELDS, CompiledEngine, is_handle
-from mems_impact.integrators.jit.numba_support import INNER, JIT, WORD, pointer, record_at
+from mems_impact.integrators.jit.closures import mark_overloaded, sources, take_snapshot
+from mems_impact.integrators.jit.kernels import (
+    ENGINE_FIELDS,
+    METHOD_SIGNATURES,
+    CompiledEngine,
+    is_handle,
+    method_entries,
+)
+from mems_impact.integrators.jit.numba_support import (
+    INNER,
+    JIT,
+    WORD,
+    compile_callback,
+    pointer,
+    record_at,
+)
 from mems_impact.integrators.options import Options
 
 _WORDS = ("explicit", "implicit", "rows", "width", "modes")
@@ -27,12 +41,13 @@ _COUNTS = ("now", "wanted", "handed_over", "trial", "checks", "steps", "directed
 _REALS = ("rtol", "atol", "longest", "longest_before", "t_begin", "t_middle")
 HANDLE = np.dtype(
     [
+        *ENGINE_FIELDS,
         *((name, np.int64) for name in (*_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
-        *KERNEL_FIELDS,
     ],
     align=True,
 )
+_handle = record_at(from_dtype(HANDLE))
 _explicit_at = record_at(from_dtype(onestep.HANDLE))
 _implicit_at = record_at(from_dtype(CVODE_HANDLE))
 
@@ -50,7 +65,7 @@ class CompiledAuto(CompiledEngine):
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         width = max(equations.n, equations.modes)
-        super().__init__(HANDLE, equations, {"rows": ROWS * width})
+        super().__init__(HANDLE, equations, {"rows": ROWS * width}, functions())
         self._explicit = onestep.CompiledDop853(
             equations, replace(options, method="dop853"), max_step
         )
@@ -80,6 +95,38 @@ class CompiledAuto(CompiledEngine):
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""
         self._implicit.close()
+
+
+def _end_margins(engine: Any, out: Any) -> None:
+    if engine.now == IMPLICIT:
+        interface.end_margins(stiffness.implicit(engine), out)
+    else:
+        interface.end_margins(stiffness.explicit(engine), out)
+
+
+def _interpolate(engine: Any, t: float, y: Any) -> None:
+    if engine.now == IMPLICIT:
+        interface.interpolate(stiffness.implicit(engine), t, y)
+    else:
+        interface.interpolate(stiffness.explicit(engine), t, y)
+
+
+@cache
+def functions() -> dict[str, Any]:
+    """Compile the functions of the method over a HANDLE, or load them from the cache."""
+    frozen = take_snapshot(
+        stiffness.step,
+        _end_margins,
+        _interpolate,
+        stiffness.restart,
+        stiffness.sharpen,
+        stiffness.reset,
+        stiffness.method_memory,
+    ).frozen()
+    return {
+        entry.__name__: compile_callback(entry, METHOD_SIGNATURES[entry.__name__], sources())
+        for entry in method_entries("auto", _handle, frozen)
+    }
 
 
 def _is_auto(kind: Any) -> bool:
@@ -117,76 +164,3 @@ def _mirror_active(engine, one):  # type: ignore[no-untyped-def]
 def _row(engine, i):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
         return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
-
-
-@overload(interface.method_memory, jit_options={**JIT, **INNER})
-def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-        (run_method_memory,) = take_snapshot(stiffness.method_memory).frozen()
-        return lambda engine, mode: run_method_memory(engine, mode)
-
-
-@overload(interface.restart, jit_options={**JIT, **INNER})
-def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-        (run_restart,) = take_snapshot(stiffness.restart).frozen()
-
-        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-            run_restart(engine, mode, t, y, stop)
-
-        return implementation
-
-
-@overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-        (run_sharpen,) = take_snapshot(stiffness.sharpen).frozen()
-
-        def implementation(engine, share, flight_time):  # type: ignore[no-untyped-def]
-            run_sharpen(engine, share, flight_time)
-
-        return implementation
-
-
-@overload(interface.reset, jit_options={**JIT, **INNER})
-def _reset(engine, max_step):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-        (run_reset,) = take_snapshot(stiffness.reset).frozen()
-
-        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
-            run_reset(engine, max_step)
-
-        return implementation
-
-
-@overload(interface.step, jit_options={**JIT, **INNER})
-def _step(engine):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-        (run_step,) = take_snapshot(stiffness.step).frozen()
-        return lambda engine: run_step(engine)
-
-
-@overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _end_margins(engine, out):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-
-        def implementation(engine, out):  # type: ignore[no-untyped-def]
-            if engine.now == IMPLICIT:
-                interface.end_margins(_implicit_at(engine.implicit), out)
-            else:
-                interface.end_margins(_explicit_at(engine.explicit), out)
-
-        return implementation
-
-
-@overload(interface.interpolate, jit_options={**JIT, **INNER})
-def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-    if _is_auto(engine):
-
-        def implementation(engine, t, y):  # type: ignore[no-untyped-def]
-            if engine.now == IMPLICIT:
-                interface.interpolate(_implicit_at(engine.implicit), t, y)
-            else:
-                interface.interpolate(_explicit_at(engine.explicit), t, y)
-
-        return implementation

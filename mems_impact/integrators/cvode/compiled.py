@@ -8,9 +8,8 @@ In Python the functions are ctypes functions (`load`). In code compiled by numba
 symbols (`symbol`), whose addresses LLVM receives under a prefixed name. Compiled code contains no
 address, so it can be cached on disk.
 
-`CompiledCvode` owns the memory of one CVODE object. Overloads of
-`mems_impact.integrators.interface` let a loop compiled by numba call CVODE directly, without
-Python.
+`CompiledCvode` owns the memory of one CVODE object. A loop compiled by numba calls CVODE without
+Python, by the functions of `functions`.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import from_dtype, types
-from numba.extending import overload
 
 from mems_impact.errors import EngineUnavailable
 from mems_impact.integrators import interface
@@ -34,15 +32,14 @@ from mems_impact.integrators.cvode.interpreted import first_step, scaled_toleran
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import sources, take_snapshot
 from mems_impact.integrators.jit.kernels import (
-    KERNEL_FIELDS,
+    ENGINE_FIELDS,
+    METHOD_SIGNATURES,
     CompiledEngine,
     call_kernel,
-    is_handle,
     jacobian_of,
+    method_entries,
 )
 from mems_impact.integrators.jit.numba_support import (
-    INNER,
-    JIT,
     address,
     compile_callback,
     data,
@@ -213,6 +210,7 @@ JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
 # User data of CVODE's callbacks.
 HANDLE = np.dtype(
     [
+        *ENGINE_FIELDS,
         ("cvode", np.int64),
         ("vector", np.int64),  # N_Vector around y
         ("dense", np.int64),  # N_Vector around spare
@@ -224,7 +222,6 @@ HANDLE = np.dtype(
         ("atol", np.float64),
         ("share", np.float64),  # factor on the tolerances of the last arc
         ("longest", np.float64),  # longest step
-        *KERNEL_FIELDS,
     ],
     align=True,
 )
@@ -316,6 +313,78 @@ _set_tolerances = symbol("CVodeSStolerances")
 _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
+def _step(engine: Any) -> int:
+    # CVODE uses the end of the interval for direction and first step only.
+    time = address(engine) + _T_OFFSET
+    flag = _cvode(engine.cvode, engine.t + 1.0, engine.vector, time, CV_ONE_STEP)
+    if flag == interface.ROOT:
+        _root_info(engine.cvode, engine.fired)
+    return int(flag)
+
+
+def _end_margins(engine: Any, out: Any) -> None:
+    if engine.seen_at == engine.t:
+        for i in range(2 * engine.m):
+            out[i] = pointer(engine.seen)[i]
+    else:  # the root search evaluated other times afterwards
+        now, y = min(engine.t, engine.last_instant), engine.y
+        size, p = engine.parameter_count, engine.parameters
+        call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
+
+
+def _interpolate(engine: Any, t: float, y: Any) -> None:
+    _dky(engine.cvode, t, 0, engine.dense)
+    for i in range(engine.n):
+        y[i] = pointer(engine.spare)[i]
+
+
+def _restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
+    for i in range(engine.n):
+        pointer(engine.y)[i] = y[i]
+    engine.t = t
+    engine.mode = mode
+    _reinit(engine.cvode, t, engine.vector)
+    if stop < math.inf:
+        engine.last_instant = np.nextafter(stop, 0.0)
+        _set_stop(engine.cvode, stop)
+    else:
+        engine.last_instant = math.inf
+        _clear_stop(engine.cvode)
+
+
+def _sharpen(engine: Any, share: float, flight_time: float) -> None:
+    if share < 1.0 or engine.share < 1.0:
+        rtol, atol = scaled_tolerances(engine.rtol, engine.atol, share)
+        engine.share = share
+        _set_tolerances(engine.cvode, rtol, atol)
+        _set_first_step(engine.cvode, first_step(engine.longest, rtol, flight_time))
+
+
+def _reset(engine: Any, max_step: float) -> None:
+    engine.longest = max_step
+    engine.share = 1.0
+    _set_tolerances(engine.cvode, engine.rtol, engine.atol)
+    _set_max_step(engine.cvode, max_step)
+    _set_first_step(engine.cvode, first_step(max_step, engine.rtol, math.inf))
+
+
+def _method_memory(engine: Any, mode: int) -> int:
+    return 0
+
+
+@cache
+def functions() -> dict[str, Any]:
+    """Compile the functions of the method over a HANDLE, or load them from the cache."""
+    load()  # before anything that names a symbol of SUNDIALS is linked
+    frozen = take_snapshot(
+        _step, _end_margins, _interpolate, _restart, _sharpen, _reset, _method_memory
+    ).frozen()
+    return {
+        entry.__name__: compile_callback(entry, METHOD_SIGNATURES[entry.__name__], sources())
+        for entry in method_entries("cvode", _handle, frozen)
+    }
+
+
 def prepare() -> None:
     """Bind SUNDIALS; raise EngineUnavailable if that fails."""
     load()
@@ -332,7 +401,7 @@ class CompiledCvode(CompiledEngine):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         sun = load()
         n, m, jacobian = equations.n, equations.m, equations.jacobian
-        super().__init__(HANDLE, equations, {"spare": n, "seen": 2 * m})
+        super().__init__(HANDLE, equations, {"spare": n, "seen": 2 * m}, functions())
         handle, direction = self.handle, equations.crossing[2]
         self._callbacks = callbacks()
         context = ctypes.c_void_p()
@@ -408,100 +477,3 @@ class _Owned:
 def _must(flag: int, name: str) -> None:
     if flag < 0:
         raise RuntimeError(f"{name} failed with code {flag}")
-
-
-def _is_cvode(kind: Any) -> bool:
-    return is_handle(kind) and "cvode" in kind.fields
-
-
-@overload(interface.step, jit_options={**JIT, **INNER})
-def _step(engine):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-
-        def implementation(engine):  # type: ignore[no-untyped-def]
-            # CVODE uses the end of the interval for direction and first step only.
-            time = address(engine) + _T_OFFSET
-            flag = _cvode(engine.cvode, engine.t + 1.0, engine.vector, time, CV_ONE_STEP)
-            if flag == interface.ROOT:
-                _root_info(engine.cvode, engine.fired)
-            return int(flag)
-
-        return implementation
-
-
-@overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _end_margins(engine, out):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-
-        def implementation(engine, out):  # type: ignore[no-untyped-def]
-            if engine.seen_at == engine.t:
-                for i in range(2 * engine.m):
-                    out[i] = pointer(engine.seen)[i]
-            else:  # the root search evaluated other times afterwards
-                now, y = min(engine.t, engine.last_instant), engine.y
-                size, p = engine.parameter_count, engine.parameters
-                call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
-
-        return implementation
-
-
-@overload(interface.interpolate, jit_options={**JIT, **INNER})
-def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-
-        def implementation(engine, t, y):  # type: ignore[no-untyped-def]
-            _dky(engine.cvode, t, 0, engine.dense)
-            for i in range(engine.n):
-                y[i] = pointer(engine.spare)[i]
-
-        return implementation
-
-
-@overload(interface.restart, jit_options={**JIT, **INNER})
-def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-
-        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-            for i in range(engine.n):
-                pointer(engine.y)[i] = y[i]
-            engine.t = t
-            engine.mode = mode
-            _reinit(engine.cvode, t, engine.vector)
-            if stop < math.inf:
-                engine.last_instant = np.nextafter(stop, 0.0)
-                _set_stop(engine.cvode, stop)
-            else:
-                engine.last_instant = math.inf
-                _clear_stop(engine.cvode)
-
-        return implementation
-
-
-@overload(interface.reset, jit_options={**JIT, **INNER})
-def _reset(engine, max_step):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-        (first,) = take_snapshot(first_step).frozen()
-
-        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
-            engine.longest = max_step
-            engine.share = 1.0
-            _set_tolerances(engine.cvode, engine.rtol, engine.atol)
-            _set_max_step(engine.cvode, max_step)
-            _set_first_step(engine.cvode, first(max_step, engine.rtol, math.inf))
-
-        return implementation
-
-
-@overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
-    if _is_cvode(engine):
-        first, scaled = take_snapshot(first_step, scaled_tolerances).frozen()
-
-        def implementation(engine, share, flight_time):  # type: ignore[no-untyped-def]
-            if share < 1.0 or engine.share < 1.0:
-                rtol, atol = scaled(engine.rtol, engine.atol, share)
-                engine.share = share
-                _set_tolerances(engine.cvode, rtol, atol)
-                _set_first_step(engine.cvode, first(engine.longest, rtol, flight_time))
-
-        return implementation

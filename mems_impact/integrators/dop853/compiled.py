@@ -6,6 +6,7 @@ has the addresses of the automaton's functions. SUNDIALS is not required.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -13,13 +14,18 @@ import numpy as np
 from numba import from_dtype, types
 from numba.extending import overload
 
-from mems_impact.integrators import interface
 from mems_impact.integrators.dop853 import stepper
 from mems_impact.integrators.dop853 import stepper as method
 from mems_impact.integrators.dop853.stepper import ENGINE_NUMBERS, LOW, ROWS, STATE
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import mark_overloaded, sources, take_snapshot
-from mems_impact.integrators.jit.kernels import KERNEL_FIELDS, CompiledEngine, is_handle
+from mems_impact.integrators.jit.kernels import (
+    ENGINE_FIELDS,
+    METHOD_SIGNATURES,
+    CompiledEngine,
+    is_handle,
+    method_entries,
+)
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -28,22 +34,20 @@ from mems_impact.integrators.jit.numba_support import (
     caller,
     check_numba,
     compile_callback,
-    data,
     integers,
     pointer,
     record_at,
 )
 from mems_impact.integrators.options import Options
 
-_FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
-        *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
+        *ENGINE_FIELDS,
+        *((name, np.int64) for name in ("stages", "dense", *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
-        *KERNEL_FIELDS,
     ],
     align=True,
 )
@@ -52,12 +56,11 @@ HANDLE = np.dtype(
 CONTRACTED = {"fastmath": {"contract"}}
 _handle = record_at(from_dtype(HANDLE))
 
-_word, _real, _none = types.int64, types.float64, types.void
+_word, _real = types.int64, types.float64
 SIGNATURES = {
+    **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
-    "dense": _none(_word),
-    "step": _word(_word),
-    "interpolate": _none(_word, _real, _word),
+    "dense": types.void(_word),
 }
 
 
@@ -75,14 +78,10 @@ class CompiledDop853(CompiledEngine):
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         n, width = equations.n, max(equations.n, 2 * equations.m + 1)
-        super().__init__(
-            HANDLE, equations, {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
-        )
-        self._functions = functions()
+        arrays = {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
+        super().__init__(HANDLE, equations, arrays, functions())
         handle = self.handle
         handle["y"] = handle["rows"] + WORD * width * STATE
-        for name, function in self._functions.items():
-            handle[name] = function.address
         handle["width"] = width
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
@@ -93,12 +92,29 @@ class CompiledDop853(CompiledEngine):
         return bool(self.handle["stiff"] == 1)
 
 
+def _end_margins(engine: Any, out: Any) -> None:
+    low = method.row(engine, LOW)
+    for i in range(2 * engine.m):
+        out[i] = low[i]
+
+
+def _sharpen(engine: Any, share: float, flight_time: float) -> None:
+    pass  # errors in short flights are far smaller than the tolerance
+
+
+def _method_memory(engine: Any, mode: int) -> int:
+    return 0
+
+
 @cache
 def functions() -> dict[str, Any]:
     """Compile the stepper to C functions over a HANDLE, or load them from the cache."""
     run_stages, run_dense, run_step, run_interpolate = take_snapshot(
         method.stages, method.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
+    run_end_margins, run_restart, run_sharpen, run_reset, run_method_memory = take_snapshot(
+        _end_margins, stepper.restart, _sharpen, stepper.reset, _method_memory
+    ).frozen()
 
     def stages(engine, t, h):  # type: ignore[no-untyped-def]
         return run_stages(_handle(engine), t, h)
@@ -106,17 +122,29 @@ def functions() -> dict[str, Any]:
     def dense(engine):  # type: ignore[no-untyped-def]
         run_dense(_handle(engine))
 
-    def step(engine):  # type: ignore[no-untyped-def]
-        return run_step(_handle(engine))
-
-    def interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-        run_interpolate(_handle(engine), t, pointer(y))
-
+    entries: list[Callable[..., Any]] = [stages, dense]
+    entries += method_entries(
+        "dop853",
+        _handle,
+        (
+            run_step,
+            run_end_margins,
+            run_interpolate,
+            run_restart,
+            run_sharpen,
+            run_reset,
+            run_method_memory,
+        ),
+    )
+    contracted = {"stages", "dense", "step", "interpolate"}
     return {
         function.__name__: compile_callback(
-            function, SIGNATURES[function.__name__], sources(), **CONTRACTED
+            function,
+            SIGNATURES[function.__name__],
+            sources(),
+            **(CONTRACTED if function.__name__ in contracted else {}),
         )
-        for function in (stages, dense, step, interpolate)
+        for function in entries
     }
 
 
@@ -152,8 +180,6 @@ def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
 # Calls of the compiled functions by their addresses in the handle.
 _call_stages = caller(SIGNATURES["stages"])
 _call_dense = caller(SIGNATURES["dense"])
-_call_step = caller(SIGNATURES["step"])
-_call_interpolate = caller(SIGNATURES["interpolate"])
 
 
 @overload(method.try_step, jit_options={**JIT, **INNER})
@@ -166,57 +192,3 @@ def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
 def _make_dense(engine):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine: _call_dense(engine.dense, (address(engine),))
-
-
-@overload(interface.step, jit_options={**JIT, **INNER})
-def _step(engine):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        return lambda engine: _call_step(engine.step, (address(engine),))
-
-
-@overload(interface.interpolate, jit_options={**JIT, **INNER})
-def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        return lambda engine, t, y: _call_interpolate(
-            engine.interpolate, (address(engine), t, data(y))
-        )
-
-
-@overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _end_margins(engine, out):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-
-        def implementation(engine, out):  # type: ignore[no-untyped-def]
-            low = pointer(engine.rows + WORD * engine.width * LOW)
-            for i in range(2 * engine.m):
-                out[i] = low[i]
-
-        return implementation
-
-
-@overload(interface.restart, jit_options={**JIT, **INNER})
-def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        (run_restart,) = take_snapshot(stepper.restart).frozen()
-
-        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-            run_restart(engine, mode, t, y, stop)
-
-        return implementation
-
-
-@overload(interface.reset, jit_options={**JIT, **INNER})
-def _reset(engine, max_step):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        (run_reset,) = take_snapshot(stepper.reset).frozen()
-
-        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
-            run_reset(engine, max_step)
-
-        return implementation
-
-
-@overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        return lambda engine, share, flight_time: None

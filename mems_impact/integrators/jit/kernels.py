@@ -1,15 +1,16 @@
 """Functions of an automaton as C functions, and the handle of a compiled engine.
 
-numba compiles the event loop once for each type of record. This module has the overloads of
-`mems_impact.integrators.interface` that are common to all methods; each method has its own `step`,
-`restart` and `interpolate`.
+The handle is a record, whose first fields are those of `ENGINE` for every method: addresses of the
+automaton's functions, of the method's functions (`METHOD_SIGNATURES`) and of arrays. The event loop
+knows these only, so it is compiled once for all automata and methods. This module has the overloads
+of `mems_impact.integrators.interface`, which read these fields or call the functions there.
 """
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -27,7 +28,9 @@ from mems_impact.integrators.jit.numba_support import (
     MATRIX,
     VECTOR,
     WORD,
+    address,
     announce_uncached,
+    caller,
     data,
     integers,
     pointer,
@@ -48,9 +51,20 @@ from mems_impact.integrators.python_functions import (
 _word, _real = types.int64, types.float64
 _ARGUMENTS = (_word, _word, _real, _word, _word, _word, _word)  # of a KERNEL
 
-# Fields of every engine: addresses and values. Each method adds its own fields, which identify its
-# records.
-KERNEL_FIELDS = [
+# C functions of a method, over the address of its handle; arrays are addresses.
+METHOD_SIGNATURES = {
+    "step": _word(_word),
+    "end_margins": types.void(_word, _word),
+    "interpolate": types.void(_word, _real, _word),
+    "restart": types.void(_word, _word, _real, _word, _real),
+    "sharpen": types.void(_word, _real, _real),
+    "reset": types.void(_word, _real),
+    "method_memory": _word(_word, _word),
+}
+
+# Fields of every engine: addresses and values. Each method adds its own fields after them.
+ENGINE_FIELDS = [
+    *((name, np.int64) for name in METHOD_SIGNATURES),
     ("y", np.int64),
     ("fired", np.int64),
     ("bias", np.int64),
@@ -67,6 +81,7 @@ KERNEL_FIELDS = [
     ("section", np.int64),  # component, -1 for none
     ("level", np.float64),
 ]
+ENGINE = np.dtype(ENGINE_FIELDS, align=True)
 
 
 @intrinsic
@@ -256,19 +271,93 @@ def _compile(
 # --- Compiled engines
 
 
+def method_entries(
+    method: str, handle: Callable[..., Any], functions: Sequence[Callable[..., Any]]
+) -> list[Callable[..., Any]]:
+    """Return the functions of METHOD_SIGNATURES over addresses.
+
+    Parameters
+    ----------
+    method : str
+        Distinguishes their symbols.
+    handle : callable
+        Converts an address to the record of the method (`record_at`).
+    functions : sequence of callable
+        Frozen implementations over that record, in the order of METHOD_SIGNATURES.
+    """
+    (
+        run_step,
+        run_end_margins,
+        run_interpolate,
+        run_restart,
+        run_sharpen,
+        run_reset,
+        run_method_memory,
+    ) = functions
+
+    def step(engine):  # type: ignore[no-untyped-def]
+        return run_step(handle(engine))
+
+    def end_margins(engine, out):  # type: ignore[no-untyped-def]
+        run_end_margins(handle(engine), pointer(out))
+
+    def interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+        run_interpolate(handle(engine), t, pointer(y))
+
+    def restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+        run_restart(handle(engine), mode, t, pointer(y), stop)
+
+    def sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
+        run_sharpen(handle(engine), share, flight_time)
+
+    def reset(engine, max_step):  # type: ignore[no-untyped-def]
+        run_reset(handle(engine), max_step)
+
+    def method_memory(engine, mode):  # type: ignore[no-untyped-def]
+        return run_method_memory(handle(engine), mode)
+
+    entries: list[Callable[..., Any]] = [
+        step,
+        end_margins,
+        interpolate,
+        restart,
+        sharpen,
+        reset,
+        method_memory,
+    ]
+    for entry in entries:
+        entry.__qualname__ = f"{method}_{entry.__name__}"
+    return entries
+
+
 class CompiledEngine(SingleMethodEngine):
     """A record of addresses for compiled code, and the memory that it points to.
 
     Parameters
     ----------
     dtype : numpy.dtype
-        `mems_impact.integrators.jit.kernels.KERNEL_FIELDS` and the fields of the method.
+        `mems_impact.integrators.jit.kernels.ENGINE_FIELDS` and the fields of the method.
     equations : Equations
     arrays : dict of str to int
         Arrays of the method: number of values; the field of that name has the address.
+    functions : dict of str to C function
+        Functions of the method; the field of that name has the address.
+
+    Attributes
+    ----------
+    handle : record
+        All fields.
+    head : record
+        Those of every engine, for the event loop; the same memory.
     """
 
-    def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, int]) -> None:
+    def __init__(
+        self,
+        dtype: np.dtype[Any],
+        equations: Equations,
+        arrays: dict[str, int],
+        functions: dict[str, Any],
+    ) -> None:
         n, m, parameters = equations.n, equations.m, np.asarray(equations.parameters, dtype=float)
         flow, margins, transition = equations.flow, equations.margins, equations.transition
         self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
@@ -282,6 +371,10 @@ class CompiledEngine(SingleMethodEngine):
         self.address = handles.ctypes.data
         # A record that keeps the arrays alive. Access by item is ten times as fast as by attribute.
         self.handle = handle = handles[0]
+        self.head = np.ndarray(1, dtype=ENGINE, buffer=handles)[0]
+        self._functions = functions
+        for name, function in functions.items():
+            handle[name] = function.address
         place, begin = block.ctypes.data, 0
         for name, size in sizes.items():
             handle[name] = place + WORD * begin
@@ -354,10 +447,66 @@ def _root_directions(engine, i):  # type: ignore[no-untyped-def]
         return lambda engine, i: np.int64(integers(engine.fired)[i])
 
 
+# Calls of the method's functions by their addresses in the handle.
+_call_step = caller(METHOD_SIGNATURES["step"])
+_call_end_margins = caller(METHOD_SIGNATURES["end_margins"])
+_call_interpolate = caller(METHOD_SIGNATURES["interpolate"])
+_call_restart = caller(METHOD_SIGNATURES["restart"])
+_call_sharpen = caller(METHOD_SIGNATURES["sharpen"])
+_call_reset = caller(METHOD_SIGNATURES["reset"])
+_call_method_memory = caller(METHOD_SIGNATURES["method_memory"])
+
+
+@overload(interface.step, jit_options={**JIT, **INNER})
+def _step(engine):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine: _call_step(engine.step, (address(engine),))
+
+
+@overload(interface.end_margins, jit_options={**JIT, **INNER})
+def _end_margins(engine, out):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, out: _call_end_margins(
+            engine.end_margins, (address(engine), data(out))
+        )
+
+
+@overload(interface.interpolate, jit_options={**JIT, **INNER})
+def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, t, y: _call_interpolate(
+            engine.interpolate, (address(engine), t, data(y))
+        )
+
+
+@overload(interface.restart, jit_options={**JIT, **INNER})
+def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, mode, t, y, stop: _call_restart(
+            engine.restart, (address(engine), mode, t, data(y), stop)
+        )
+
+
+@overload(interface.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, share, flight_time: _call_sharpen(
+            engine.sharpen, (address(engine), share, flight_time)
+        )
+
+
+@overload(interface.reset, jit_options={**JIT, **INNER})
+def _reset(engine, max_step):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, max_step: _call_reset(engine.reset, (address(engine), max_step))
+
+
 @overload(interface.method_memory, jit_options={**JIT, **INNER})
 def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
-    if is_handle(engine) and "implicit" not in engine.fields:
-        return lambda engine, mode: 0
+    if is_handle(engine):
+        return lambda engine, mode: _call_method_memory(
+            engine.method_memory, (address(engine), mode)
+        )
 
 
 @overload(interface.bias, jit_options={**JIT, **INNER})

@@ -16,12 +16,13 @@ from numba import config, njit, types
 from numba.core.caching import Cache, FunctionCache, NullCache, make_library_cache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.typing import Signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from mems_impact.errors import EngineUnavailable
+from mems_impact.integrators.jit import precompiled
 
 # --- Options and pointers
 
@@ -200,6 +201,9 @@ def address(_typing: Any, handle: Any) -> Any:
 
 _log = logging.getLogger("mems_impact")
 
+LOOP_NOTICE = "compiling the event loop, about 7 s, once per installation"
+SYSTEM_NOTICE = "compiling the functions of a system, about 1 s"
+
 
 class _NamedCache(Cache):
     """A cache with a name as its key, which tolerates invalid files and directories.
@@ -208,9 +212,11 @@ class _NamedCache(Cache):
     called functions.
     """
 
+    notice: str
+
     def __init__(self, function: Callable[..., Any], name: str) -> None:
         super().__init__(function)
-        self._key_name = name
+        self._function, self._key_name = function, name
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return sig, codegen.magic_tuple(), self._key_name
@@ -229,7 +235,7 @@ class _NamedCache(Cache):
             found = None
             self._discard()
         if found is None:
-            announce()
+            announce(self.notice)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -247,28 +253,67 @@ class _NamedCache(Cache):
 
 
 class _FunctionCache(_NamedCache, FunctionCache):
-    pass
+    """The cache of the loop and of the methods, which the installation may contain."""
+
+    notice = LOOP_NOTICE
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return compiled code of the installation or from disk, or None."""
+        found = _shipped(self._function, self._key_name, sig, target_context)
+        return super().load_overload(sig, target_context) if found is None else found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save compiled code, as that of the installation while it is prepared."""
+        if precompiled.is_recording():
+            content = self._impl.reduce(data)
+            precompiled.write(self._function, self._key_name, sig, content)
+        else:
+            super().save_overload(sig, data)
+
+
+def _shipped(function: Callable[..., Any], name: str, sig: Any, target_context: Any) -> Any:
+    """Return compiled code of the installation, or None."""
+    try:
+        content = precompiled.read(function, name, sig)
+        return None if content is None else CompileResult._rebuild(target_context, *content)
+    except Exception as error:  # unpickling a damaged file may raise any exception
+        _log.info("compiled code in %s cannot be read (%s)", precompiled.DIRECTORY, error)
+        return None
 
 
 class _LibraryCache(_NamedCache, make_library_cache("mems_impact")):  # type: ignore[misc]
-    pass
+    """The cache of the functions of automata."""
+
+    notice = SYSTEM_NOTICE
 
 
 class _NoCache(NullCache):
-    def load_overload(self, sig: Any, target_context: Any) -> None:
-        announce()
+    """Stand-in for a cache in a directory that is not writable, and for code without a name."""
+
+    def __init__(
+        self, function: Callable[..., Any], name: str | None, cache: type[_NamedCache]
+    ) -> None:
+        self._function, self._key_name, self._cache = function, name, cache
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = None
+        if self._key_name is not None and self._cache is _FunctionCache:
+            found = _shipped(self._function, self._key_name, sig, target_context)
+        if found is None:
+            announce(self._cache.notice)
+        return found
 
 
 def _cache_of(
     function: Callable[..., Any], name: str | None, cache: type[_NamedCache] = _FunctionCache
 ) -> Any:
     if name is None:
-        return _NoCache()
+        return _NoCache(function, None, cache)
     try:
         return cache(function, name)
     except RuntimeError as error:  # no directory is writable
         _log.info("compiled code is not kept: %s", error)
-        return _NoCache()
+        return _NoCache(function, name, cache)
 
 
 def library_cache(name: str, lasting: bool) -> Any:
@@ -341,12 +386,17 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
 
 
 @cache
-def announce() -> None:
-    """Announce compilation, once per process.
+def announce(notice: str) -> None:
+    """Announce compilation by a notice, once per process.
 
     The message goes to a terminal, or else to the log ``mems_impact``.
     """
-    _say("compiling, about 7 s, once per installation and once per new system")
+    if notice == LOOP_NOTICE and precompiled.exists():
+        notice += (
+            "; the code compiled at installation is for other sources, or for another version of "
+            "Python, numba or llvmlite"
+        )
+    _say(notice)
 
 
 def announce_uncached(things: Iterable[Any]) -> None:

@@ -16,7 +16,7 @@ from numba.core.caching import FunctionCache
 from mems_impact.integrators.jit import numba_support
 
 ROOT = Path(__file__).parents[3]
-NOTICE = "compiling, about 7 s"
+NOTICE = numba_support.SYSTEM_NOTICE
 
 SYSTEM = """
     import os
@@ -174,8 +174,8 @@ def unannounced():
 @pytest.mark.usefixtures("unannounced")
 def test_a_terminal_is_told_once(monkeypatch, caplog):
     monkeypatch.setattr(sys, "stderr", Terminal())
-    numba_support.announce()
-    numba_support.announce()
+    numba_support.announce(NOTICE)
+    numba_support.announce(NOTICE)
     assert sys.stderr.getvalue().count(NOTICE) == 1
     assert sys.stderr.getvalue().count("\n") == 1
     assert not caplog.records
@@ -185,7 +185,7 @@ def test_a_terminal_is_told_once(monkeypatch, caplog):
 def test_elsewhere_the_log_is(monkeypatch, caplog):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     with caplog.at_level(logging.INFO, "mems_impact"):
-        numba_support.announce()
+        numba_support.announce(NOTICE)
     assert NOTICE in caplog.text
     assert sys.stderr.getvalue() == ""
 

@@ -2,16 +2,19 @@
 
 import math
 import textwrap
+from dis import get_instructions
 from enum import IntEnum
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 import numpy as np
 import pytest
 
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.jit import closures
 from mems_impact.integrators.jit.closures import take_snapshot
 from mems_impact.integrators.options import Options
 
@@ -222,3 +225,11 @@ def test_numbers_that_change_between_two_runs(monkeypatch):
         TABLE[0] = 1.0
     monkeypatch.undo()
     assert ramps() == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_names_of_globals_are_those_of_the_disassembly():
+    for value in vars(loop).values():
+        if isinstance(value, FunctionType):
+            code = value.__code__
+            read = {step.argval for step in get_instructions(code) if step.opname == "LOAD_GLOBAL"}
+            assert set(closures._names_of_globals(code)) == read

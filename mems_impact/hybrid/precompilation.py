@@ -1,0 +1,120 @@
+"""Compilation of the event loop and the methods when the package is installed.
+
+``python -m mems_impact.hybrid.precompilation`` compiles the code of runs for this processor;
+``--distribute`` compiles that of orbits, attractors and exponents too, for all instruction sets of
+a wheel (`mems_impact.integrators.jit.precompiled`).
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from mems_impact.hybrid.attractors.mapper import AttractorMapper
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import Variational
+from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator
+from mems_impact.hybrid.variational.saltation import NO_EVENT
+from mems_impact.integrators.jit import precompiled
+from mems_impact.integrators.options import METHODS, Options
+
+
+def _flow(mode: int, t: float, y: Any, p: Any, dy: Any) -> None:
+    dy[0] = -y[0]
+
+
+def _margins(mode: int, t: float, y: Any, p: Any, g: Any, r: Any) -> None:
+    g[0] = 1.0
+
+
+def _transition(mode: int, code: int, t: float, y: Any, p: Any) -> int:
+    return mode
+
+
+def _jacobian(mode: int, t: float, y: Any, p: Any, entries: Any) -> None:
+    entries[0, 0] = -1.0
+
+
+# The compiled code does not depend on the automaton.
+DECAY = Automaton(
+    states=("y",),
+    modes=("decay",),
+    guards=(Guard(name="never", order=0),),
+    flow=_flow,
+    margins=_margins,
+    transition=_transition,
+    jacobian=_jacobian,
+)
+START = HybridState(0, 0.0, 0, np.ones(1))
+DISTRIBUTE, RECORD = "--distribute", "--record"
+
+
+def decay(method: str) -> Problem:
+    """Return a problem with a method."""
+    options = Options(method=method, engine="compiled")
+    return Problem(automaton=DECAY, parameters=[0.0], period=1.0, options=options)
+
+
+def compile_runs() -> None:
+    """Compile the event loop and the functions of all methods."""
+    for method in METHODS:
+        run(decay(method), START, 1.0)
+
+
+def compile_studies() -> None:
+    """Compile the loops of attractors, of orbits and of exponents."""
+    problem = decay("auto")
+    mapper = AttractorMapper(problem, longest=1, tolerance=1e-6)
+    mapper.follow([(problem.numbers, START)], 1.0, 1.0)
+    times, segments = np.array([[0.0, 1.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
+    Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
+    LyapunovIntegrator(problem, START).advance_exponents()
+
+
+def replace_code(distribute: bool) -> None:
+    """Replace the code of the installation, each instruction set in a process of its own.
+
+    Raises
+    ------
+    CalledProcessError
+        If it cannot be compiled.
+    """
+    for outdated in precompiled.DIRECTORY.glob("*.code"):
+        outdated.unlink()
+    sets = precompiled.instruction_sets()
+
+    def compile_set(instruction_set: str) -> None:
+        options = [RECORD, DISTRIBUTE] if distribute else [RECORD]
+        subprocess.run(
+            [sys.executable, "-m", "mems_impact.hybrid.precompilation", *options],
+            env={**os.environ, "NUMBA_CPU_NAME": instruction_set, "NUMBA_CPU_FEATURES": ""},
+            check=True,
+        )
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(compile_set, sets if distribute else sets[:1]))
+
+
+def main(options: Sequence[str]) -> None:
+    """Replace the code, or compile that of one instruction set."""
+    distribute = DISTRIBUTE in options
+    if RECORD not in options:
+        replace_code(distribute)
+        return
+    precompiled.record()
+    compile_runs()
+    if distribute:
+        compile_studies()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
