@@ -213,3 +213,13 @@ def test_summary():
     assert (off["amplitude min"], off["amplitude max"]) == (0.1, 0.4)
     assert (off["omega min"], off["omega max"]) == (1.0, 2.0)
     assert found.attrs["units"] == {"amplitude min": "V", "amplitude max": "V"}
+
+
+def test_hatching_is_one_path_for_all_cells():
+    kinds = ["chaotic", "off", "chaotic", "chaotic", "chaotic", "off"]
+    ax = mi.plot_map(made_table(kinds, [0] * 6))
+    (region,) = [each for each in ax.patches if each.get_hatch()]
+    x, y = sorted(X), sorted(Y)
+    found = [kinds[list(X).index(a) + len(X) * list(Y).index(b)] for b in y for a in x]
+    inside = [region.get_path().contains_point((a, b)) for b in y for a in x]
+    assert inside == [kind == "chaotic" for kind in found]
