@@ -652,14 +652,15 @@ def _beyond_bounds(system: HybridSystem, found: OrbitBranch) -> str:
 
 def _homoclinic_end(system: HybridSystem, found: OrbitBranch) -> HomoclinicEnd | None:
     """Return the homoclinic orbit at the end of a branch of limit cycles to a saddle."""
-    saddle = None if found.passage is None else found.passage.equilibrium
+    passage = found.passage
+    saddle = None if passage is None else passage.equilibrium
     pair = None if saddle is None else leading(saddle.eigenvalues)
-    if saddle is None or pair is None or len(found.points) < MIN_EXTRAPOLATED:
+    if passage is None or saddle is None or pair is None or len(found.points) < MIN_EXTRAPOLATED:
         return None
     values = np.array([system.out(found.parameter, point.value) for point in found.points])
     periods = np.array([point.orbit.point.period for point in found.points])
     rate = min(abs(float(each[0].real)) for each in pair)
-    value, error = homoclinic_value(values, periods, rate)
+    value, error = homoclinic_value(values, periods / passage.passages, rate)
     return HomoclinicEnd(
         parameter=found.parameter,
         value=value,

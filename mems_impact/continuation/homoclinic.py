@@ -16,7 +16,8 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 
 MIN_PERIOD_GROWTH = 2.0  # least ratio of the last period to the shortest one of a branch
-SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle per period; the mean is above one
+SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle per passage; the mean is above one
+SLOW_RATIO, FAST_RATIO = 3.0, 10.0  # speeds in and between slow passages, in the least speed
 SLOWING_RATIO = 0.7  # largest ratio of the least speeds of a cycle and one of half its period
 EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
 ZERO_RATIO = 1e-12  # component of an equilibrium that counts as zero, in sizes of the cycle
@@ -39,12 +40,16 @@ class SlowPassage:
         The equilibrium nearby.
     periods : tuple of float
         The shortest and the last period of the branch.
+    passages : int
+        Number of slow passages in a period: two if a symmetric cycle approaches both homoclinic
+        orbits of a symmetric pair.
     """
 
     mode: int
     state: Floats
     equilibrium: EquilibriumState | None
     periods: tuple[float, float]
+    passages: int = 1
 
 
 def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
@@ -63,8 +68,8 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
         return None
     shorter = orbits[int(np.argmin(np.abs(periods - 0.5 * periods[-1])))]
     try:
-        (speed, mode, state, sizes), (before, *_) = _slowest(last), _slowest(shorter)
-        if not (speed < SLOW_SPEED_RATIO and speed < SLOWING_RATIO * before):
+        (speed, mode, state, sizes, passages), (before, *_) = _slowest(last), _slowest(shorter)
+        if not (speed < SLOW_SPEED_RATIO * passages and speed < SLOWING_RATIO * before):
             return None
     except CONTINUATION_ERRORS:
         return None
@@ -72,13 +77,13 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     try:
         found = find_equilibrium(last.family, mode, state)
     except CONTINUATION_ERRORS:
-        return SlowPassage(mode, state, None, both)
+        return SlowPassage(mode, state, None, both, passages)
     free = last.shooting.free
     if np.abs((found.state - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
-        return SlowPassage(mode, state, None, both)
+        return SlowPassage(mode, state, None, both, passages)
     rest = found.state.copy()
     rest[free] = np.where(np.abs(rest[free]) < ZERO_RATIO * sizes, 0.0, rest[free])
-    return SlowPassage(mode, rest, found, both)
+    return SlowPassage(mode, rest, found, both, passages)
 
 
 def has_large_error_growth(point: ShootingEvaluation) -> bool:
@@ -86,8 +91,8 @@ def has_large_error_growth(point: ShootingEvaluation) -> bool:
     return any(np.abs(arc.by_state).max(initial=0.0) > MAX_ERROR_GROWTH for arc in point.arcs)
 
 
-def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats]:
-    """Return the least speed of a cycle, its mode and state, and the scales of the components."""
+def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats, int]:
+    """Return the least speed of a cycle, its mode, state and scales, and the slow passages."""
     shooting, point = orbit.shooting, orbit.point
     variational, free = shooting.variational(point.setting), shooting.free
     modes, states, slopes = [], [], []
@@ -104,7 +109,18 @@ def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats]:
     sizes[sizes == 0.0] = 1.0
     speeds = np.linalg.norm(np.array(slopes) / sizes, axis=1) * point.period
     k = int(np.argmin(speeds))
-    return float(speeds[k]), modes[k], states[k], sizes
+    return float(speeds[k]), modes[k], states[k], sizes, _passages(speeds / speeds[k])
+
+
+def _passages(speeds: Floats) -> int:
+    """Return the number of slow passages along a cycle, from its speeds in the least one."""
+    begun, slow = 0, True  # the profile begins at the least speed
+    for speed in np.roll(speeds, -int(np.argmin(speeds))):
+        if slow and speed > FAST_RATIO:
+            slow = False
+            begun += 1
+        slow = slow or speed < SLOW_RATIO
+    return max(1, begun)
 
 
 # --- The homoclinic orbit and the cycles near it
@@ -152,7 +168,8 @@ def cycles_beside(eigenvalues: Complexes) -> str:
 def homoclinic_value(values: Floats, periods: Floats, rate: float) -> tuple[float, float]:
     """Extrapolate the parameter of cycles to an infinite period, with an estimate of the error.
 
-    The distance to the homoclinic orbit decays as ``exp(-rate T)`` with the period T.
+    The distance to the homoclinic orbit decays as ``exp(-rate T)`` with the period T, or the time
+    between slow passages.
 
     Parameters
     ----------

@@ -396,9 +396,14 @@ class Bifurcations(Generic[P]):
         crossings = search.within(length)
         self._last = step.start, search.spectrum(0.0)
         self._end = last_point, search.spectrum(length)
-        for each in unexplained(crossings, [place for place, *_ in found]):
-            if not short:
-                raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
+        # A real eigenvalue that passes the border at a fold, and beyond the border elsewhere in the
+        # step, has no crossing between the ends.
+        folds = [each.place for each in found if each.kind == FOLD]
+        hidden = any(not any(c.begin <= s <= c.end for c in crossings) for s in folds)
+        missing = unexplained(crossings, [place for place, *_ in found])
+        if (hidden or missing) and not short:
+            raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
+        for each in missing:
             place = 0.5 * (each.begin + each.end)
             found.append(Bifurcation(place, UNEXPLAINED, step.at(place).point, each.value))
         found += [

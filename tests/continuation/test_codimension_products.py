@@ -82,7 +82,7 @@ def test_on_a_curve_of_neimark_sacker_points():
 
 
 def oscillator(mode, t, y, p):
-    return y.v, p.A * math.cos(t) - 3.0 * y.x - 0.5 * y.v, 0.0
+    return y.v, p.A * math.cos(t) - 3.0 * y.x - 0.5 * y.v, 0.0, 0.0, 0.0
 
 
 def gap(mode, t, y, p):
@@ -94,34 +94,40 @@ def depth(mode, t, y, p):
 
 
 def bounce(mode, t, y, p):
-    return mode, (y.x, -0.7 * y.v, y.y)
+    return mode, (y.x, -0.7 * y.v, y.y, y.r, y.s)
 
 
-def doubling(mode, t, y, p):
-    return mode, (y.x, y.v, -(0.05 + p.wall) * y.y + y.y**3)
+def bifurcations(mode, t, y, p):
+    doubled = -(0.05 + p.wall) * y.y + y.y**3
+    return mode, (y.x, y.v, doubled, y.s, -(0.02 + p.wall) * y.r + 1.2 * y.s - 0.1 * y.s**3)
 
 
 @pytest.mark.slow
 def test_on_a_curve_of_grazings():
-    """The amplitude of the linear oscillator is A / sqrt(4.25); y doubles where wall is 0.95."""
+    """The amplitude of the linear oscillator is A / sqrt(4.25).
+
+    y doubles where wall is 0.95, and the pair (r, s) crosses the unit circle where it is 0.98.
+    """
     system = mi.System(
-        states=("x", "v", "y"),
+        states=("x", "v", "y", "r", "s"),
         flow=oscillator,
         guards=[
             mi.Guard("wall", gap, bounce, impact=True),
             mi.Guard("floor", depth, bounce, impact=True),
         ],
-        switch_transition=doubling,
+        switch_transition=bifurcations,
         switches=(0.5,),
         period=2.0 * math.pi,
         parameters={"A": 1.0, "wall": 0.93},
     )
-    orbit = mi.find_orbit(system, periods=1, options=PLAIN, guess={"x": 0.2, "v": 0.2, "y": 0.0})
+    orbit = mi.find_orbit(system, periods=1, options=PLAIN, guess={"x": 0.2, "v": 0.2})
     grazing = mi.continue_orbit(orbit, "A", 2.2, steps=STEPS).special_points[0]
     assert grazing.value == pytest.approx(0.93 * math.sqrt(4.25), rel=1e-9)
-    flip, double = mi.continue_curve(grazing, "wall", 1.03, steps=STEPS).special_points
+    flip, pair, double = mi.continue_curve(grazing, "wall", 1.03, steps=STEPS).special_points
     assert flip.kind == "grazing-flip"
     assert flip.values == pytest.approx({"A": 0.95 * math.sqrt(4.25), "wall": 0.95}, rel=1e-8)
+    assert pair.kind == "grazing-Neimark-Sacker"
+    assert pair.values == pytest.approx({"A": 0.98 * math.sqrt(4.25), "wall": 0.98}, rel=1e-8)
     assert double.kind == "double grazing (floor)"
     assert double.values == pytest.approx({"A": math.sqrt(4.25), "wall": 1.0}, rel=1e-8)
     assert double.normal_form is None

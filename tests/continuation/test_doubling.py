@@ -139,7 +139,11 @@ def _double_well(mode, t, y, p):
 
 
 def test_a_branch_between_two_doublings_of_another_ends_at_either():
-    """Its own period doubles so close to one end that a step contains both points."""
+    """Its own period doubles so close to one end that a step contains both points.
+
+    At each fold, where a multiplier is 1, another step contains a period doubling too: the product
+    of the multipliers is that of Liouville, so that one of 5 becomes -3 only by way of 1 and -1.
+    """
     system = mi.System(
         states=("x", "v"), flow=_double_well, period=2.0 * math.pi / 1.2,
         parameters={"A": 0.28}, initial={"x": 1.0},
@@ -155,6 +159,10 @@ def test_a_branch_between_two_doublings_of_another_ends_at_either():
         assert doubled.ended.startswith("the orbit of half the period")
         other = next(each for each in ends if each is not end)
         assert doubled.special_points[-1].value == pytest.approx(other.value, abs=1e-8)
-        labels.append([s.value for s in doubled.special_points[:-1]])
-    assert len(labels[0]) == 4
-    assert labels[0] == pytest.approx(labels[1][::-1], abs=1e-8)
+        labels.append([(s.label, s.value) for s in doubled.special_points[:-1]])
+    assert len(labels[0]) == 6
+    values = [[value for _, value in each] for each in labels]
+    assert values[0] == pytest.approx(values[1][::-1], abs=1e-8)
+    doublings = [value for label, value in labels[0] if label == "PD"]
+    for fold in (value for label, value in labels[0] if label == "CF"):
+        assert min(abs(fold - each) for each in doublings) < 1e-6

@@ -147,6 +147,52 @@ def test_the_homoclinic_orbit_of_the_lorenz_system():
     assert not cycles.orbits[-1].stable
 
 
+def figure_eight(mode, t, y, p):
+    return y.v, y.x - y.x**3 + (p.a - y.x**2) * y.v
+
+
+def turns_back(a):
+    """Return whether the unstable manifold of the origin comes back to rest before it, at x > 0."""
+
+    def flow(t, y):
+        return [y[1], y[0] - y[0] ** 3 + (a - y[0] ** 2) * y[1]]
+
+    def position(t, y):
+        return y[0]
+
+    def velocity(t, y):
+        return y[1]
+
+    position.terminal = velocity.terminal = True
+    position.direction, velocity.direction = -1.0, 1.0
+    start = 1e-8 * np.array([1.0, 0.5 * (a + math.sqrt(a * a + 4.0))])
+    events = [position, velocity]
+    run = solve_ivp(flow, (0.0, 200.0), start, "DOP853", rtol=1e-12, atol=1e-14, events=events)
+    return run.t_events[0].size == 0
+
+
+@pytest.mark.slow
+def test_a_symmetric_cycle_approaches_a_pair_of_homoclinic_orbits():
+    """It passes the saddle twice in a period. Against the unstable manifold, bisected by SciPy."""
+    low, high = 0.5, 1.2
+    while high - low > 1e-10:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if turns_back(middle) else (low, middle)
+    system = mi.System(
+        states=("x", "v"), flow=figure_eight, parameters={"a": 1.2}, initial={"x": 2.0}
+    )
+    cycle = mi.find_orbit(system, transient=100.0)
+    branch = mi.continue_orbit(cycle, "a", stop=0.3, steps=mi.StepControl(largest=0.2))
+    (fold,) = branch.special_points
+    assert fold.label == "CF"
+    end = branch.homoclinic
+    assert end.value == pytest.approx(low, abs=2e-5)
+    assert abs(end.value - low) < 3.0 * end.error
+    assert end.saddle_quantity == pytest.approx(low, abs=1e-3)  # the trace of the linear flow
+    assert end.cycles == "one unstable cycle"
+    assert not branch.orbits[-1].stable
+
+
 @pytest.mark.parametrize(
     ("eigenvalues", "quantity", "cycles"),
     [
