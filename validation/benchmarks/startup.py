@@ -12,7 +12,7 @@ from pathlib import Path
 
 from llvmlite import binding as llvm
 
-from mems_impact.integrators.jit import precompiled
+from mems_impact.hybrid.precompilation import replace_code
 from validation.benchmarks.timing import Row, Spread
 
 TOPIC = "start"
@@ -43,29 +43,27 @@ def _seconds(arguments: list[str], place: str, **environment: str) -> float:
 
 def startup(quick: bool) -> Iterator[Row]:
     """Whole processes: imports, compilation or loading, and a run of three periods."""
+    begin = time.perf_counter()
+    replace_code(distribute=False)
+    installing = Spread.of([time.perf_counter() - begin])
+    yield Row(TOPIC, "all methods", "compilation by an editable install", installing, "s")
     # With a prescribed processor the machine code of the installation is not used.
     without = {"NUMBA_CPU_NAME": llvm.get_host_cpu_name()}
-    repetitions = 1 if quick else 3
     for method, target in FIRST.items():
         run = ["-c", RUN, method]
-        first, compiled, warm = [], [], []
-        for _ in range(repetitions):
+        first, warm, compiled = [], [], []
+        for _ in range(1 if quick else 3):
             with tempfile.TemporaryDirectory() as place:
-                if precompiled.exists():
-                    first.append(_seconds(run, place))
-                else:
-                    compiled.append(_seconds(run, place))
-                warm.append(min(_seconds(run, place) for _ in range(2)))
-            if precompiled.exists():
-                with tempfile.TemporaryDirectory() as place:
-                    compiled.append(_seconds(run, place, **without))
-        if first:
-            yield Row(TOPIC, method, "first run of an installation", Spread.of(first), "s", target)
-        yield Row(TOPIC, method, "first run, all compiled", Spread.of(compiled), "s")
+                first.append(_seconds(run, place))
+                warm.append(_seconds(run, place))
+            with tempfile.TemporaryDirectory() as place:
+                compiled.append(_seconds(run, place, **without))
+        yield Row(TOPIC, method, "first run of an installation", Spread.of(first), "s", target)
         yield Row(TOPIC, method, "warm cache", Spread.of(warm), "s", WARM)
+        yield Row(TOPIC, method, "first run, all compiled", Spread.of(compiled), "s")
     with tempfile.TemporaryDirectory() as place:
         for command in COMMANDS:
             call = ["-m", "mems_impact", *command.split()]
             _seconds(call, place)
-            spread = Spread.of([_seconds(call, place) for _ in range(repetitions)])
+            spread = Spread.of([_seconds(call, place) for _ in range(3)])
             yield Row(TOPIC, command.split()[0], "command, warm cache", spread, "s", COMMAND)
