@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 
-__all__ = ["QuantityError", "has_unit", "magnitude", "percentage"]
+__all__ = ["QuantityError", "base_powers", "has_unit", "magnitude", "percentage"]
 
 
 class QuantityError(ValueError):
@@ -142,6 +142,12 @@ def _example(unit: str) -> str:
     prefixed = {"m": "4 um", "s": "2 ms", "V": "70 V", "Hz": "1.2 kHz", "rad/s": "1.2 kHz"}
     prefixed |= {"kg": "0.2 mg", "N": "3 uN", "F": "1 pF", "ohm": "1 kohm", "m^2": "0.1 mm^2"}
     return f'"{prefixed.get(unit, f"1 {unit}")}"'
+
+
+def base_powers(unit: str) -> dict[str, int]:
+    """Return the powers of kg, m, s, A and rad in a unit of SI; KeyError if it is none."""
+    powers = zip(("kg", "m", "s", "A", "rad"), _product(unit).powers, strict=True)
+    return {name: int(power) for name, power in powers if power}
 
 
 def _product(text: str) -> Unit:

@@ -521,11 +521,8 @@ class ActuatorSystem(ActuatorNumerics):
             if term.source(self.drive) is not self.drive
             for name in term.names
         }
-        return {
-            name: i
-            for name, i in places.items()
-            if name not in shaping and self._occurs_at(name, i)
-        }
+        names = self.parameters.keys() - shaping  # tables are no parameters
+        return {name: i for name, i in places.items() if name in names and self._occurs_at(name, i)}
 
     def _occurs_at(self, name: str, place: int) -> bool:
         """Return whether a parameter changes one element of the array, in proportion, alone."""

@@ -20,6 +20,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from mems_impact._util.files import replacing
+from mems_impact._util.quantities import base_powers
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel
 from mems_impact.export.model_source import (
@@ -81,6 +82,8 @@ def rate_unit(unit: str, time: str) -> str:
     """Return the unit of a time derivative."""
     if not time:
         return ""
+    if unit.endswith(f"/{time}"):
+        return f"{unit}^2"
     return f"{unit}/{time}" if unit else f"1/{time}"
 
 
@@ -232,14 +235,14 @@ def with_unique_names(variables: Iterable[ModelVariable]) -> list[ModelVariable]
 
 # --- Model description
 
-BASE_UNITS = {
-    "m": "m='1'", "s": "s='1'", "kg": "kg='1'", "A": "A='1'", "rad": "rad='1'",
-    "m/s": "m='1' s='-1'", "m/s^2": "m='1' s='-2'", "1/s": "s='-1'", "Hz": "s='-1'",
-    "rad/s": "rad='1' s='-1'", "N": "kg='1' m='1' s='-2'", "N/m": "kg='1' s='-2'",
-    "kg/s": "kg='1' s='-1'", "J": "kg='1' m='2' s='-2'", "Pa": "kg='1' m='-1' s='-2'",
-    "V": "kg='1' m='2' s='-3' A='-1'", "C": "A='1' s='1'", "F": "kg='-1' m='-2' s='4' A='2'",
-    "ohm": "kg='1' m='2' s='-3' A='-2'", "W": "kg='1' m='2' s='-3'",
-}  # fmt: skip
+
+def base_unit(unit: str) -> str:
+    """Return the element BaseUnit of a unit in SI; empty for another one."""
+    try:
+        powers = {"s": -1} if unit == "Hz" else base_powers(unit)
+    except KeyError:
+        return ""
+    return f"<BaseUnit {attributes(**powers)}/>"
 
 
 def attributes(**values: object) -> str:
@@ -261,8 +264,7 @@ def unit_lines(variables: Sequence[ModelVariable]) -> list[str]:
         return []
     lines = ["  <UnitDefinitions>"]
     for unit in units:
-        base = f"<BaseUnit {BASE_UNITS[unit]}/>" if unit in BASE_UNITS else ""
-        lines.append(f"    <Unit name={quoteattr(unit)}>{base}</Unit>")
+        lines.append(f"    <Unit name={quoteattr(unit)}>{base_unit(unit)}</Unit>")
     return [*lines, "  </UnitDefinitions>"]
 
 

@@ -21,9 +21,11 @@ BOTH = mi.TwoSided(
     right=mi.Square(amplitude=60.0, frequency=100.0),
     left=mi.Square(amplitude=60.0, frequency=100.0, phase=3.0),
 )
+TABLE = np.linspace(-2.6e-6, 2.6e-6, 13)
 TERMS = [
     mi.Adhesion(force=1e-6),
     mi.ChargeDrive(parasitic=1e-14),
+    mi.CombDrive(fingers=100, gap=2e-6, thickness=20e-6, overlap=30e-6),
     mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
     mi.CubicStiffness(k3=1e9),
     mi.DielectricCharging(share=0.1, time=1e-2),
@@ -38,8 +40,13 @@ TERMS = [
         length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5, free_path_pressure=6.7e-3
     ),
     mi.StribeckFriction(speed=1e-3, viscous=0.1),
+    mi.TabulatedCapacitance(
+        positions=tuple(TABLE), capacitances=tuple(2.0 * MITA.alpha / (MITA.d - TABLE))
+    ),
     mi.TabulatedRestitution(speeds=(0.0, 1e-2, 1.0), values=(0.9, 0.7, 0.5)),
+    mi.TabulatedSpring(positions=tuple(TABLE), forces=tuple(MITA.k * TABLE + 1e11 * TABLE**3)),
     mi.Tilt(angle=0.1),
+    mi.TiltedPlate(length=2e-4, angle=0.01),
 ]
 SYSTEMS = {name: ZHAO.under(drive) for name, drive in DRIVES.items()}
 CHARGES = mi.TwoSided(

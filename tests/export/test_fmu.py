@@ -6,9 +6,10 @@ import zipfile
 import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 
 import mems_impact as mi
-from mems_impact.export.fmu import find_compiler
+from mems_impact.export.fmu import base_unit, find_compiler
 from tests.export.systems import BALL, belt
 
 pytestmark = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
@@ -137,6 +138,38 @@ def test_a_saved_state_is_restored(ball, tmp_path):
     assert ends[0][-1] > 0.4
 
 
+def test_a_step_that_is_no_length_of_time_is_refused(ball, tmp_path):
+    description = fmpy.read_model_description(str(ball))
+    unit = fmpy.instantiate_fmu(fmpy.extract(str(ball), str(tmp_path)), description, "CoSimulation")
+    unit.enterInitializationMode(startTime=0.0)
+    unit.exitInitializationMode()
+    for step in (-0.1, math.nan, math.inf):
+        with pytest.raises(FMICallException):
+            unit.doStep(currentCommunicationPoint=0.0, communicationStepSize=step)
+    unit.reset()  # and the motion is that of a new instance
+    unit.enterInitializationMode(startTime=0.0)
+    unit.exitInitializationMode()
+    unit.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.2)
+    height = unit.getFloat64(
+        [v.valueReference for v in description.modelVariables if v.name == "x"]
+    )
+    assert height == pytest.approx([1.0 - 0.5 * 9.81 * 0.2**2], rel=1e-12)
+    unit.terminate()
+    unit.freeInstance()
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"),
+    [
+        ("N s/m", "kg='1' s='-1'"), ("F m", "kg='-1' m='-1' s='4' A='2'"), ("Hz", "s='-1'"),
+        ("rad/s", "s='-1' rad='1'"), ("N/m^3", "kg='1' m='-2' s='-2'"), ("m/s^2", "m='1' s='-2'"),
+    ],
+)  # fmt: skip
+def test_units_by_base_units(unit, powers):
+    assert base_unit(unit).replace('"', "'") == f"<BaseUnit {powers}/>"
+    assert base_unit("furlong") == ""
+
+
 def test_an_importer_integrates_the_ball_until_it_rests(ball):
     for tolerance, exact in ((1e-5, 0), (1e-11, 12)):
         found, result = events_of(ball, 3.0, "ModelExchange", relative_tolerance=tolerance)
@@ -249,6 +282,15 @@ def test_a_voltage_from_outside(tmp_path):
         assert len(times) == len(events) == 20
         assert np.abs(times - events["t"].to_numpy()).max() < 1e-6
         assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
+
+
+def test_tables_of_a_device_are_no_parameters(tmp_path):
+    positions = np.linspace(-3e-6, 3e-6, 7)
+    spring = mi.TabulatedSpring(positions=tuple(positions), forces=tuple(MITA.k * positions))
+    system = MITA.adding(spring).under(mi.Square(amplitude=60.0, frequency=100.0))
+    assert "k" in system.parameter_places
+    assert not any(name.startswith("tabulated") for name in system.parameter_places)
+    assert problems_of(system.to_fmu(tmp_path / "device.fmu")) == []
 
 
 def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):

@@ -299,7 +299,9 @@ FMI(fmi2GetRealOutputDerivatives)(fmi2Component c, const fmi2ValueReference vr[]
 FMI(fmi2DoStep)(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean keeps)
 {
     UNUSED(keeps);
-    if (of(c)->ended) return fmi2Discard;
+    if (!(step >= 0.0) || !isfinite(time + step))
+        return failed(c, "the step is not a length of time");
+    if (of(c)->ended && of(c)->read == of(c)->loop.events_written) return fmi2Discard;
     if (advance(of(c), time + step, 0) < 0) return run_failed(c);
     return of(c)->ended && loop_time(of(c)) * TIME_UNIT <= of(c)->now ? fmi2Discard : fmi2OK;
 }

@@ -419,6 +419,7 @@ FMI(fmi3DoStep)(fmi3Instance c, double time, double step, bool keeps, bool *even
     double until = time + step;
     int status = 0;
     UNUSED(keeps);
+    if (!(step >= 0.0) || !isfinite(until)) return failed(c, "the step is not a length of time");
     if (!memory->ended || memory->read < memory->loop.events_written)
         status = advance(memory, until, instance->early);
     if (status < 0) return run_failed(c);
