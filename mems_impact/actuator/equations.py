@@ -46,7 +46,8 @@ def electrode_gap(x2: float, p: Any) -> float:
 
 def attraction(x2: float, voltage: float, p: Any) -> float:
     gap = electrode_gap(x2, p)
-    return p[ALPHA] * voltage * voltage / (gap * gap)
+    # A quotient that need not wait for the voltage, whose cosine takes as long as the quotient.
+    return voltage * voltage * (p[ALPHA] / (gap * gap))
 
 
 def attraction_slope(x2: float, voltage: float, p: Any) -> float:
@@ -82,11 +83,12 @@ def sliding_friction(direction: int, p: Any) -> float:
 def frame_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
     if direction == 0:
         return 0.0
-    return (load_on_frame - sliding_friction(direction, p)) / p[M1]
+    # Reciprocals here and below need not wait for the load, as quotients would.
+    return (load_on_frame - sliding_friction(direction, p)) * (1.0 / p[M1])
 
 
 def block_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
-    return -load_on_frame / p[M2] - frame_acceleration(direction, load_on_frame, p)
+    return -load_on_frame * (1.0 / p[M2]) - frame_acceleration(direction, load_on_frame, p)
 
 
 def resting_acceleration(direction: int, p: Any) -> float:

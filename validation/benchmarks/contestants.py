@@ -58,7 +58,7 @@ def package(
     """This package's event loop with all its guards; the section x2 = 0 only on demand."""
     drive = Sine(amplitude=case.amplitude, omega=case.omega)
     problem = Problem(
-        automaton=actuator_automaton(type(drive).voltage, type(drive).voltage_rate),
+        automaton=actuator_automaton(type(drive).voltage, type(drive).voltage_rate, bounds=False),
         parameters=np.concatenate([load_actuator("zhao2004").to_array(), drive.parameters()]),
         period=drive.period,
         section=(2, 0.0, 1) if section else None,
