@@ -188,7 +188,7 @@ class BifurcationDiagram(Result):
 
     def _line(self, number: int) -> str:
         branch, origin = self.branches[number], self.origins[number]
-        values = _values(branch)
+        values = np.append(_values(branch), [s.value for s in branch.special_points])
         low, high = _shown(values.min()), _shown(values.max())
         parts = [_kind(branch), f"{self.parameter} {low} to {high}"]
         if branch.ended.endswith(CLOSED):

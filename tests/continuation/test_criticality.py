@@ -167,3 +167,26 @@ def test_symmetric_cycles_of_the_lorenz_system():
     assert pair["r"].max() < fork.value + 1e-4
     assert pair["r"].iloc[0] < fork.value - 5e-4
     assert pair["stable"].iloc[0]
+
+
+def vanderpol(mode, t, y, p):
+    return y.v, (p.mu - y.x**2) * y.v - y.x + 1.2 * math.cos(1.7 * t)
+
+
+@pytest.mark.slow
+def test_a_torus_of_the_forced_van_der_pol_oscillator():
+    """Runs approach a small torus beyond the point, from inside and outside, and none before."""
+    system = mi.System(
+        states=("x", "v"), flow=vanderpol, period=2.0 * math.pi / 1.7, parameters={"mu": -0.2}
+    )
+    orbit = mi.find_orbit(system, transient=100)
+    (point,) = mi.continue_orbit(orbit, "mu", 1.0).special_points
+    assert (point.label, point.criticality) == ("NS", ABOVE)
+    for change, low, high in ((-0.01, 0.0, 1e-6), (0.01, 0.40, 0.42)):
+        beside = system.changed(mu=point.value + change)
+        near = mi.find_orbit(beside, guess=point.orbit.state, periods=1)
+        for distance in (0.02, 0.3):
+            start = {"x": near.state.x + distance, "v": near.state.v}
+            run = mi.simulate(beside, periods=1500, initial=start)
+            x = run.trajectory.samples(1).y[-300:, 0]
+            assert low <= x.max() - x.min() < high
