@@ -52,8 +52,8 @@ from .actuator.plots import plot_drive as plot_drive
 from .actuator.plots import plot_energy as plot_energy
 from .actuator.plots import plot_load as plot_load
 from .actuator.plots import plot_response as plot_response
-from .actuator.report import DeviceReport as DeviceReport
 from .actuator.report import report as report
+from .actuator.report_page import DeviceReport as DeviceReport
 from .actuator.system import kicked_state as kicked_state
 from .actuator.system_files import load_study as load_study
 from .actuator.system_files import load_system as load_system

@@ -9,7 +9,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import report as module
-from mems_impact.actuator.report import amount, duration
+from mems_impact.actuator.report_page import amount, duration
 
 MITA, ZHAO = mi.load_actuator("mita2003"), mi.load_actuator("zhao2004")
 SLOW = mi.Sine(amplitude=100.0, frequency=1.0)

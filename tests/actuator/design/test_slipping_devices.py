@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.report import amount
+from mems_impact.actuator.report_page import amount
 from tests.actuator.slipping import LIGHT, SLIPPING, random_device
 
 pytestmark = pytest.mark.slow
