@@ -64,6 +64,12 @@ SHOWN_SPECIAL_POINTS = 10
     show_default=True,
     help="Longest period of a branch, in forcing periods.",
 )
+@click.option(
+    "--store",
+    type=click.Path(),
+    metavar="FILE",
+    help="File in which finished branches are kept; the same command resumes from it.",
+)
 @orbit_integrator_options
 @progress_option
 @output_options
@@ -79,6 +85,7 @@ def command(
     points: int,
     starts: int,
     longest: int,
+    store: str | None,
     options: Options,
     progress: bool,
     output: Callable[[str], Output],
@@ -111,6 +118,7 @@ def command(
                 values=points,
                 starts=starts,
                 longest=longest,
+                store=store,
                 initial=state,
                 options=options,
                 progress=progress,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
+import os
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -48,6 +49,7 @@ from mems_impact.continuation.orbit_identity import (
 from mems_impact.continuation.test_functions import VANISHING_LENGTH, FoldTest
 from mems_impact.errors import (
     DiagramInterrupted,
+    InvalidFile,
     InvalidParameter,
     MemsImpactError,
     ScaleWarning,
@@ -55,10 +57,17 @@ from mems_impact.errors import (
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
+from mems_impact.studies.engine.store import difference
 from mems_impact.studies.sweep import SweepStudy
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
+from mems_impact.systems.serialization.file import load
+from mems_impact.systems.serialization.identity import (
+    identity,
+    identity_of_options,
+    identity_of_state,
+)
 from mems_impact.systems.state import State, state_from, whole
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -87,6 +96,8 @@ SEARCHED_VALUES = 5  # values of the parameter at which Newton's method starts f
 BOX_MARGIN = 1.2  # size of the box of starting states, in sizes of the states that were visited
 BOX_PERIODS = 50  # length of the runs that determine it
 CLOUD_PERIODS = 150  # forcing periods drawn of a motion that is not periodic
+STORE_INTERVAL = 30.0  # seconds between two savings of a partial result
+ATTRACTORS, BRANCHES, OTHERS, CLOUD = PARTS = "attractors", "branches", "other orbits", "cloud"
 BRANCH = "branch"
 NO_BRANCH = -1
 
@@ -115,8 +126,10 @@ class BifurcationDiagram(Result):
         it lies on none), Lyapunov exponent, and its last state.
     cloud : DataFrame
         The attractors on the section, with the columns of `sweep`.
-    complete : bool
-        Whether the computation finished.
+    finished : tuple of str
+        The finished parts of the computation: "attractors", "branches", "other orbits", "cloud".
+    inputs : dict
+        Arguments and system, by which a `store` is recognized.
 
     See Also
     --------
@@ -143,9 +156,15 @@ class BifurcationDiagram(Result):
     origins: tuple[AnyPoint | None, ...] = field(repr=False)
     attractors: pd.DataFrame = field(repr=False)
     cloud: pd.DataFrame = field(repr=False)
-    complete: bool = True
+    finished: tuple[str, ...] = PARTS
+    inputs: dict[str, Any] = field(default_factory=dict, repr=False)
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    @property
+    def complete(self) -> bool:
+        """Whether the computation finished."""
+        return self.finished == PARTS
 
     def __repr__(self) -> str:
         low, high = self.bounds
@@ -344,36 +363,40 @@ class AttractorSearch:
         self.starts, self.initial = starts, tuple(initial)
         self.recurrence, self.options = recurrence, options
         self._bounds = bounds
-        self._numbers = itertools.count()
 
     def at(self, value: float) -> HybridSystem:
         """Return the system at a value."""
         return self.system.changed(**{self.parameter: value})
 
-    def motions(self, known: Sequence[Motion], report: Report | None) -> list[Motion]:
-        """Return the attractors at all values, in ascending order; those known as they are."""
-        found: dict[float, list[Motion]] = {}
+    def motions(self, known: Sequence[Motion], report: Report | None) -> Iterator[list[Motion]]:
+        """Yield the attractors found so far, in ascending order of their values.
+
+        At the values of known ones, no motion starts from states of the box.
+        """
+        found: dict[float, list[Motion]] = {value: [] for value in self.grid}
         for motion in known:
-            found.setdefault(motion.value, []).append(motion)
+            if motion.value in found:
+                found[motion.value].append(motion)
+        begun = {value for value in self.grid if found[value]}
         carried: list[State] = []
         for up in (True, False):
             for value in self.grid if up else self.grid[::-1]:
                 if report is not None:
                     report(0, f"attractors at {self.parameter} = {value:.6g}")
-                here = found.setdefault(value, [])
-                if value not in {motion.value for motion in known}:
+                if not (up and value in begun):
                     fresh = [*self.initial, *self.fresh(value)] if up else []
-                    here[:] = self._distinct(value, [*carried, *fresh], here)
-                carried = [m.attractor.final for m in here if m.attractor.final is not None]
-        return [motion for value in self.grid for motion in found[value]]
+                    found[value] = self._distinct(value, [*carried, *fresh], found[value])
+                carried = [m.attractor.final for m in found[value] if m.attractor.final is not None]
+                yield [motion for each in self.grid for motion in found[each]]
 
-    def fresh(self, value: float) -> list[State]:
-        """Return further states of the box that violate no guard."""
+    def fresh(self, value: float, times: int = 0) -> list[State]:
+        """Return states of the box that violate no guard, others for each number of `times`."""
         found: list[State] = []
-        for _ in range(4 * self.starts):
+        first = 4 * self.starts * (self.grid.index(value) + times * len(self.grid))
+        for number in range(first, first + 4 * self.starts):
             if len(found) == self.starts:
                 break
-            part = _halton(next(self._numbers), len(self.box))
+            part = _halton(number, len(self.box))
             values = {
                 name: low + share * (high - low)
                 for (name, (low, high)), share in zip(self.box.items(), part, strict=True)
@@ -528,6 +551,10 @@ class DiagramBuilder:
     options : Options
         For orbits.
     report : callable, optional
+    store : str or os.PathLike, optional
+        File for partial results.
+    inputs : dict
+        What the result depends on.
     """
 
     def __init__(
@@ -539,34 +566,60 @@ class DiagramBuilder:
         steps: StepControl | None,
         options: Options,
         report: Report | None,
+        store: str | os.PathLike[str] | None,
+        inputs: dict[str, Any],
     ) -> None:
         self.search, self.system, self.parameter = search, search.system, search.parameter
         self.bounds, self.depth, self.longest = bounds, depth, longest
         self.steps, self.options = steps, options
         self.report = report
+        self.store, self.inputs, self._saved = store, inputs, time.monotonic()
         self.branches: list[AnyBranch] = []
         self.parents: list[int | None] = []
         self.origins: list[AnyPoint | None] = []
         self.motions: list[Motion] = []
         self.cloud: list[pd.DataFrame] = []
-        self.complete = False
+        self.finished: tuple[str, ...] = ()
 
     def resume(self, diagram: BifurcationDiagram) -> None:
-        """Take over the branches and attractors of a partial result."""
+        """Take over the branches and attractors of a result, and the parts that it has finished."""
+        self.finished = diagram.finished
         self.branches, self.parents = list(diagram.branches), list(diagram.parents)
         self.origins = list(diagram.origins)
         self.motions = motions_of(diagram)
+        self.cloud = [diagram_tables.bare(diagram.cloud)]
 
     def build(self) -> None:
-        """Compute the diagram, from what is known."""
-        self.motions = self.search.motions(self.motions, self._tick)
+        """Compute the parts of the diagram that are missing."""
+        parts = (self._find_attractors, self._follow, self._search, self._measure)
+        for name, compute in zip(PARTS, parts, strict=True):
+            if name not in self.finished:
+                compute()
+                self.finished += (name,)
+        self.save()
+
+    def save(self) -> None:
+        """Save the diagram as far as it is known, if there is a store."""
+        if self.store is not None:
+            self.diagram().save(self.store)
+            self._saved = time.monotonic()
+
+    def _find_attractors(self) -> None:
+        for found in self.search.motions(self.motions, self._tick):
+            self.motions = found
+            self._save_sometimes()
+
+    def _follow(self) -> None:
+        """Add the branches of the attractors, with all that emanates from them."""
         for number in range(len(self.branches)):
             self._expand(number)
         for motion in sorted(self.motions, key=_simplest_first):
-            motion.branch = self._branch_of(motion)
-        self._search()
-        self._measure()
-        self.complete = True
+            if motion.branch == NO_BRANCH:
+                motion.branch = self._branch_of(motion)
+
+    def _save_sometimes(self) -> None:
+        if time.monotonic() - self._saved > STORE_INTERVAL:
+            self.save()
 
     def diagram(self) -> BifurcationDiagram:
         """Return the diagram as far as it is known."""
@@ -579,7 +632,8 @@ class DiagramBuilder:
             origins=tuple(self.origins),
             attractors=attractor_table(self.system, self.parameter, self.motions),
             cloud=self._cloud_table(),
-            complete=self.complete,
+            finished=self.finished,
+            inputs=self.inputs,
         )
 
     def _tick(self, done: float = 0.0, note: str = "") -> None:
@@ -667,6 +721,7 @@ class DiagramBuilder:
         self.parents.append(parent)
         self.origins.append(origin)
         self._tick()
+        self._save_sometimes()
         self._expand(number)
         return number
 
@@ -778,7 +833,7 @@ class DiagramBuilder:
             with suppress(MemsImpactError):
                 yield from find_equilibria(system, bounds=search.box, samples=samples)
             return
-        for start in [*search.initial, *search.fresh(value)]:
+        for start in [*search.initial, *search.fresh(value, times=1)]:
             with suppress(MemsImpactError):
                 yield find_orbit(system, guess=start, periods=1, options=self.options)
 
@@ -788,6 +843,7 @@ class DiagramBuilder:
         """Measure the attractors on the section."""
         import pandas as pd
 
+        self.cloud = []
         for motion in self.motions:
             self._tick(note=f"cloud at {self.parameter} = {motion.value:.6g}")
             attractor = motion.attractor
@@ -889,6 +945,7 @@ def bifurcation_diagram(
     steps: StepControl | None = None,
     options: Options | None = None,
     resume: BifurcationDiagram | None = None,
+    store: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> BifurcationDiagram:
     """Compute the bifurcation diagram of a system over a parameter.
@@ -924,7 +981,11 @@ def bifurcation_diagram(
     options : Options, optional
         Of the integration, as for `find_orbit`.
     resume : BifurcationDiagram, optional
-        A partial result, which the computation completes.
+        A partial result, which the computation completes; or a complete one, whose branches and
+        attractors are known.
+    store : str or os.PathLike, optional
+        File in which the diagram is saved while it is computed; an interrupted or killed
+        computation resumes from it, and a finished one is loaded.
     progress : bool or callable, optional
         Show progress. A function is called with the number of branches.
 
@@ -936,6 +997,8 @@ def bifurcation_diagram(
     ------
     InvalidParameter
         If an argument is out of range.
+    InvalidFile
+        If `store` holds something else, or a diagram of other arguments.
     DiagramInterrupted
         On Ctrl-C; its ``diagram`` holds the finished branches, for `resume`.
 
@@ -983,20 +1046,70 @@ def bifurcation_diagram(
         replace(recurrence, longest=min(recurrence.longest, longest)),
         runs,
     )
+    inputs: dict[str, Any] = {}
+    if store is not None:
+        inputs = {
+            **identity(system),
+            "parameter": parameter,
+            "range": [float(low), float(high)],
+            "depth": depth,
+            "values": values,
+            "starts": starts,
+            "longest": longest,
+            "bounds": {name: list(pair) for name, pair in bounds.items()},
+            "initial": [identity_of_state(state) for state in first],
+            "recurrence": asdict(recurrence),
+            "steps": None if steps is None else asdict(steps),
+            "options": identity_of_options(system.problem(chosen).options),
+        }
+        resume = _stored(store, system, inputs, resume)
+    elif resume is not None:
+        _check_resumed(resume, system, parameter, (low, high))
+        if resume.complete:
+            resume = replace(resume, finished=())
     with progress_bar(progress, "branches", work="bifurcation diagram") as report:
         builder = DiagramBuilder(
-            search, (float(low), float(high)), depth, longest, steps, chosen, report
+            search,
+            (float(low), float(high)),
+            depth,
+            longest,
+            steps,
+            chosen,
+            report,
+            store,
+            inputs,
         )
         if resume is not None:
-            _check_resumed(resume, system, parameter, (low, high))
             builder.resume(resume)
         try:
             with collected_warnings():
                 builder.build()
         except KeyboardInterrupt:
+            builder.save()
             diagram = builder.diagram()
             raise DiagramInterrupted(diagram, len(diagram.branches)) from None
     return builder.diagram()
+
+
+def _stored(
+    store: str | os.PathLike[str],
+    system: HybridSystem,
+    inputs: dict[str, Any],
+    resume: BifurcationDiagram | None,
+) -> BifurcationDiagram | None:
+    """Return the diagram in a file; None if there is no file."""
+    if resume is not None:
+        raise InvalidParameter("resume", resume, "", problem="is not possible with store=")
+    if not os.path.exists(store):
+        return None
+    found = load(store, system=None if system.is_data_only else system)
+    if not isinstance(found, BifurcationDiagram):
+        raise InvalidFile(store, "holds no bifurcation diagram", "give another file")
+    differing = difference(found.inputs, inputs)
+    if differing:
+        problem = f"holds a diagram of other arguments: {differing}"
+        raise InvalidFile(store, problem, "give another file for this one")
+    return found
 
 
 def _check_resumed(

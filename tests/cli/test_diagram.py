@@ -17,13 +17,18 @@ fork = mi.System(states=("x",), flow=flow, parameters={"a": 1.0})
 
 def test_diagram_of_a_system(cli, tmp_path):
     (tmp_path / "own.py").write_text(FORK)
-    few = ["--points", "2", "--starts", "1"]
-    done = cli("diagram", "own.py:fork", "a", "0.5", "1.0", *few, "--no-figure", "--no-progress")
+    few = ["--points", "2", "--starts", "1", "--store", "fork.zip"]
+    call = ["diagram", "own.py:fork", "a", "0.5", "1.0", *few, "--no-figure", "--no-progress"]
+    done = cli(*call)
     assert done.status == 0, done.err
     assert done.out.startswith("a 0.5 to 1\n0: equilibria, a 0.5 to 1\n")
     table = pd.read_csv(tmp_path / "out" / "diagram-branches.csv")
     assert set(table["branch"]) >= {0, 1}
     assert table["a"].max() == 1.0
+    assert cli(*call).out == done.out  # from the store
+    deeper = cli(*call, "--depth", "5")
+    assert deeper.status != 0
+    assert "depth is 4 there, 5 here" in deeper.err
 
 
 def test_bad_ranges_are_refused(cli):

@@ -76,6 +76,42 @@ def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
         mi.bifurcation_diagram(FORK, "a", -1.0, 0.5, **FORK_OPTIONS, resume=partial)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("ticks", [3, 7])
+def test_a_diagram_resumes_from_its_store(fork, tmp_path, monkeypatch, ticks):
+    """Interrupted every few steps, it is that of one computation; finished, it is loaded."""
+    store, left = tmp_path / "fork.zip", [0]
+
+    def tick(self, done=0.0, note=""):
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(construction, "STORE_INTERVAL", 0.0)
+    begun = 0
+    with monkeypatch.context() as patched:
+        patched.setattr(construction.DiagramBuilder, "_tick", tick)
+        for begun in range(40):
+            left[0] = ticks + 2 * begun  # parts that are repeated finish, too
+            try:
+                mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+                break
+            except mi.DiagramInterrupted:
+                assert store.exists()
+    assert begun > 2
+    monkeypatch.setattr(construction.DiagramBuilder, "_find_attractors", None)
+    whole = mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+    assert whole.complete
+    assert whole.tree == fork.tree
+    assert whole.attractors.equals(fork.attractors)
+    assert whole.cloud.equals(fork.cloud)
+    with pytest.raises(mi.InvalidFile, match="other arguments: depth is 4 there, 2 here"):
+        mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, depth=2, store=store)
+    fork.branches[0].save(store)
+    with pytest.raises(mi.InvalidFile, match="holds no bifurcation diagram"):
+        mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
