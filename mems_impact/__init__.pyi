@@ -79,8 +79,8 @@ from .actuator.terms.tabulated_spring import TabulatedSpring as TabulatedSpring
 from .actuator.terms.tilt import Tilt as Tilt
 from .actuator.terms.tilted_plate import TiltedPlate as TiltedPlate
 from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
-from .analysis.boundary_type import BoundaryType as BoundaryType
-from .analysis.boundary_type import boundary_type as boundary_type
+from .analysis.boundary_equilibrium_type import BoundaryType as BoundaryType
+from .analysis.boundary_equilibrium_type import boundary_type as boundary_type
 from .analysis.branch import Branch as Branch
 from .analysis.branch import Curve as Curve
 from .analysis.branch import EquilibriumBranch as EquilibriumBranch

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from mems_impact._util.formatting import html_table, shown
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive, unknown
 from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
 from mems_impact.actuator.terms.base import Term

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.design.energy import energy
 from mems_impact.actuator.design.estimates import (
     contact_voltage,
@@ -27,7 +28,6 @@ from mems_impact.actuator.design.estimates import (
     resting_voltage,
 )
 from mems_impact.actuator.design.operating_chart import operating_chart
-from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.design.wear import life
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine

@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
-from mems_impact.analysis.boundary_type import type_of_boundary
+from mems_impact.analysis.boundary_equilibrium_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.event_functions import (
     MEASURES,
@@ -51,7 +51,6 @@ from mems_impact.continuation.equilibrium_curve import (
     EquilibriumCurveEvent,
     follow_equilibrium_curve,
 )
-from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import homoclinic_value, leading
 from mems_impact.continuation.orbit_branch import OrbitBranch, follow
 from mems_impact.continuation.special_points import BranchEvent
@@ -62,6 +61,7 @@ from mems_impact.continuation.test_functions import (
     UNEXPLAINED,
     kind_of,
 )
+from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.orbits.equilibrium import EquilibriumState

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.orbit import Orbit, orbit_of
-from mems_impact.continuation.function_tests import FunctionTest
+from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.pickling import portable
 from mems_impact.orbits.equilibrium import make_equilibrium

@@ -24,11 +24,11 @@ from mems_impact.analysis.event_functions import EquilibriumFunction, OrbitFunct
 from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
 from mems_impact.continuation.equilibrium_curve import EquilibriumCurve, EquilibriumCurveEvent
-from mems_impact.continuation.function_tests import FunctionTest
 from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ORBIT_TESTS
+from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState

@@ -21,7 +21,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     frame, quality factor, pull-in voltage and so on. The regime tells whether static friction
     holds the frame until the blow of a slow pull-in.
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.actuator.design.quantities import QUANTITIES
+    from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 
     sheet = actuator_from(device, changes).datasheet
     rows = {name: entry for name, entry in QUANTITIES.items() if name in sheet}

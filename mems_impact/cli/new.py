@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from mems_impact.actuator.design.quantities import QUANTITIES, Entry
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES, Entry
 from mems_impact.cli.options import apply_decorators
 from mems_impact.cli.output import add_json_files, show
 from mems_impact.cli.runtime import PROGRAM

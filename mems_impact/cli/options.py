@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mems_impact._util.quantities import QuantityError, has_unit, magnitude
-from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import Output
 from mems_impact.cli.runtime import quiet

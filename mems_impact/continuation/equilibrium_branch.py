@@ -26,7 +26,6 @@ from mems_impact.continuation.arclength import (
 )
 from mems_impact.continuation.branch_points import regularity
 from mems_impact.continuation.branching_equation import branch_direction
-from mems_impact.continuation.function_tests import FunctionTest, FunctionZeros
 from mems_impact.continuation.stability import (
     CROSSING,
     IMAGINARY_AXIS,
@@ -42,6 +41,7 @@ from mems_impact.continuation.test_functions import (
     BranchPointTest,
     TestFunction,
 )
+from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,

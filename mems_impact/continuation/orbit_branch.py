@@ -36,7 +36,6 @@ from mems_impact.continuation.chatter_onset import (
     chatter_onset,
     rests_after_chatter,
 )
-from mems_impact.continuation.function_tests import FunctionTest, FunctionZeros
 from mems_impact.continuation.grazing import (
     NO_ORBIT_BEYOND,
     change_signature,
@@ -76,6 +75,7 @@ from mems_impact.continuation.test_functions import (
     kind_of,
     orbit_tests,
 )
+from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import brentq
 
 from mems_impact._util.formatting import html_table
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
-from mems_impact.actuator.design.quantities import QUANTITIES
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import Actuator

@@ -8,7 +8,7 @@ import random
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design.quantities import QUANTITIES
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 
 GIVEN = {
     "frequency": "1.2 kHz", "quality": 30, "proof_mass": "0.2 mg", "frame_mass": "1 mg",
