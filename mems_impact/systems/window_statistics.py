@@ -150,7 +150,8 @@ class MotionTotals:
 
     def share(self, modes: Any) -> float:
         """Return the fraction of time in one mode or several, by number or by mask."""
-        return ratio(float(self.durations[modes].sum()), self.duration)
+        share = ratio(float(self.durations[modes].sum()), self.duration)
+        return min(share, 1.0)  # the sum of the durations is rounded
 
 
 @dataclass(frozen=True)

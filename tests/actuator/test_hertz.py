@@ -55,6 +55,7 @@ def test_both_are_refused():
         mi.Sine(amplitude=1.0, frequency=0)
 
 
+@pytest.mark.slow
 def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
     drive, other = DRIVES[0], mi.Sine(amplitude=40.0, omega=DRIVES[0].omega)
     runs = [mi.simulate(MITA, each, 20) for each in (drive, other)]

@@ -65,6 +65,7 @@ def test_durations():
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_design_functions(page):
     facts = page.facts
     pull_in = math.sqrt(4.0 * MITA.k * MITA.d**3 / (27.0 * MITA.alpha))

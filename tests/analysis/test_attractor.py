@@ -91,7 +91,11 @@ DECAYING = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
     ("system", "recurrence"),
     [
         (device(0.24), RecurrenceOptions(transient=60, periods=10)),
-        (device(0.24, 0.45), RecurrenceOptions(transient=20, periods=5, chaos_persistence=1.0)),
+        pytest.param(
+            device(0.24, 0.45),
+            RecurrenceOptions(transient=20, periods=5, chaos_persistence=1.0),
+            marks=pytest.mark.slow,
+        ),
         (oscillators.belt(), RecurrenceOptions(transient=80.0, periods=20.0, exponents="all")),
         (DECAYING, RecurrenceOptions(transient=600.0, periods=5.0)),
         (ball(), RecurrenceOptions(transient=30.0, periods=5.0)),

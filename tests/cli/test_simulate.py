@@ -188,6 +188,7 @@ def test_what_the_first_run_gave_stands_if_the_second_fails(cli, tmp_path, monke
     assert not (tmp_path / "out" / "simulate-verification.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_stiff_device_runs_as_it_is(cli):
     """A squeeze film, with which Adams' method gets nowhere; a choice is kept."""
     said = cli("simulate", "--help").out

@@ -136,6 +136,7 @@ def crossing_of(transition):
     return crossing
 
 
+@pytest.mark.slow
 def test_curves_of_branch_points_of_maps():
     """With a symmetry a = c^2 at the branch point; the other multiplier is 0.3 + c."""
     fork = crossing_of(symmetric_map)

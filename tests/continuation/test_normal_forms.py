@@ -111,6 +111,7 @@ def test_neimark_sacker_of_a_map(t, e, f):
     assert form.criticality == ("supercritical" if exact < 0.0 else "subcritical")
 
 
+@pytest.mark.slow
 def test_generalized_flip_on_a_curve():
     orbit = mi.find_orbit(_flip(a=-0.1, b=-0.1), periods=1, options=PLAIN)
     (doubling,) = mi.continue_orbit(orbit, "a", stop=0.2).special_points

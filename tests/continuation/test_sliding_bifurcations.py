@@ -29,6 +29,7 @@ def growth():
     return mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.3)
 
 
+@pytest.mark.slow
 def test_a_cycle_grazes_its_sliding_region_from_either_side(growth):
     shrinks = mi.continue_orbit(growth.orbits[-1], "mu", stop=0.8)
     for branch in (growth, shrinks):
@@ -52,6 +53,7 @@ def test_a_cycle_grazes_its_sliding_region_from_either_side(growth):
     assert "sliding" in sides[1]
 
 
+@pytest.mark.slow
 def test_grazing_sliding_is_a_curve(growth):
     curve = mi.continue_curve(growth.special_points[0], "w", stop=2.0)
     assert curve.ended == "w reached its bound"

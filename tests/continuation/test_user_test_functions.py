@@ -55,6 +55,7 @@ def test_events_are_zeros_of_functions_among_the_other_special_points(branch):
     assert branch.special_points[1].criticality == ""
 
 
+@pytest.mark.slow
 def test_an_event_is_continued_in_a_second_parameter(branch):
     """The fixed point x = r x (1 - x) + q at x = 0.6."""
     curve = mi.continue_curve(branch.special_points[1], "q", 0.05)
@@ -170,6 +171,7 @@ def _bounce(mode, t, y, p):
     return mode, (y.x, speed - p.e * (y.v - speed))
 
 
+@pytest.mark.slow
 def test_impact_speed_of_a_ball_on_a_table():
     """It bounces once a period with the relative speed 2 pi / ((1 + e) w), for any amplitude."""
     ball = mi.System(

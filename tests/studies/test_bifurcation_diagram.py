@@ -58,6 +58,7 @@ def test_a_diagram_is_saved(fork, tmp_path):
     assert mi.load(tmp_path / "fork.zip").special_table.equals(fork.special_table)
 
 
+@pytest.mark.slow
 def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
     def stop(self):
         raise KeyboardInterrupt

@@ -154,6 +154,7 @@ def test_a_jump_is_told_in_the_units_of_the_system():
     assert "at x = -4e-06," in str(one.message)
 
 
+@pytest.mark.slow
 def test_orbits_and_exponents_tell_of_a_jump_that_their_runs_meet():
     system = quiet(rubbing).changed(mu=0.2)
     assert len(caught_by(lambda: mi.find_orbit(system, transient=10, options=PLAIN))) == 1

@@ -320,6 +320,7 @@ def test_refuses_what_no_circuit_has(values, field):
         mi.SeriesResistance(**values)
 
 
+@pytest.mark.slow
 def test_the_end_of_a_sequence_of_impacts_leaves_the_charge_as_it_is():
     """With a time constant of 7e-11 s the charge is C(x) times the voltage, but for 1e-6."""
     mita = mi.load_actuator("mita2003")

@@ -148,6 +148,7 @@ def test_refuses_a_voltage_whose_sign_is_unknown():
         ZHAO.adding(mi.SlewRate(rate=0.1)).under(drive)
 
 
+@pytest.mark.slow
 def test_is_a_parameter_of_orbits():
     drive = mi.Square(amplitude=0.25, omega=0.7, rise=0.3)
     system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.3)).under(drive)
