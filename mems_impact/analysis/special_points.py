@@ -334,9 +334,8 @@ class CodimensionTwo(BifurcationPoint):
         """The normal form on the center manifold.
 
         To the third order, of a cusp, a fold-flip, the resonances, and points with a
-        Neimark-Sacker pair and another multiplier or pair; to the fifth of a generalized flip. None
-        of a Chenciner point, whose coefficient of the fifth order is not computed, of points with a
-        grazing, and of equilibria.
+        Neimark-Sacker pair and another multiplier or pair; to the fifth of a generalized flip and a
+        Chenciner point. None of points with a grazing, and of equilibria.
 
         Raises
         ------

@@ -3,7 +3,9 @@
 On the center manifold of a fixed point with critical multipliers mu_i and eigenvectors q_i, the map
 is ``w -> N(w)`` with resonant monomials only. Coefficients up to the third order follow from the
 homological equation (Kuznetsov and Meijer 2005), one algorithm for all simple multipliers. Double
-multipliers +1 and -1, the 1:1 and 1:2 resonances, have generalized eigenvectors.
+multipliers +1 and -1, the 1:1 and 1:2 resonances, have generalized eigenvectors. The fifth order of
+a generalized flip follows from derivatives along a line, that of a Chenciner point from values of
+the map on circles around the fixed point.
 """
 
 from __future__ import annotations
@@ -20,6 +22,12 @@ from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.higher_derivatives import (
+    FARTHER_REMEDY,
+    GROWTH,
+    LARGEST_LINE_RATIO,
+    MAX_STEPS,
+    NOT_DIFFERENTIABLE,
+    STEP_RATIO,
     DirectionalDerivatives,
     directional_derivatives,
     line_derivatives,
@@ -121,7 +129,7 @@ def codimension_two_form(
         If the return map cannot be differentiated, or its multipliers are not those of the kind.
     """
     functions = {"1:1 resonance": _double_plus, "1:2 resonance": _double_minus}
-    functions["generalized flip"] = _generalized_flip
+    functions |= {"generalized flip": _generalized_flip, "Chenciner": _chenciner}
     if kind not in RESONANT_FORMS and kind not in functions:
         return None
     returns = ReturnMap(shooting, point)
@@ -337,3 +345,88 @@ def _generalized_flip(returns: ReturnMap) -> NormalForm:
     largest = 1.0 + float(np.linalg.norm(h4))
     bound = float(np.abs(p).sum()) * (error * largest + 15.0 * error2) / 120.0
     return NormalForm("x -> -x + d x^5", {"d": value}, {"d": bound}, criticality_of(-value, bound))
+
+
+# --- Chenciner point
+
+ANGLES = 16  # of the values on a circle
+RADII = np.array([1.0, 0.85, 0.7, 0.55])  # of the circles, relative to the largest
+
+
+def _chenciner(returns: ReturnMap) -> NormalForm:
+    """Return the coefficients of a Neimark-Sacker bifurcation whose cubic one has no real part.
+
+    The largest circle is that at which the coefficient of the fifth order changes least.
+    """
+    values, right, left = _critical(returns.jacobian, ResonantForm("", {}, (), 1))
+    largest = LARGEST_LINE_RATIO * (returns.size or 1.0)
+    best: tuple[float, complex, complex] = (math.inf, 0.0, 0.0)
+    last: complex | None = None
+    for _ in range(MAX_STEPS):
+        largest *= STEP_RATIO
+        try:
+            cubic, quintic = _rotating_terms(returns, values[0], right[:, 0], left[0], largest)
+        except OrbitError:
+            continue
+        if last is not None:
+            error = abs(quintic - last)
+            if error > GROWTH * best[0]:
+                break
+            if error < best[0]:
+                best = error, cubic, quintic
+        last = quintic
+    error, cubic, quintic = best
+    if not math.isfinite(error):
+        raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
+    turn = np.conj(values[0])
+    a, b = complex(turn * cubic), complex(turn * quintic)
+    amplitude = b.real + 0.5 * a.imag**2
+    return NormalForm(
+        "z -> exp(i theta) z (1 + i c |z|^2 + b |z|^4), |z| -> |z| (1 + d |z|^4)",
+        {"d": amplitude, "c": a.imag, "b": b},
+        {"d": error, "c": error, "b": error},
+        criticality_of(amplitude, error),
+    )
+
+
+def _rotating_terms(
+    returns: ReturnMap, value: complex, q: Complexes, p: Complexes, largest: float
+) -> tuple[complex, complex]:
+    """Return the coefficients of z |z|^2 and z |z|^4 of a map on its center manifold.
+
+    The manifold x(z) = z q + sum over j, k of h[j, k] z^j conj(z)^k, and its complex conjugates,
+    obeys map(x(z)) = x(N(z)). Order by order, what is missing in that equation, as Fourier series
+    over circles and polynomials in their radii, determines the h and the terms of N.
+    """
+    matrix, resonant = returns.jacobian, {3: 0j, 5: 0j}
+    manifold: dict[tuple[int, int], Complexes] = {(1, 0): q, (0, 1): np.conj(q)}
+    angles = 2.0 * math.pi * np.arange(ANGLES) / ANGLES
+    # Of order m + 2 i, the terms of one frequency have the factor radius^(m + 2 i).
+    powers = np.linalg.inv(np.vander(RADII**2, increasing=True))[0]
+
+    def place(z: complex) -> Floats:
+        terms = (h * z**j * z.conjugate() ** k for (j, k), h in manifold.items())
+        return np.asarray(sum(terms), dtype=complex).real
+
+    for order in range(2, 6):
+        missing = np.zeros((RADII.size, ANGLES, q.size))
+        for i, radius in enumerate(largest * RADII):
+            for n, angle in enumerate(angles.tolist()):
+                z = radius * complex(math.cos(angle), math.sin(angle))
+                size = abs(z) ** 2
+                image = z * (value + resonant[3] * size + resonant[5] * size**2)
+                missing[i, n] = (returns.value_at(place(z)) - place(image)) / radius**order
+        series = np.fft.fft(missing, axis=1) / ANGLES
+        for j in range(order + 1):
+            k = order - j
+            term = powers @ series[:, (j - k) % ANGLES]
+            shifted = value**j * np.conj(value) ** k * np.eye(q.size) - matrix
+            if abs(j - k) != 1:
+                manifold[j, k] = np.linalg.solve(shifted, term)
+                continue
+            own, dual = (q, p) if j > k else (np.conj(q), np.conj(p))
+            along = complex(dual @ term)
+            if j > k:
+                resonant[order] = along
+            manifold[j, k] = _bordered(shifted, own[:, None], dual[None], term - own * along)
+    return resonant[3], resonant[5]

@@ -92,8 +92,18 @@ class ReturnMap:
         OrbitError
             If no motion with the signature of the orbit starts there.
         """
-        if not x.any():
-            return self._jacobian
+        return self._linearise(self._motion(x)[0])[0] if x.any() else self._jacobian
+
+    def value_at(self, x: Floats) -> Floats:
+        """Return the coordinates to which `x` is mapped; the same errors are raised."""
+        f, rows = self._width, self.shooting.layout.state_rows[-1]
+        point, change = self._motion(x)
+        moved = point.unknowns[:f] - point.residual[rows] - self.point.unknowns[:f]
+        moved = moved + self._after(point)[:, f:] @ change
+        return np.asarray(self._plane.T @ moved[self._rows], dtype=float)
+
+    def _motion(self, x: Floats) -> tuple[ShootingEvaluation, Floats]:
+        """Return the motion that starts at `x`, and the last change of the other unknowns."""
         f, shift = self._width, self._embedding @ x
         unknowns = self.point.unknowns.copy()
         unknowns[:f] += shift
@@ -101,16 +111,14 @@ class ReturnMap:
         for _ in range(MAX_MAP_ITERATIONS):
             point = self.shooting.evaluate(unknowns, self.point.values)
             if unknowns.size == f:
-                break
+                return point, np.zeros(0)
             residual, matrix = self._open(point)
-            change = np.linalg.solve(matrix[:, f:], -residual)
+            change = np.asarray(np.linalg.solve(matrix[:, f:], -residual), dtype=float)
             unknowns = unknowns.copy()
             unknowns[f:] += change
             if np.abs(change).max() < MAP_TOLERANCE * max(1.0, float(np.abs(unknowns).max())):
-                break
-        else:
-            raise OrbitError("the motion near an orbit could not be solved", "take shorter steps")
-        return self._linearise(point)[0]
+                return point, change
+        raise OrbitError("the motion near an orbit could not be solved", "take shorter steps")
 
     def by_parameter(self) -> Floats:
         """Return the derivatives of the map by the active parameters, shape (k, parameters)."""

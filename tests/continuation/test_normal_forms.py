@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import mems_impact as mi
+from mems_impact.continuation.codimension_two import codimension_two_form
 from mems_impact.continuation.normal_forms import orbit_normal_form
 from mems_impact.continuation.test_functions import NEIMARK_SACKER, PERIOD_DOUBLING
 
@@ -133,6 +134,44 @@ def test_chenciner_on_a_curve():
     found = {special.kind: special.values["t"] for special in curve.special_points}
     exact = brentq(lambda t: _turn_coefficient(t, 0.3, 0.2), -1.3, -1.05)
     assert found == pytest.approx({"1:3 resonance": -1.0, "Chenciner": exact}, abs=1e-8)
+
+
+def _sheared_map(mode, t, y, p):
+    """z -> exp(i theta) z (1 + i a |z|^2 + (b + i h) |z|^4), in coordinates that are sheared."""
+    x = y.x - p.s * y.y * y.y
+    v = y.y - p.t * x * x
+    size = x * x + v * v
+    real, imaginary = 1.0 + p.b * size * size, p.a * size + p.h * size * size
+    c, s = math.cos(p.theta), math.sin(p.theta)
+    x, v = (
+        (c * real - s * imaginary) * x - (s * real + c * imaginary) * v,
+        (s * real + c * imaginary) * x + (c * real - s * imaginary) * v,
+    )
+    v = v + p.t * x * x
+    return mode, (x + p.s * v * v, v, y.w)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("theta", "a", "b", "s", "t"),
+    [(1.1, 0.7, -0.3, 0.4, -0.3), (1.1, 0.2, 0.5, 0.0, 0.0), (2.4, -1.1, -0.3, 0.4, -0.3)],
+)
+def test_fifth_order_of_a_chenciner_point(theta, a, b, s, t):
+    system = mi.System(
+        states=("x", "y", "w"), flow=_turn_flow, switch_transition=_sheared_map, switches=(0.5,),
+        period=1.0, parameters={"theta": theta, "a": a, "b": b, "h": 0.4, "s": s, "t": t},
+        initial={"x": 0.0, "y": 0.0, "w": PHASE},
+    )  # fmt: skip
+    options = mi.Options(method="dop853", rtol=1e-11, atol=1e-13)
+    found = mi.find_orbit(system, periods=1, options=options).found
+    form = codimension_two_form("Chenciner", found.shooting, found.point)
+    # Along eigenvectors of length one |z|^2 has twice the value; of |z| -> |z| (1 + d |z|^4), d is
+    # b + a^2/2 (Kuznetsov 2004, section 9.4).
+    exact = 4.0 * (b + 0.5 * a * a)
+    assert form.coefficient == pytest.approx(exact, rel=2e-5)
+    assert abs(form.coefficient - exact) < 3.0 * form.error
+    assert form.coefficients["c"] == pytest.approx(2.0 * a, abs=1e-8)
+    assert form.criticality == ("supercritical" if exact < 0.0 else "subcritical")
 
 
 def _rossler(mode, t, y, p):
