@@ -138,7 +138,7 @@ axes.figure.savefig("real_device_step.png")
 omegas = [650.0, 680.0, 710.0, 740.0]
 studies = {  # voltages, frequencies, and periods to settle and to measure
     "air": (np.arange(32.0, 42.0), omegas, 12, 6),
-    "5 Pa": (np.arange(9.0, 24.0), omegas, 60, 10),
+    "5 Pa": (np.arange(9.0, 24.0), omegas, 200, 20),
     "leads": (np.arange(33.0, 41.0), [710.0], 6, 3),
     "stoppers": (np.arange(33.0, 41.0), [710.0], 6, 3),
 }
