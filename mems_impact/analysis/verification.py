@@ -33,9 +33,10 @@ EXPECTED, MOST_EXPECTED = 100.0, 1e-4
 # larger than an agreement.
 SENSITIVE, FIRST_PERIODS = 1e3, 3.0
 # Between two events differences grow at most by this factor (a chaotic motion doubles them), times
-# the number of periods between; an impact slower than `SLOW` multiplies its own difference by up to
-# SLOW / speed in addition.
+# the number of periods between; an event whose guard is approached slower than `SLOW` multiplies
+# its own difference by up to SLOW / speed in addition.
 GROWTH, SLOW = 100.0, 0.1
+GRADIENT_STEP = 1e-6  # of the states, of the differences of a margin
 # A block that misses a stopper by a distance y would have struck it at speed sqrt(2 a y), with an
 # acceleration a of order 1: one run alone may have such an event.
 WEAK_ORDER = 3.0
@@ -142,6 +143,8 @@ class EventLog:
         self.after = np.vstack([self.events.after, final.y])
         speed = closing_speeds(self.events, automaton, trajectory.problem.parameters)
         self.speed = np.append(speed, math.nan)
+        slow = approach_speeds(self.events, automaton, trajectory.problem.parameters, speed)
+        self.approach = np.append(slow, math.inf)
         self.end = len(self.events)
         self.strength = np.append(self._strength(speed), math.inf)
         # Each event starts in the mode after the previous one; otherwise an event is missing or
@@ -204,6 +207,28 @@ def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> 
         _, rates = automaton.margins_at(mode, time, events.before[i], parameters)
         speeds[i] = abs(rates[int(events.guard[i])])
     return speeds
+
+
+def approach_speeds(
+    events: Events, automaton: Automaton, parameters: Floats, speeds: Floats
+) -> Floats:
+    """Return the speed at which the state approaches the surface of each event's guard.
+
+    That of an impact is its speed; that of other guards the rate of the margin over the length of
+    its gradient. Infinity for events without a guard.
+    """
+    approach = np.where(np.isnan(speeds), math.inf, speeds)
+    others = np.isnan(speeds) & (events.kind == workspace.TRANSITION)
+    for i in np.flatnonzero(others):
+        mode, time, guard = int(events.mode_before[i]), float(events.time[i]), int(events.guard[i])
+        state = events.before[i]
+        margins, rates = automaton.margins_at(mode, time, state, parameters)
+        moved = state + GRADIENT_STEP * np.eye(state.size)
+        slopes = [automaton.margins_at(mode, time, y, parameters)[0][guard] for y in moved]
+        length = float(np.linalg.norm((np.array(slopes) - margins[guard]) / GRADIENT_STEP))
+        if length > 0.0:
+            approach[i] = abs(rates[guard]) / length
+    return approach
 
 
 class EventMatcher:
@@ -304,8 +329,8 @@ class EventMatcher:
         return np.array([abs(late), abs(run.speed[i] - other.speed[j]), *state])
 
     def _size(self, differences: Floats, i: int, j: int) -> float:
-        """Return the largest of `differences`, without the amplification by a slow impact."""
-        speed = max(self.run.speed[i], self.other.speed[j])
+        """Return the largest of `differences`, without the amplification by a slow approach."""
+        speed = max(self.run.approach[i], self.other.approach[j])
         # The instant of a graze differs by the square root of a difference.
-        speed = SLOW if math.isnan(speed) else min(SLOW, max(speed, math.sqrt(self.apart)))
+        speed = min(SLOW, max(speed, math.sqrt(self.apart)))
         return speed / SLOW * float(np.nanmax(differences))

@@ -188,7 +188,10 @@ def test_orbits_and_branches_of_what_is_small():
         plain, small = (float(table[name].iloc[0]) for table in tables)
         assert small / size == pytest.approx(plain, rel=1e-8), name
     struck = tables[1].query("impacts > 0")
-    np.testing.assert_allclose(struck["impact speed"], struck["speed"], rtol=1e-9)
+    # At the grazing both are zero but for rounding.
+    np.testing.assert_allclose(
+        struck["impact speed"], struck["speed"], rtol=1e-9, atol=1e-9 * L / T
+    )
     assert other.impact_speeds == pytest.approx([other.observables["speed"]], rel=1e-9)
     silent = branches[1].table.query("impacts == 0").iloc[-1]
     assert silent["closest approach"] == pytest.approx(L * (1.0 - 0.3 / exact), rel=1e-8)
