@@ -51,7 +51,12 @@ def check(problem, start, periods, tolerance=1e-5):
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
     every.advance_exponents()
     volume = 0.5 * math.log(np.linalg.det(np.array(moved) @ np.array(moved).T))
-    assert every.grown[0][every._at.alive == 1].sum() == pytest.approx(volume, abs=tolerance)
+    # Differences of runs have errors of rtol/h, which a volume between columns that are nearly
+    # parallel, as they are where the motion contracts, magnifies by the inverse of their angle.
+    angle = math.exp(volume) / math.prod(np.linalg.norm(column) for column in moved)
+    noise = 1e-12 / 1e-5 / angle
+    found = every.grown[0][every._at.alive == 1].sum()
+    assert found == pytest.approx(volume, abs=tolerance + noise)
 
 
 FIRST, SECOND, THIRD = mi.modes("first", "second", "third")
