@@ -24,6 +24,7 @@ from validation.benchmarks import (
     startup,
     stiffness,
     threads,
+    valve,
 )
 from validation.benchmarks.timing import Row, machine
 
@@ -33,6 +34,7 @@ TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "edits": edits.edits,
     "maps": maps.maps,
     "heyoka": matched_error.against_heyoka,
+    "batches": matched_error.against_batches,
     "onestep": onestep.one_step,
     "orbits": orbits.orbits,
     "scipy": engines.against_scipy,
@@ -41,6 +43,7 @@ TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "chart": figure7.figure7,
     "startup": startup.startup,
     "stiffness": stiffness.stiffness,
+    "valve": valve.valve,
 }
 
 

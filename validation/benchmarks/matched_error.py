@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from time import process_time
 
 import numpy as np
 
-from validation.benchmarks.contestants import CASES, PERIODIC, heyoka, package
+from validation.benchmarks.contestants import (
+    CASES,
+    PERIODIC,
+    heyoka,
+    heyoka_batch,
+    package,
+)
 from validation.benchmarks.timing import Row, in_turn, ratio, scaled
 
 WITHIN, HORIZON = 1e-7, 100
@@ -14,6 +21,8 @@ ENDS = range(HORIZON - 4, HORIZON + 1)  # one end alone can be right by luck
 TOLERANCES = [m * 10.0**-k for k in range(4, 13) for m in (1.0, 0.3)]
 RATIOS = (1.0, 0.1, 0.01)  # atol/rtol
 LENGTH = 500
+WIDTHS = (4, 8)  # trajectories of a batch
+TOLERANCE = 1e-9
 
 State = np.ndarray
 
@@ -77,3 +86,19 @@ def against_heyoka(quick: bool) -> Iterator[Row]:
             yield Row(
                 topic, case.name, f"compiled / {rival}", ratio(seconds[fastest], seconds[rival])
             )
+
+
+def against_batches(quick: bool) -> Iterator[Row]:
+    """One trajectory of this package after another beside heyoka's batches, per trajectory."""
+    topic = "heyoka, batches"
+    jobs = {"dop853": package(PERIODIC, rtol=TOLERANCE, method="dop853")}
+    jobs |= {f"heyoka, {n} at a time": heyoka_batch(PERIODIC, TOLERANCE, n) for n in WIDTHS}
+    runs = {name: (lambda go=go: go(LENGTH)) for name, go in jobs.items()}
+    seconds = in_turn(runs, 3 if quick else 9, process_time)
+    for name, width in zip(jobs, (1, *WIDTHS), strict=True):
+        each = scaled(seconds[name], 1e6 / LENGTH / width)
+        yield Row(topic, PERIODIC.name, name, each, "us a period")
+    note = "its transitions are callbacks in Python"
+    for name, width in zip(list(jobs)[1:], WIDTHS, strict=True):
+        faster = ratio(seconds[name], seconds["dop853"], 1.0 / width)
+        yield Row(topic, PERIODIC.name, f"{name} / dop853", faster, "", ">= 1", note)

@@ -30,10 +30,12 @@ COMMANDS = ("devices", "simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods
 def _seconds(arguments: list[str], place: str, **environment: str) -> float:
     """Run Python with numba's cache, and its results, in a folder; seconds of the process."""
     paths = {"PYTHONPATH": str(Path(__file__).parents[2]), "NUMBA_CACHE_DIR": place}
+    # Bytecode is kept, as for any user.
+    inherited = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     begin = time.perf_counter()
     subprocess.run(
         [sys.executable, *arguments],
-        env={**os.environ, **paths, **environment},
+        env={**inherited, **paths, **environment},
         cwd=place,
         capture_output=True,
         check=True,

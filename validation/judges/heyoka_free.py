@@ -8,7 +8,7 @@ ends of slips its terminal events, so that Python runs only between arcs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import heyoka as hy
 import numpy as np
@@ -58,20 +58,54 @@ class Heyoka:
             ]
         kinds = [RIGHT, LEFT, SLIP_END, BREAK_AWAY, BREAK_AWAY]
         self.kinds = kinds[: len(equations)]
-        options = {} if tol == 0.0 else {"tol": tol}
+        self.flow, self.equations = flow, equations
+        self.options = {} if tol == 0.0 else {"tol": tol}
         self.integrator = hy.taylor_adaptive(
             flow,
             [0.0] * 4,
             t_events=[hy.t_event(equation, direction=way) for equation, way in equations],
             pars=[0.0, 0.0, 1.0, 0.0],
-            **options,
+            **self.options,
         )
 
-    def load(self, t: float, y: np.ndarray) -> float:
+    def batch(self, width: int) -> hy.taylor_adaptive_batch_dbl:
+        """Return an integrator of `width` trajectories, with transitions as callbacks in Python."""
+
+        def callback(kind: int) -> Callable[[hy.taylor_adaptive_batch_dbl, int, int], bool]:
+            def transit(ta: hy.taylor_adaptive_batch_dbl, sign: int, i: int) -> bool:
+                self.transit(kind, ta.time[i], ta.state[:, i], ta.pars[:, i])
+                return True
+
+            return transit
+
+        events = [
+            hy.t_event_batch(equation, callback=callback(kind), direction=way)
+            for kind, (equation, way) in zip(self.kinds, self.equations, strict=True)
+        ]
+        empty = np.zeros((4, width))
+        return hy.taylor_adaptive_batch(
+            self.flow, empty, t_events=events, pars=empty.copy(), **self.options
+        )
+
+    def load(self, t: float, y: np.ndarray, par: np.ndarray) -> float:
         """What the block exerts on the frame, Equation (3)."""
-        p, par = self.p, self.integrator.pars
+        p = self.p
         voltage = par[AMPLITUDE] * math.cos(par[OMEGA] * t) + par[BIAS]
         return p["k"] * y[2] + p["c"] * y[3] - p["alpha"] * (voltage / (p["d"] - y[2])) ** 2
+
+    def transit(self, kind: int, t: float, y: np.ndarray, par: np.ndarray) -> None:
+        """Apply an event's transition to a state and its parameters, in place."""
+        p = self.p
+        if kind <= LEFT:
+            v1 = y[1] + (1.0 + p["e"]) * p["m2"] / (p["m1"] + p["m2"]) * y[3]
+            y[1] = v1
+            y[3] *= -p["e"]
+            par[DIRECTION] = 0.0 if v1 == 0.0 else math.copysign(1.0, v1)
+        else:
+            y[1] = 0.0
+            load = self.load(t, y, par)
+            slips = kind == BREAK_AWAY or abs(load) > self.static
+            par[DIRECTION] = math.copysign(1.0, load) if slips else 0.0
 
     def run(
         self,
@@ -84,17 +118,17 @@ class Heyoka:
 
         Every impact, end of slip and break-away is appended to `log`: (kind, t, state after).
         """
-        ta, p = self.integrator, self.p
+        ta = self.integrator
         state, par = ta.state, ta.pars
-        until, static = ta.propagate_until, self.static
-        e, share = p["e"], (1.0 + p["e"]) * p["m2"] / (p["m1"] + p["m2"])
+        until = ta.propagate_until
         done = int(hy.taylor_outcome.time_limit)
         ta.reset_cooldowns()
         ta.time = 0.0
         state[:] = start
         par[:] = (0.0, *drive)
-        if abs(self.load(0.0, state)) > static:
-            par[DIRECTION] = math.copysign(1.0, self.load(0.0, state))
+        load = self.load(0.0, state, par)
+        if abs(load) > self.static:
+            par[DIRECTION] = math.copysign(1.0, load)
         while True:
             outcome = int(until(t_end)[0])
             if outcome == done:
@@ -102,16 +136,6 @@ class Heyoka:
             if not -len(self.kinds) <= outcome < 0:
                 raise RuntimeError(f"heyoka stopped with {outcome} at t = {ta.time}")
             kind = self.kinds[-1 - outcome]  # outcome -1 is the first event, and so on
-            if kind <= LEFT:
-                v2 = state[3]
-                v1 = state[1] + share * v2
-                state[1] = v1
-                state[3] = -e * v2
-                par[DIRECTION] = 0.0 if v1 == 0.0 else math.copysign(1.0, v1)
-            else:
-                state[1] = 0.0
-                load = self.load(ta.time, state)
-                slips = kind == BREAK_AWAY or abs(load) > static
-                par[DIRECTION] = math.copysign(1.0, load) if slips else 0.0
+            self.transit(kind, ta.time, state, par)
             if log is not None:
                 log.append((kind, ta.time, state.copy()))
