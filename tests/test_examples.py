@@ -23,6 +23,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "basin_boundary": {"basins"},
     "contact_switch": {"landing"},
     "electrodes": {"pull_in"},
+    "gap_closing_actuator": {"times"},
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
