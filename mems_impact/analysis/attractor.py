@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -16,7 +17,7 @@ from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
 from mems_impact.hybrid.attractors.mapper import AttractorMapper, RecurrenceResult
-from mems_impact.hybrid.problem import Problem, ProblemParameters
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import largest
 from mems_impact.integrators.options import Options
@@ -250,21 +251,15 @@ def _followed(
             observed=system.observed,
         )
 
-    mapper = mapper_of(recurrence.longest)
-    wide: AttractorMapper | None = None
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
     transient, longer = (
         max(0.0, times * total - recurrence.periods) / unit
         for times in (1.0, recurrence.chaos_persistence - 1.0)
     )
-    points: list[tuple[ProblemParameters, HybridState]] = [
-        (each.numbers, start) for _, each, start in batch
-    ]
     report = None if watch is None else (lambda done: watch(before + done))
     on = None if report is None else (lambda _: report(float(len(batch))))
-    found = []
-
+    without = replace(recurrence, exponents="none")
     jumps = False
 
     def falls(i: int, at: HybridState, length: float) -> None:
@@ -274,59 +269,73 @@ def _followed(
             with at_study_point(numbers[i]):
                 jumps = tells(at, length)
 
-    try:
+    def attractor(
+        i: int,
+        settled: RecurrenceResult,
+        recurrence: RecurrenceOptions = recurrence,
+        exponent_periods: int = EXPONENT_PERIODS,
+    ) -> Attractor:
+        if on is not None:
+            on(0.0)  # exponents take longer than everything before: the user may interrupt here
+        case, at, _ = batch[i]
+        with collected_warnings() if numbers is None else at_study_point(numbers[i]):
+            return _attractor(case, at, settled, recurrence, options, exponent_periods)
+
+    def arrived(i: int, later: RecurrenceResult) -> Attractor:
+        each = found[i]
+        return replace(
+            attractor(i, later, without),
+            returns=each.returns + later.returns,
+            exponent=each.exponent,
+            error=each.error,
+        )
+
+    with closing(mapper_of(recurrence.longest)) as mapper:
+        points = [(each.numbers, start) for _, each, start in batch]
         settled = mapper.follow(points, transient, length, report, falls)
-        for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
-            if on is not None:
-                on(0.0)  # exponents take longer than everything before: the user may interrupt here
-            with collected_warnings() if numbers is None else at_study_point(numbers[i]):
-                each = _attractor(case, at, one, recurrence, options)
+        found = [attractor(i, one) for i, one in enumerate(settled)]
+        ends = [(point[0], one.final) for point, one in zip(points, settled, strict=True)]
+
+        def continued(
+            mapper: AttractorMapper, chosen: Sequence[int], transient: float
+        ) -> Iterator[tuple[int, RecurrenceResult]]:
+            """Follow some points from their last states; all at once, in compiled code."""
+            if not chosen:
+                return iter(())
+            later = mapper.follow([ends[i] for i in chosen], transient, length, on)
+            return zip(chosen, later, strict=True)
+
+        approaching, lasting = [], []
+        for i, ((case, at, _), each) in enumerate(zip(batch, found, strict=True)):
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
+            unsure = each.motion == UNSETTLED and not math.isnan(each.error)
             if each.motion == UNSETTLED and kind == PERIODIC:
-                # The motion came near an orbit late: detect recurrence again from its last state.
-                (later,) = mapper.follow([(at.numbers, one.final)], transient, length, on)
-                if later.outcome == detection.PERIODIC:
-                    arrived = _attractor(
-                        case, at, later, replace(recurrence, exponents="none"), options
-                    )
-                    each = replace(
-                        arrived,
-                        returns=one.returns + later.returns,
-                        exponent=each.exponent,
-                        error=each.error,
-                    )
-            elif recurrence.chaos_persistence > 1.0 and (
-                each.motion == CHAOTIC or (each.motion == UNSETTLED and not math.isnan(each.error))
-            ):
+                approaching.append(i)  # the motion came near an orbit late
+            elif recurrence.chaos_persistence > 1.0 and (each.motion == CHAOTIC or unsure):
                 # Chaos may be a transient. An exponent without a sign may also belong to a
                 # transient, or to too few periods.
-                (later,) = mapper.follow([(at.numbers, one.final)], longer, length, on)
-                after = _attractor(case, at, later, recurrence, options, LONGEST_EXPONENT_PERIODS)
-                if after.motion == FAILED:
-                    each = replace(each, motion=UNSETTLED)
-                elif not each.motion == after.motion == CHAOTIC:
-                    each = replace(after, returns=one.returns + later.returns)
-            if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0:
-                # An orbit of a longer period, or one that is approached slowly.
-                if wide is None:
-                    wide = mapper_of(WIDER * recurrence.longest)
-                (later,) = wide.follow([(at.numbers, one.final)], longer, length, on)
+                lasting.append(i)
+        for i, later in continued(mapper, approaching, transient):
+            if later.outcome == detection.PERIODIC:
+                found[i] = arrived(i, later)
+        for i, later in continued(mapper, lasting, longer):
+            after = attractor(i, later, exponent_periods=LONGEST_EXPONENT_PERIODS)
+            if after.motion == FAILED:
+                found[i] = replace(found[i], motion=UNSETTLED)
+            elif not found[i].motion == after.motion == CHAOTIC:
+                found[i] = replace(after, returns=settled[i].returns + later.returns)
+    # An orbit of a longer period, or one that is approached slowly.
+    chosen = [
+        i
+        for i, each in enumerate(found)
+        if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0
+    ]
+    if chosen:
+        with closing(mapper_of(WIDER * recurrence.longest)) as wide:
+            for i, later in continued(wide, chosen, longer):
                 if later.outcome == detection.PERIODIC:
-                    arrived = _attractor(
-                        case, at, later, replace(recurrence, exponents="none"), options
-                    )
-                    each = replace(
-                        arrived,
-                        returns=each.returns + later.returns,
-                        exponent=each.exponent,
-                        error=each.error,
-                    )
-            found.append(each)
-    finally:
-        mapper.close()
-        if wide is not None:
-            wide.close()
+                    found[i] = arrived(i, later)
     return found
 
 
