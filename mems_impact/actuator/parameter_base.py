@@ -37,11 +37,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact._util.formatting import html_table
+from mems_impact._util.limits import Limits
 from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.quantities import quantity
 
-__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "limits_of", "unknown"]
 
 TEXTS = "_texts"  # attribute that holds the values given with units
 ANGLES = ("", "rad")  # units of numbers that are the same in a dimensionless device
@@ -285,6 +286,18 @@ def _allowed(field: FieldInfo) -> str:
         return _KINDS.get(kind, f"of type {field.annotation}")
     bounds = [bound for limit in field.metadata if (bound := _bound(limit))]
     return " ".join(["a finite number", " and ".join(bounds)]).rstrip()
+
+
+def limits_of(field: FieldInfo) -> Limits:
+    """Return the range of a number."""
+    found: dict[str, Any] = {}
+    for limit in field.metadata:
+        match limit:
+            case Gt(gt=value) | Ge(ge=value):
+                found |= {"low": value, "low_excluded": isinstance(limit, Gt)}
+            case Lt(lt=value) | Le(le=value):
+                found |= {"high": value, "high_excluded": isinstance(limit, Lt)}
+    return Limits(**found)
 
 
 def _bound(limit: object) -> str:

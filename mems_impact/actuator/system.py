@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
@@ -37,6 +38,7 @@ from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltag
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.impact_statistics import yields
+from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
     COLUMN_UNITS,
@@ -483,7 +485,19 @@ class ActuatorSystem(ActuatorNumerics):
         if any(name in VOLTAGES for name in inputs):
             return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
         model = super().export_model(inputs, initial, options)
-        return replace(model, name=self.name or "actuator", mode_by_switch=True)
+        named = self.name or "actuator"
+        return replace(model, name=named, mode_by_switch=True, relations=ORDERED)
+
+    def limits(self, name: str) -> Limits:
+        """Return the range of a parameter."""
+        owner, dot, own = name.partition(".")
+        if dot:
+            term = self.actuator.term(owner)
+            fields = {} if term is None else type(term).model_fields
+        else:
+            own = name
+            fields = {**type(self.drive).model_fields, **Actuator.model_fields}
+        return limits_of(fields[own]) if own in fields else UNLIMITED
 
     def _with_imported_voltage(self, inputs: Sequence[str]) -> ImportedSystem:
         """Return the system with voltages as inputs, in place of the drive."""
@@ -829,6 +843,9 @@ class NamedState:
 VOLTAGES = ("voltage", "left_voltage")
 """The inputs that replace a drive."""
 
+ORDERED = (("delta", "d", False), ("mu_d", "mu_s", True))
+"""Parameters of which the first is below the second, and whether they may be equal."""
+
 
 class ImportedSystem(ActuatorSystem):
     """An actuator whose voltages are inputs, for export."""
@@ -870,6 +887,7 @@ class ImportedSystem(ActuatorSystem):
             numbers=(*own, *voltages),
             inputs=(*others, *(number.name for number in voltages)),
             mode_by_switch=True,
+            relations=ORDERED,
         )
 
 

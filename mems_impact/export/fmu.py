@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import platform
 import re
@@ -20,6 +21,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from mems_impact._util.files import replacing
+from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.quantities import base_powers
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel
@@ -58,6 +60,9 @@ class ModelVariable:
     integer : bool
     state : int or None
         Reference of the state, for a derivative.
+    indicator : bool
+        Whether it is an event indicator.
+    limits : Limits
     """
 
     name: str
@@ -70,6 +75,14 @@ class ModelVariable:
     description: str = ""
     integer: bool = False
     state: int | None = None
+    indicator: bool = False
+    limits: Limits = UNLIMITED
+
+    @property
+    def range(self) -> dict[str, float]:
+        """The attributes of the range."""
+        bounds = {"min": self.limits.low, "max": self.limits.high}
+        return {name: float(bound) for name, bound in bounds.items() if math.isfinite(bound)}
 
 
 def identifier(name: str) -> str:
@@ -141,6 +154,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                 initial="" if kind == INPUT else "exact",
                 start=number.value,
                 unit=number.unit,
+                limits=number.limits,
             )
         )
     first = 1 + 2 * n + len(model.numbers)
@@ -157,6 +171,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                     variability="continuous",
                     initial="calculated",
                     description="event indicator, in the units of the numerics",
+                    indicator=True,
                 )
             )
     found.append(
@@ -318,7 +333,9 @@ def description_2(
             inner = f"<Integer {attributes(start=variable.start)}/>"
         else:
             state = None if variable.state is None else places[variable.state]
-            inner = attributes(start=variable.start, unit=variable.unit, derivative=state)
+            inner = attributes(
+                start=variable.start, unit=variable.unit, derivative=state, **variable.range
+            )
             inner = f"<Real {inner}/>"
         lines.append(f"    <ScalarVariable {outer}>{inner}</ScalarVariable>")
     lines += ["  </ModelVariables>", "  <ModelStructure>", "    <Outputs>"]
@@ -369,13 +386,14 @@ def description_3(
             unit=variable.unit,
             derivative=variable.state,
             start=variable.start,
+            **variable.range,
         )
         lines.append(f"    <{kind} {text}/>")
     lines += ["  </ModelVariables>", "  <ModelStructure>"]
     outputs = [each for each in variables if each.causality == "output"]
     rates = [each for each in variables if each.state is not None]
     unknowns = [each for each in outputs if each.initial == "calculated"] + rates
-    margins = [each for each in variables if each.description.startswith("event indicator")]
+    margins = [each for each in variables if each.indicator]
     for element, members in (
         ("Output", outputs),
         ("ContinuousStateDerivative", rates),

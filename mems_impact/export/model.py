@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
@@ -29,6 +30,8 @@ class ExportedNumber:
         exported model has its value as a constant.
     rate_place : int or None
         Index in the parameter array of the time derivative of an input.
+    limits : Limits
+        In the system's units.
     """
 
     name: str
@@ -37,6 +40,7 @@ class ExportedNumber:
     factor: float = 1.0
     place: int | None = None
     rate_place: int | None = None
+    limits: Limits = UNLIMITED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +77,9 @@ class ExportedModel:
         Likewise.
     rate_step_place : int or None
         Index in the parameter array of the difference step of rates.
+    relations : tuple of tuple
+        Pairs of names of numbers, the first of which is below the second, and whether they may be
+        equal.
     """
 
     name: str
@@ -93,3 +100,4 @@ class ExportedModel:
     time_scale: Callable[..., Any] | None = None
     switches: Callable[..., Any] | None = None
     rate_step_place: int | None = None
+    relations: tuple[tuple[str, str, bool], ...] = ()

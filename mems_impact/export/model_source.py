@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -63,6 +64,7 @@ def model_header(model: ExportedModel) -> str:
         "PARAMETERS": len(problem.parameters),
         "VALUES": len(model.numbers),
         "INPUTS": len(model.inputs),
+        "RELATIONS": len(model.relations),
         "SWITCHES": switches,
         "INDICATORS": m + sum(guard.impact for guard in automaton.guards),
         "FIRST_INTEGER": first_integer(model),
@@ -113,9 +115,7 @@ def model_header(model: ExportedModel) -> str:
         reals("GUARD_ORDERS", [float(guard.order or 0) for guard in guards]),
         reals("GUARD_IMPACTS", [float(guard.impact) for guard in guards]),
         reals("GUARD_RECORDS", [float(guard.records) for guard in guards]),
-        "static const char *const GUARD_NAMES[GUARDS] = { "
-        + ", ".join(text(guard.name) for guard in guards)
-        + " };",
+        texts("GUARD_NAMES", [guard.name for guard in guards]),
         reals("VALUE_STARTS", [number.value for number in model.numbers] or [0.0]),
         "static const int VALUE_KINDS[] = { "
         + (", ".join(str(kind_of_number(model, i)) for i in range(len(model.numbers))) or "0")
@@ -124,6 +124,7 @@ def model_header(model: ExportedModel) -> str:
         + (", ".join(str(rate_place(number)) for number in model.numbers) or "-1")
         + " };",
         reals("VALUE_FACTORS", [number.factor for number in model.numbers] or [1.0]),
+        *limit_tables(model),
         reals("PARAMETER_STARTS", problem.parameters),
     ]
     more = "\n\n".join([parameter_function(model, source), mode_function(model, source)])
@@ -148,6 +149,40 @@ def model_header(model: ExportedModel) -> str:
 def rate_place(number: ExportedNumber) -> int:
     """Return the index of the rate of an input; -1 without one."""
     return -1 if number.rate_place is None else number.rate_place
+
+
+def limit_tables(model: ExportedModel) -> list[str]:
+    """Return names and ranges of the numbers, and the relations between them."""
+    numbers = model.numbers
+    lows, highs, allowed = [], [], []
+    for number in numbers:
+        found = number.limits
+        lows.append(math.nextafter(found.low, math.inf) if found.low_excluded else found.low)
+        highs.append(math.nextafter(found.high, -math.inf) if found.high_excluded else found.high)
+        bounds = (
+            (">" if found.low_excluded else ">=", found.low),
+            ("<" if found.high_excluded else "<=", found.high),
+        )
+        shown = [f"{sign} {bound:.9g}" for sign, bound in bounds if math.isfinite(bound)]
+        allowed.append(f"a finite number {' and '.join(shown)}".rstrip())
+    places = {number.name: i for i, number in enumerate(numbers)}
+    rows = [(places[low], places[high], int(equal)) for low, high, equal in model.relations]
+    return [
+        reals("VALUE_LOWS", lows or [0.0]),
+        reals("VALUE_HIGHS", highs or [0.0]),
+        texts("VALUE_NAMES", [number.name for number in numbers]),
+        texts("VALUE_UNITS", [f" {number.unit}".rstrip() for number in numbers]),
+        texts("VALUE_RANGES", allowed),
+        "static const int VALUE_RELATIONS[][3] = { "
+        + (", ".join(f"{{ {i}, {j}, {equal} }}" for i, j, equal in rows) or "{ 0 }")
+        + " };",
+    ]
+
+
+def texts(name: str, values: Sequence[str]) -> str:
+    """Return a table of strings."""
+    listed = ", ".join(map(text, values)) or text("")
+    return f"static const char *const {name}[] = {{ {listed} }};"
 
 
 def reals(name: str, values: Sequence[float]) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.export.model import ExportedModel, ExportedNumber
@@ -650,6 +651,7 @@ class HybridSystem(Result, ABC):
                 unit=self.unit(name),
                 factor=self.factor(name),
                 place=places.get(name),
+                limits=self.limits(name),
             )
             for name, value in self.parameters.items()
         )
@@ -671,6 +673,10 @@ class HybridSystem(Result, ABC):
             start_time=float(self.out("time", start.time)),
             inputs=tuple(inputs),
         )
+
+    def limits(self, name: str) -> Limits:
+        """Return the range of a parameter."""
+        return UNLIMITED
 
     @property
     def parameter_places(self) -> Mapping[str, int]:

@@ -293,6 +293,43 @@ def test_tables_of_a_device_are_no_parameters(tmp_path):
     assert problems_of(system.to_fmu(tmp_path / "device.fmu")) == []
 
 
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_values_out_of_range_are_refused_with_the_range(tmp_path, fmi):
+    path = MITA.to_fmu(tmp_path / "device.fmu", mi.Sine(amplitude=60.0, frequency=100.0), fmi=fmi)
+    assert problems_of(path) == []
+    description = fmpy.read_model_description(str(path))
+    named = {each.name: each for each in description.modelVariables}
+    assert (named["e"].min, named["e"].max, named["m2"].min) == ("0.0", "1.0", "0.0")
+    said = []
+
+    def logger(*arguments):
+        said.append(arguments[-1].decode())
+
+    folder = fmpy.extract(str(path), str(tmp_path / "unzipped"))
+    unit = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=logger)
+    write = unit.setReal if fmi == "2.0" else unit.setFloat64
+    unit.enterInitializationMode()
+    for name, value in (("e", 1.5), ("m2", 0.0), ("c", -1e-9), ("k", math.nan)):
+        with pytest.raises(FMICallException):
+            write([named[name].valueReference], [value])
+        with pytest.raises(mi.InvalidParameter):
+            MITA.replace(**{name: value})
+    write([named["e"].valueReference], [1.0])
+    write([named["delta"].valueReference], [6e-6])
+    with pytest.raises(FMICallException):
+        unit.exitInitializationMode()
+    assert said == [
+        "e = 1.5: must be a finite number >= 0 and <= 1",
+        "m2 = 0 kg: must be a finite number > 0",
+        "c = -1e-09 N s/m: must be a finite number >= 0",
+        "k = nan N/m: must be a finite number > 0",
+        "delta = 6e-06 m: must be below d = 5e-06 m",
+    ]
+    write([named["delta"].valueReference], [2e-6])
+    unit.exitInitializationMode()
+    unit.freeInstance()
+
+
 def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):
     sine = mi.Sine(amplitude="60 V", frequency="100 Hz")
     places = MITA.adding(mi.Tilt(angle=0.1)).under(sine).parameter_places

@@ -115,8 +115,10 @@ FMI(fmi2EnterInitializationMode)(fmi2Component c) { UNUSED(c); return fmi2OK; }
 
 FMI(fmi2ExitInitializationMode)(fmi2Component c)
 {
+    char text[256];
     Instance *instance = c;
     int exchange = instance->type == fmi2ModelExchange;
+    if (contradiction(of(c), text, sizeof text) != NULL) return failed(c, text);
     if (!is_good(begin_run(of(c), exchange))) return run_failed(c);
     of(c)->changed = 0;
     if (!exchange && advance(of(c), of(c)->now, 0) < 0) return run_failed(c);
@@ -138,9 +140,12 @@ FMI(fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2R
 
 FMI(fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
+    char text[256];
     size_t i;
-    for (i = 0; i < n; i++)
-        if (!set_real(of(c), vr[i], value[i])) return failed(c, "this variable cannot be set now");
+    for (i = 0; i < n; i++) {
+        const char *refusal = set_real(of(c), vr[i], value[i], text, sizeof text);
+        if (refusal != NULL) return failed(c, refusal);
+    }
     return fmi2OK;
 }
 

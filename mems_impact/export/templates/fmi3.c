@@ -127,7 +127,9 @@ FMI(fmi3EnterInitializationMode)(fmi3Instance c, bool defined, double tolerance,
 
 FMI(fmi3ExitInitializationMode)(fmi3Instance c)
 {
+    char text[256];
     Instance *instance = c;
+    if (contradiction(of(c), text, sizeof text) != NULL) return failed(c, text);
     if (!is_good(begin_run(of(c), instance->exchange))) return run_failed(c);
     of(c)->changed = 0;
     if (!instance->exchange && advance(of(c), of(c)->now, 0) < 0) return run_failed(c);
@@ -155,10 +157,13 @@ FMI(fmi3GetFloat64)(fmi3Instance c, const fmi3ValueReference vr[], size_t n, dou
 FMI(fmi3SetFloat64)(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const double values[],
                     size_t count)
 {
+    char text[256];
     size_t i;
     UNUSED(count);
-    for (i = 0; i < n; i++)
-        if (!set_real(of(c), vr[i], values[i])) return failed(c, "this variable cannot be set now");
+    for (i = 0; i < n; i++) {
+        const char *refusal = set_real(of(c), vr[i], values[i], text, sizeof text);
+        if (refusal != NULL) return failed(c, refusal);
+    }
     return fmi3OK;
 }
 

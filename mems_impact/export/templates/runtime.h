@@ -497,28 +497,56 @@ static int get_real(Memory *memory, unsigned reference, double *value)
     return 0;
 }
 
-static int set_real(Memory *memory, unsigned reference, double value)
+/* The first relation between numbers that does not hold, as a text; NULL if all do. */
+static const char *contradiction(const Memory *memory, char *text, size_t size)
 {
+    int i;
+    for (i = 0; i < RELATIONS; i++) {
+        int low = VALUE_RELATIONS[i][0], high = VALUE_RELATIONS[i][1];
+        double a = memory->values[low], b = memory->values[high];
+        if (a < b || (VALUE_RELATIONS[i][2] && a == b)) continue;
+        snprintf(text, size, "%s = %.9g%s: must be %s %s = %.9g%s", VALUE_NAMES[low], a,
+                 VALUE_UNITS[low], VALUE_RELATIONS[i][2] ? "at most" : "below", VALUE_NAMES[high], b,
+                 VALUE_UNITS[high]);
+        return text;
+    }
+    return NULL;
+}
+
+/* Set a state, parameter or input; return NULL, or why not. */
+static const char *set_real(Memory *memory, unsigned reference, double value, char *text,
+                            size_t size)
+{
+    static const char *const NOT_NOW = "this variable cannot be set now";
+    double before;
     int64_t i = (int64_t)reference - 1;
     if (i >= 0 && i < STATES) {
-        if (memory->running && !memory->imports) return 0;
+        if (memory->running && !memory->imports) return NOT_NOW;
         memory->start[i] = value;
         if (memory->running) {
             memory->shown[i] = value;
             import_states(memory, memory->shown);
         }
-        return 1;
+        return NULL;
     }
     i -= 2 * STATES;
-    if (i < 0 || i >= VALUES) return 0;
-    if (memory->values[i] == value) return 1;
-    if (VALUE_KINDS[i] == 0 || (memory->running && VALUE_KINDS[i] != 2)) return 0;
-    memory->values[i] = value;
-    if (!memory->imports || memory->in_event) memory->changed = 1;
-    if (memory->running) {
-        update_parameters(memory);
+    if (i < 0 || i >= VALUES) return NOT_NOW;
+    if (memory->values[i] == value) return NULL;
+    if (VALUE_KINDS[i] == 0 || (memory->running && VALUE_KINDS[i] != 2)) return NOT_NOW;
+    if (!isfinite(value) || value < VALUE_LOWS[i] || value > VALUE_HIGHS[i]) {
+        snprintf(text, size, "%s = %.9g%s: must be %s", VALUE_NAMES[i], value, VALUE_UNITS[i],
+                 VALUE_RANGES[i]);
+        return text;
     }
-    return 1;
+    before = memory->values[i];
+    memory->values[i] = value;
+    if (memory->running && contradiction(memory, text, size) != NULL) {
+        memory->values[i] = before;
+        return text;
+    }
+    if (!memory->imports || memory->in_event) memory->changed = 1;
+    if (memory->running) update_parameters(memory);
+    return NULL;
 }
 
 static int get_integer(Memory *memory, unsigned reference, int64_t *value)

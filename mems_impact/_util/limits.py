@@ -1,0 +1,29 @@
+"""Ranges of numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["UNLIMITED", "Limits"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """The range of a number.
+
+    Attributes
+    ----------
+    low, high : float
+    low_excluded, high_excluded : bool
+        Whether the bound itself is not allowed.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    low_excluded: bool = False
+    high_excluded: bool = False
+
+
+UNLIMITED = Limits()
+"""Any number."""
