@@ -159,7 +159,8 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     edges = types[[f"{omega} from", f"{omega} to"]] if len(types) else table[omega]
     ax.set_xlim(edges.to_numpy().min(), edges.to_numpy().max())
     low, high = ax.get_ylim()
-    ax.set_ylim(low - 0.22 * (high - low), high + 0.08 * (high - low))  # for labels
+    room = high - low  # for labels; voltages are not negative
+    ax.set_ylim(max(low - 0.22 * room, min(low, 0.0)), high + 0.08 * room)
     for _, row in types.iterrows():
         low, high = row[f"{omega} from"], row[f"{omega} to"]
         ax.axvspan(low, high, color=SHADES[row["type"]], linewidth=0.0, zorder=0)

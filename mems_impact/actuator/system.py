@@ -31,6 +31,7 @@ from mems_impact.actuator.automaton import (
     side_of,
 )
 from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, compose, composed_automaton
+from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.files import drive_of_kind
@@ -194,6 +195,13 @@ class ActuatorNumerics(HybridSystem):
     def forcing_period(self) -> float:
         """The period of the drive, or of the voltage itself if a term depends on its sign."""
         return self.drive.period * (2.0 if self._uses_full_voltage_period else 1.0)
+
+    def check_parameter(self, name: str, field: str = "parameter") -> None:
+        """Raise InvalidParameter unless `name` is a parameter, with the symbol of a quantity."""
+        entry = QUANTITIES.get(name)
+        if entry is not None and entry.parameter and name not in self.parameters:
+            raise InvalidParameter(field, name, f"{entry.parameter}, the symbol of this quantity")
+        super().check_parameter(name, field)
 
     def changed(self, /, **values: float) -> Self:
         """Return the system at other, validated values of some parameters."""

@@ -21,7 +21,10 @@ TEMPLATES = {
 """By kind: template, which is the default name of the file, and a first command for it."""
 
 
-GIVEN = {**QUANTITIES, "friction": Entry("", "coefficient of friction, static and dynamic")}
+GIVEN = {
+    **QUANTITIES,
+    "friction": Entry("", "coefficient of friction, or two: static, dynamic"),
+}
 
 
 def _option_of(name: str) -> str:
@@ -34,7 +37,20 @@ def _quantity_option(name: str) -> Callable[[Any], Any]:
     return click.option(_option_of(name), name, metavar="QUANTITY", help=text)
 
 
-@click.command(short_help="Write a file of a device or a system.")
+class NewCommand(click.Command):
+    """A command with an option of one or two values, static and dynamic friction."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse arguments, two coefficients of friction as one."""
+        if "--friction" in args:
+            first = args.index("--friction") + 1
+            pair = args[first : first + 2]
+            if len(pair) == 2 and all(isinstance(_value(each), float) for each in pair):
+                args = [*args[:first], " ".join(pair), *args[first + 2 :]]
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=NewCommand, short_help="Write a file of a device or a system.")
 @click.argument("kind", type=click.Choice(list(TEMPLATES)))
 @click.argument("file", type=click.Path(), required=False)
 @apply_decorators(*map(_quantity_option, GIVEN))
@@ -83,6 +99,8 @@ def _design(template: str, given: dict[str, str]) -> str:
     from mems_impact.actuator.parameters import Actuator
 
     values: dict[str, Any] = {name: _value(text) for name, text in given.items()}
+    if "friction" in given:
+        values["friction"] = _friction(given["friction"])
     actuator = Actuator.from_design(**values)
     lines = [f"{name} = {_toml(value)}" for name, value in values.items()]
     above, _, rest = template.partition("[parameters]")
@@ -100,7 +118,13 @@ def _value(text: str) -> float | str:
         return text
 
 
-def _toml(value: float | str) -> str:
+def _friction(text: str) -> Any:
+    """Return a coefficient, or a pair of them."""
+    parts = [_value(part) for part in text.replace(",", " ").split()]
+    return parts if len(parts) == 2 else _value(text)
+
+
+def _toml(value: float | str | list[float]) -> str:
     import json
 
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

@@ -124,7 +124,8 @@ def command(
     import numpy as np
 
     import mems_impact as mi
-    from mems_impact.actuator.parameters import device_text
+    from mems_impact.actuator.parameters import device_text, numbers_for
+    from mems_impact.actuator.terms.base import drive_unit
 
     actuator = actuator_from(device, changes)
     drive = drive_from() if _has_drive() else None
@@ -132,8 +133,9 @@ def command(
     given: dict[str, Any] = {**options, "title": title or name, "description": description}
     if voltages is not None:
         low, high, count = voltages
-        kind = QuantityType("V")
-        given["voltages"] = np.linspace(kind.number(low), kind.number(high), count)
+        unit = drive_unit(actuator.terms)
+        start, stop = numbers_for(actuator, "voltages", [low, high], unit)
+        given["voltages"] = np.linspace(start, stop, count)
     if initial:
         given["initial"] = state_from(initial, actuator)
     given["tolerances"] = options["tolerances"] or None

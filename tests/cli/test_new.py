@@ -72,3 +72,15 @@ def test_a_shell_completes_commands_options_and_devices():
 @pytest.mark.parametrize("option", ["--friction", "--pull-in"])
 def test_quantities_are_those_of_a_device(cli, option):
     assert f"{option}: of a device only" in cli("new", "system", option, "1").complaint()
+
+
+@pytest.mark.parametrize("given", [("0.4", "0.3"), ("0.4, 0.3",)])
+def test_friction_is_one_coefficient_or_two(cli, tmp_path, given):
+    path = tmp_path / "two.toml"
+    sheet = "--frequency 1.2kHz --quality 30 --proof-mass 0.2mg --frame-mass 1mg --gap 4um"
+    sheet += " --travel 2.5um --pull-in 70V --restitution 0.6"
+    cli("new", "device", str(path), *sheet.split(), "--friction", *given)
+    device = mi.load_actuator(path)
+    assert (device.mu_s, device.mu_d) == (0.4, 0.3)
+    again = (str(tmp_path / "none.toml"), *sheet.split(), "--friction", "0.4 0.3 0.2")
+    assert "friction" in cli("new", "device", *again).complaint()

@@ -247,6 +247,12 @@ def test_refused(arguments, field):
     assert caught.value.field == field
 
 
+def test_a_quantity_of_a_data_sheet_is_told_its_symbol():
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.2, omega=0.5))
+    with pytest.raises(mi.InvalidParameter, match=r"parameter = 'gap': must be d, the symbol"):
+        mi.sweep(system, "gap", [0.9, 1.1])
+
+
 def test_unknown_parameter_lists_the_known():
     with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, phase, m1"):
         swept(parameter="volts")

@@ -67,7 +67,8 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
 
     With terms, the largest voltage of an equilibrium between the position without voltage and the
     stopper is computed numerically. Terms in series with the electrode transmit a slow voltage, and
-    its insulation is free of trapped charge. A comb drive has no pull-in.
+    its insulation is free of trapped charge. A force that does not depend on the position, such as
+    that of a comb drive, has no pull-in.
 
     The dynamic pull-in voltage is the least voltage that, switched on suddenly, brings the block
     from rest to the stopper in a held frame. Without damping, the energy gives

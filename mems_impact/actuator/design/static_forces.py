@@ -22,6 +22,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["StaticForces", "parameters_of"]
 
 FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
+CONSTANT_RTOL = 1e-6  # of a force that counts as constant, as from a rounded table
 BALANCED = 1e-9  # rates of states at rest, in scaled units
 
 
@@ -71,7 +72,7 @@ class StaticForces:
         Raises
         ------
         InvalidParameter
-            If the electrode is a comb that pulls the block to the stopper through equilibria.
+            If the force of the electrode does not depend on the position, as that of a comb.
         """
         delta = self.actuator.delta
         places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
@@ -86,9 +87,10 @@ class StaticForces:
                 lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
             )
             best = max(best, -float(found.fun))
-        elif i > 0 and not self._parasitic and (comb := self._right("comb_drive")):
+        elif i > 0 and not self._parasitic and self._constant:
+            names = [type(term).__name__ for term in self._terms if term.instead == "electrode"]
             problem = (
-                f"no pull-in with {type(comb).__name__}: its force does not depend on the "
+                f"no pull-in with {' and '.join(names)}: its force does not depend on the "
                 "position; use resting_voltage, at which the block reaches the stopper"
             )
             raise InvalidParameter("terms", self._given, "", problem=problem)
@@ -99,7 +101,7 @@ class StaticForces:
         try:
             return self.pull_in()
         except InvalidParameter:
-            if self._right("comb_drive") is None:
+            if not self._constant:
                 raise
             return self.resting()
 
@@ -111,10 +113,12 @@ class StaticForces:
         """Return the capacitance of the right electrode without voltage, at x2 = 0."""
         return float(self.model.electrodes[0].capacitance(0.0, self.p))
 
-    def _right(self, name: str) -> Term | None:
-        """Return the term of this name at the right electrode."""
-        found = self.actuator.term(name)
-        return found if found is not None and found.acts_at(found.shape, 1) else None
+    @cached_property
+    def _constant(self) -> bool:
+        """Whether the force of the right electrode is the same at all positions."""
+        places = np.linspace(-self.actuator.delta, self.actuator.delta, FORCE_CURVE_POINTS)
+        forces = [self.attraction(x2) for x2 in places.tolist()]
+        return max(forces) - min(forces) <= CONSTANT_RTOL * max(forces)
 
     def resting(self) -> float:
         """Compute the voltage above which a block on the right stopper stays there."""

@@ -65,6 +65,19 @@ def test_comb_has_its_closed_form():
     np.testing.assert_allclose(samples["x2"], exact(samples["t"].to_numpy()), atol=1e-10)
 
 
+def test_a_linear_table_has_no_pull_in():
+    x = np.linspace(-3e-6, 3e-6, 7)
+    slope = 4e-8
+    table = mi.TabulatedCapacitance(positions=x, capacitances=np.round(2e-13 + slope * x, 22))
+    device = MITA.adding(table)
+    for dynamic in (False, True):
+        with pytest.raises(mi.InvalidParameter, match="no pull-in with TabulatedCapacitance"):
+            mi.pull_in_voltage(device, dynamic=dynamic)
+    contact = math.sqrt(2.0 * device.k * device.delta / slope)
+    assert mi.resting_voltage(device) == pytest.approx(contact, rel=1e-6)
+    assert "pull_in" not in device.datasheet
+
+
 def test_comb_has_no_pull_in():
     device = MITA.adding(COMB_SI)
     slope = 2.0 * 100 * 8.8541878188e-12 * 20e-6 / 2e-6
