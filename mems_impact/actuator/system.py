@@ -852,7 +852,7 @@ VOLTAGES = ("voltage", "left_voltage")
 """The inputs that replace a drive."""
 
 ORDERED = (("delta", "d", False), ("mu_d", "mu_s", True))
-"""Parameters of which the first is below the second, and whether they may be equal."""
+"""Pairs of parameters, the lower one first, and whether they may be equal."""
 
 
 class ImportedSystem(ActuatorSystem):

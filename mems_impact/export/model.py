@@ -78,8 +78,7 @@ class ExportedModel:
     rate_step_place : int or None
         Index in the parameter array of the difference step of rates.
     relations : tuple of tuple
-        Pairs of names of numbers, the first of which is below the second, and whether they may be
-        equal.
+        Pairs of names of numbers, the lower one first, and whether they may be equal.
     """
 
     name: str
