@@ -20,7 +20,8 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from functools import lru_cache
+from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -203,6 +204,14 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
                 "define it in a file",
             ) from None
         text, file, offset = "".join(lines), function.__code__.co_filename, max(first - 1, 0)
+        if function.__code__ not in _codes_of("".join(inspect.findsource(function)[0])):
+            raise FunctionError(
+                f"function {function.__name__!r}",
+                "cannot be translated to C: its file has changed since it was imported",
+                "import it again, in a new process or by importlib.reload",
+                file,
+                offset + 1,
+            )
     text = textwrap.dedent(text)
     try:
         tree = ast.parse(text)
@@ -235,6 +244,21 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
         )
     node: Any = found[0]
     return SourceText(node, file, offset)
+
+
+@lru_cache(maxsize=64)
+def _codes_of(text: str) -> frozenset[CodeType]:
+    """Return the code of all functions in the text of a file; none if it cannot be compiled."""
+    try:
+        left = [compile(text, "", "exec", dont_inherit=True)]
+    except SyntaxError:
+        return frozenset()
+    found = set()
+    while left:
+        code = left.pop()
+        found.add(code)
+        left += [each for each in code.co_consts if isinstance(each, CodeType)]
+    return frozenset(found)
 
 
 # --- Functions of libraries

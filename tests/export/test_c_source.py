@@ -1,15 +1,17 @@
 """Functions in C give the numbers that they give in Python."""
 
 import ctypes
+import importlib
 import math
 import subprocess
+import sys
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.export.c_source import BOOLEAN, INTEGER, REAL, Array, CSource
+from mems_impact.export.c_source import BOOLEAN, INTEGER, REAL, Array, CSource, source_of
 from mems_impact.export.fmu import find_compiler
 
 needs_compiler = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
@@ -262,3 +264,18 @@ def source_kind(value):
     from mems_impact.export.c_source import Fixed
 
     return Fixed(value)
+
+
+@pytest.mark.parametrize("above", ["", "# a line above\n"])
+def test_a_file_that_changed_since_its_import_is_refused(tmp_path, monkeypatch, above):
+    path = tmp_path / "falling.py"
+    path.write_text("def fall(mode, t, y, p):\n    return y.v, -p.g\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    fall = importlib.import_module("falling").fall
+    assert source_of(fall, {}).tree.name == "fall"
+    path.write_text(above + "def fall(mode, t, y, p):\n    return y.v, -2.0 * p.g\n")
+    with pytest.raises(mi.FunctionError, match=r"fall.*its file has changed since it was imported"):
+        source_of(fall, {})
+    path.write_text("def fall(mode, t, y, p):\n    return y.v, -p.g\n\n\nMORE = 1\n")
+    assert source_of(fall, {}).tree.name == "fall"
+    sys.modules.pop("falling")
