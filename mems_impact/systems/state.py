@@ -8,6 +8,7 @@ from itertools import islice
 from numbers import Real
 from typing import Any
 
+from mems_impact._util.quantities import has_unit
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Mode", "State", "is_number", "modes", "state_from", "whole"]
@@ -110,7 +111,10 @@ class State:
     ) -> None:
         for name, value in {**components, "time": time}.items():
             if not is_number(value):
-                raise InvalidParameter(name, value, "a finite number")
+                allowed = "a finite number"
+                if has_unit(value):
+                    allowed += f'; for units, initial={{"{name}": …}}, where the system is known'
+                raise InvalidParameter(name, value, allowed)
         if time < 0.0:
             raise InvalidParameter("time", time, ">= 0 and below the forcing period")
         object.__setattr__(self, "_values", components)

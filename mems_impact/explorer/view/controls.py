@@ -13,12 +13,12 @@ from bokeh.models import (
     Button,
     CustomJS,
     Div,
-    NumericInput,
-    PrintfTickFormatter,
     Select,
     Slider,
+    TextInput,
 )
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.session import (
     LONGEST,
     SHORTEST,
@@ -77,12 +77,12 @@ class Controls:
         self._changed = changed
         self._updates: list[Callable[[PageSetting], None]] = []
         self._updating = False
+        self._system = system = subject.system
         by_name = {dial.name: dial for dial in dials}
         parts: list[Any] = []
         for heading, names in subject.groups.items():
             parts.append(_heading(heading))
             parts += [self._parameter(by_name[name], setting) for name in names]
-        system = subject.system
         planar = list(planes(system))
         shown = [
             self._length(setting, length_word(system)),
@@ -118,14 +118,19 @@ class Controls:
         def read(setting: PageSetting) -> float:
             return dial.displayed(setting.values[dial.name])
 
-        def changed(setting: PageSetting, new: float) -> PageSetting:
-            return setting.with_value(dial.name, dial.value(new))
+        def changed(setting: PageSetting, new: float | str) -> PageSetting:
+            value = self._system.without_unit(dial.name, new) if isinstance(new, str) else None
+            if isinstance(value, str):
+                raise InvalidParameter(dial.name, new, "a number")
+            return setting.with_value(dial.name, dial.value(float(new)) if value is None else value)
 
         bounds = (each / dial.factor for each in (dial.low, dial.high, dial.step))
         return self._number(dial.name, dial.title, setting, read, changed, *bounds)
 
     def _length(self, setting: PageSetting, word: str) -> Any:
-        def changed(setting: PageSetting, new: float) -> PageSetting:
+        def changed(setting: PageSetting, new: float | str) -> PageSetting:
+            if isinstance(new, str):
+                raise InvalidParameter(word, new, "a number")
             return replace(setting, length=min(max(new, SHORTEST), LONGEST))
 
         return self._number(
@@ -139,29 +144,35 @@ class Controls:
         title: str,
         setting: PageSetting,
         read: Callable[[PageSetting], float],
-        changed: Callable[[PageSetting, float], PageSetting],
+        changed: Callable[[PageSetting, float | str], PageSetting],
         low: float,
         high: float,
         step: float,
     ) -> Any:
-        """Return a slider and a number field of the same value; the field goes beyond the slider.
+        """Return a slider and a field of the same value; the field goes beyond the slider.
 
-        `read` returns the value of a setting, `changed` the setting with another value.
+        `read` returns the value of a setting, `changed` the setting with another value, or with a
+        text that is no number, such as one with a unit.
         """
         value = read(setting)
         slider = Slider(
             value=value, start=min(low, value), end=max(high, value), step=step, title=None,
             sizing_mode=STRETCH_WIDTH, align="center", margin=(0, 5, 0, 5), name=f"slider {name}",
         )  # fmt: skip
-        field = NumericInput(
-            value=value, mode="float", format=PrintfTickFormatter(format=FIELD_DIGITS),
-            width=FIELD_WIDTH_PX, margin=(0, 5, 0, 5), stylesheets=[FIELD_STYLE],
-            name=f"field {name}",
+        field = TextInput(
+            value=FIELD_DIGITS % value, width=FIELD_WIDTH_PX, margin=(0, 5, 0, 5),
+            stylesheets=[FIELD_STYLE], name=f"field {name}",
         )  # fmt: skip
 
         def moved(_attr: str, _old: Any, new: float | None) -> None:
             if new is not None and math.isfinite(new):
                 self._change(lambda setting: changed(setting, float(new)))
+
+        def typed(_attr: str, _old: Any, new: str) -> None:
+            try:
+                moved("", None, float(new))
+            except ValueError:
+                self._change(lambda setting: changed(setting, new))
 
         def update(setting: PageSetting) -> None:
             value = read(setting)
@@ -169,11 +180,11 @@ class Controls:
                 slider.update(
                     start=min(slider.start, value), end=max(slider.end, value), value=value
                 )
-            field.value = value
+            field.value = FIELD_DIGITS % value
 
         self._updates.append(update)
-        for each in (slider, field):
-            each.on_change("value", moved)
+        slider.on_change("value", moved)
+        field.on_change("value", typed)
         slider.js_on_change("value", CustomJS(code=MOVED))
         label = Div(text=title, render_as_text=True, margin=(4, 5, 0, 5))
         inputs = row(slider, field, sizing_mode=STRETCH_WIDTH)

@@ -108,9 +108,13 @@ class Page:
             thread.stop()
 
     def change(self, change: Callable[[PageSetting], PageSetting]) -> None:
-        """Compute the picture of a changed setting."""
-        self.setting = change(self.setting)
-        self._refused = False
+        """Compute the picture of a changed setting; say why a text is no value."""
+        try:
+            self.setting = change(self.setting)
+        except InvalidParameter as error:
+            self.message.text, self._refused = str(error), True
+        else:
+            self._refused = False
         self.controls.show(self.setting)
         self.pictures.ask(self.setting)
 
