@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from llvmlite import ir
@@ -180,6 +181,13 @@ def compile_kernel(
         return Kernel(library.get_pointer_to_function(name), library)
 
 
+@lru_cache(maxsize=64)
+def _inlined(function: Callable[..., Any], options: tuple[tuple[str, Any], ...]) -> Any:
+    """Return the numba function, one for all sizes: its translation takes most of the time."""
+    # The calling convention of an array is a quarter of the time of a small function.
+    return njit(**{**JIT, **INNER, "forceinline": True, **dict(options)})(function)
+
+
 def _link(
     function: Callable[..., Any],
     arguments: tuple[Any, ...],
@@ -187,8 +195,7 @@ def _link(
     name: str,
     options: dict[str, Any],
 ) -> Any:
-    # The calling convention of an array is a quarter of the time of a small function.
-    compiled: Any = njit(**{**JIT, **INNER, "forceinline": True, **options})(function)
+    compiled = _inlined(function, tuple(options.items()))
     compiled.compile(arguments)
     done = compiled.overloads[arguments]
     library = cpu_target.target_context.codegen().create_library(name)
