@@ -101,9 +101,7 @@ class Variational:
         self.k = directions.shape[0]
         self._block = np.concatenate([p, directions.ravel()])
         self._size = self.n * (1 + len(self.free) + self.k)
-        extended = extended_flow(
-            automaton.flow, self.n, len(self.free), self.k, p.size, automaton.step
-        )
+        extended = extended_flow(automaton.flow, self.n, len(self.free), p.size, automaton.step)
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
         parameters = np.concatenate([self._block, scratch])
         self._problem = with_columns(problem, extended, parameters, self._size)

@@ -50,18 +50,19 @@ def with_columns(
 
 @cache
 def extended_flow(
-    flow: Callable[..., Any], n: int, free: int, directions: int, count: int, step: float
+    flow: Callable[..., Any], n: int, free: int, count: int, step: float
 ) -> Callable[..., Any]:
     """Return the flow of the state and its columns.
 
-    The extended state is y (n), then `free` + `directions` columns of length n. The extended
-    parameters are p (count), the `directions` in the space of p, for each direction the motion of
-    time (two numbers, see `mems_impact.hybrid.variational.derivatives`), and scratch of 2 n +
-    count.
+    The extended state is y (n), then `free` + k columns of length n. The extended parameters are
+    p (count), k directions in the space of p, for each direction the motion of time (two numbers,
+    see `mems_impact.hybrid.variational.derivatives`), and scratch of 2 n + count. The number k is
+    that of the state, so that numba types the function once for all k.
     """
-    columns = free + directions
 
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        columns = len(y) // n - 1
+        directions = columns - free
         motion = count * (1 + directions)
         scratch = motion + 2 * directions
         shifted = p[scratch : scratch + n]
@@ -114,20 +115,18 @@ STEP_RATIO = 1.0 / 128.0  # of the automaton's step; balances rounding and secon
 
 
 @cache
-def stretched_flow(
-    flow: Callable[..., Any], n: int, columns: int, count: int, step: float
-) -> Callable[..., Any]:
-    """Return the flow of the state and `columns` perturbations, for Lyapunov exponents.
+def stretched_flow(flow: Callable[..., Any], n: int, count: int, step: float) -> Callable[..., Any]:
+    """Return the flow of the state and its perturbations, for Lyapunov exponents.
 
-    The extended state is y (n), then the columns. The extended parameters are p (count), then
-    scratch of 2 n.
+    The extended state is y (n), then any number of columns. The extended parameters are p (count),
+    then scratch of 2 n.
     """
     width = STEP_RATIO * step
 
     def stretched(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         shifted = p[count : count + n]
         slope = p[count + n : count + 2 * n]
-        for c in range(columns):
+        for c in range(len(y) // n - 1):
             column = n * (1 + c)
             length = 0.0
             for i in range(n):

@@ -87,7 +87,7 @@ class LyapunovIntegrator:
         n = len(automaton.states)
         p = np.asarray(problem.parameters, dtype=float)
         size = n * (1 + count)
-        extended = stretched_flow(automaton.flow, n, count, p.size, automaton.step)
+        extended = stretched_flow(automaton.flow, n, p.size, automaton.step)
         self.problem, self.final, self.chunk, self.uneven = problem, start, chunk, uneven
         self.grown: list[Floats] = []
         self.lengths: list[float] = []
