@@ -20,7 +20,7 @@ import numpy as np
 from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
-from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
+from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS, SLIP_END
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
 from mems_impact.actuator.design.estimates import contact_voltage, pull_in_charge
 from mems_impact.actuator.drives.base import Drive
@@ -430,8 +430,10 @@ def switching_off(
 
 CRISIS = "crisis"
 SLIPS = GUARDS[BREAK_AWAY].name
+FRICTION_EVENTS = (SLIPS, GUARDS[SLIP_END].name)
 FREQUENCY_COLUMNS = 9  # default number of frequencies of thresholds
-START_AMPLITUDE_RATIO = 0.1  # amplitude of the first orbit without impacts, relative to pull-in
+START_AMPLITUDE_RATIO = 0.1  # amplitude of the first orbit without impacts, relative to pull-in,
+STARTS = 3  # and that of the next, relative to the one before, while the frame slips on it
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 SAME_FREQUENCY_RTOL = 1e-9  # largest relative difference of equal frequencies
 SLIDES = "raise mu_s, soften k, or take another range of frequency"
@@ -571,17 +573,24 @@ class ChartBuilder:
 
     def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
         """Return the branch at one frequency, empty, and its points."""
-        amplitude = START_AMPLITUDE_RATIO * self.pull_in
-        family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
-        here = self._system_at(omega).changed(amplitude=self.system.out(AMPLITUDE, amplitude))
-        rest = here.hybrid_state(State(), family.problem())
-        try:
-            orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
-        except OrbitError as error:
-            where = f"{self._at(omega)} and {self._voltage(amplitude)}"
-            raise OrbitError(f"at {where}: {error.reason}", SLIDES) from error
-        branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
-        return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
+        for amplitude in (self.pull_in * START_AMPLITUDE_RATIO**i for i in range(1, 1 + STARTS)):
+            family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
+            here = self._system_at(omega).changed(amplitude=self.system.out(AMPLITUDE, amplitude))
+            rest = here.hybrid_state(State(), family.problem())
+            try:
+                orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
+            except OrbitError as error:
+                reason, cause = error.reason, error
+                continue
+            guards = family.automaton.guards
+            codes = [each.code for each in orbit.segments if each.code < len(guards)]
+            if any(guards[code].name in FRICTION_EVENTS for code in codes if code >= 0):
+                reason, cause = "the frame slips", None
+                continue
+            branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
+            return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
+        where = f"{self._at(omega)} and {self._voltage(amplitude)}"
+        raise OrbitError(f"at {where}: {reason}", SLIDES) from cause
 
     def _grazings(self, low: float, high: float) -> OrbitCurve:
         """Return the grazing curve of the orbit without impacts."""

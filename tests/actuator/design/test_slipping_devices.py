@@ -137,3 +137,21 @@ def test_a_chart_whose_frame_slips_between_its_ends_only():
     assert chart.notes == ()
     slips = chart.table[chart.table["boundary"] == "slip"]
     assert 528 < slips["frequency"].min() <= slips["frequency"].max() < 612
+
+
+def test_a_frame_that_slips_far_below_pull_in():
+    """The onset of slip at a thirtieth of the pull-in voltage is that of linear response."""
+    device = mi.Actuator.from_design(
+        frequency=21e3, damping_ratio=0.05, stiffness=42.0, mass_ratio=8, gap=3.8e-6, travel=2.6e-6,
+        capacitance=5e-14, friction=(0.5, 0.4), restitution=0.6,
+    )  # fmt: skip
+    chart = mi.operating_chart(device, frequency=(9e3, 10.5e3), crises=0)
+    slip = chart.table[chart.table["boundary"] == "slip"]
+    assert slip["frequency"].min() == 9e3
+    holding = device.mu_s * (device.m1 + device.m2) * device.g
+    for frequency in (9e3, 10.5e3):
+        ratio = 2.0 * frequency / 21e3  # of the force, at twice the frequency of the voltage
+        transmitted = ratio**2 / math.hypot(1.0 - ratio**2, 2.0 * 0.05 * ratio)
+        linear = math.sqrt(2.0 * holding * device.d**2 / (device.alpha * transmitted))
+        found = slip.loc[np.isclose(slip["frequency"], frequency), "amplitude"]
+        assert found.iloc[0] == pytest.approx(linear, rel=2e-3)
