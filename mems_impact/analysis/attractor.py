@@ -180,6 +180,7 @@ def map_attractors(
     options: Options = STUDY_OPTIONS,
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
+    gpu: bool = False,
 ) -> list[Attractor]:
     """Compute the attractors of many initial conditions.
 
@@ -195,6 +196,9 @@ def map_attractors(
     numbers : sequence of int, optional
         Numbers of the cases in a study, used in warnings about a start beyond a guard or a
         discontinuous flow.
+    gpu : bool, optional
+        Whether a GPU maps the points that it can complete. The processor maps the others, computes
+        exponents, and follows points that are not periodic further.
 
     Returns
     -------
@@ -208,7 +212,7 @@ def map_attractors(
         if batch:
             first = len(found)
             own = None if numbers is None else numbers[first : first + len(batch)]
-            found.extend(_followed(batch, recurrence, options, watch, first, own))
+            found.extend(_followed(batch, recurrence, options, watch, first, own, gpu))
             batch.clear()
 
     for case in cases:
@@ -236,12 +240,13 @@ def _followed(
     watch: Callable[[float], None] | None,
     before: int,
     numbers: Sequence[int] | None,
+    gpu: bool,
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
     return_kind, return_index = _return_of(system)
 
-    def mapper_of(longest: int) -> AttractorMapper:
+    def mapper_of(longest: int, problem: Problem = problem) -> AttractorMapper:
         return AttractorMapper(
             problem,
             longest=longest,
@@ -290,9 +295,15 @@ def _followed(
             error=each.error,
         )
 
+    device = None
+    if gpu:
+        from mems_impact.hybrid.attractors.cuda import GpuMapper
+
+        plain = replace(problem.options, engine="interpreted", method="dop853")
+        device = GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))
     with closing(mapper_of(recurrence.longest)) as mapper:
         points = [(each.numbers, start) for _, each, start in batch]
-        settled = mapper.follow(points, transient, length, report, falls)
+        settled = mapper.follow(points, transient, length, report, falls, device)
         found = [attractor(i, one) for i, one in enumerate(settled)]
         ends = [(point[0], one.final) for point, one in zip(points, settled, strict=True)]
 

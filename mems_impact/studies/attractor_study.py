@@ -134,6 +134,8 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 # --- Evaluation of attractors
 
+GPU_POINTS = 65_536  # points of a launch: several threads for each unit of a large GPU
+
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
 
@@ -157,11 +159,14 @@ class AttractorEvaluator:
     system : System
     recurrence : RecurrenceOptions
     options : Options
+    gpu : bool
+        Whether a GPU maps points.
     """
 
     system: HybridSystem
     recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
+    gpu: bool = False
 
     @cached_property
     def threaded(self) -> bool:
@@ -199,7 +204,7 @@ class AttractorEvaluator:
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
         """Return the attractors of many points."""
-        return map_attractors(cases, self.recurrence, self.options, watch, numbers)
+        return map_attractors(cases, self.recurrence, self.options, watch, numbers, self.gpu)
 
     def follow_some(
         self,
@@ -248,7 +253,7 @@ class AttractorEvaluator:
         problem = self.system.problem(self.options)
         brief = replace(self.recurrence, transient=0.0, periods=1.0)
         if problem.unavailable_reason == "":
-            map_attractors([InitialCondition(self.system)], brief, self.options)
+            map_attractors([InitialCondition(self.system)], brief, self.options, gpu=self.gpu)
 
 
 def _words(words: Sequence[str]) -> Any:
@@ -264,7 +269,18 @@ class AttractorStudy(Study):
     @property
     def chunk(self) -> int:
         """Number of points computed together: about a second of work."""
-        return 256
+        return GPU_POINTS if self.measuring.gpu else 256
+
+    def on_gpu(self) -> AttractorStudy:
+        """Return the same study with points on a GPU."""
+        measuring = self.measuring
+        method = measuring.system.problem(measuring.options).options.method
+        if method not in ("auto", "dop853"):
+            raise InvalidParameter("method", method, "'auto' or 'dop853' for executor 'cuda'")
+        from mems_impact.integrators.jit import numba_support
+
+        numba_support.check_cuda()
+        return replace(self, measuring=replace(measuring, gpu=True))
 
     @property
     def threaded(self) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,9 @@ from mems_impact.hybrid.problem import (
     create_engine,
 )
 from mems_impact.hybrid.state import HybridState
+
+if TYPE_CHECKING:
+    from mems_impact.hybrid.attractors.cuda import GpuMapper
 
 __all__ = [
     "AttractorMapper",
@@ -214,6 +217,13 @@ class AttractorMapper:
         The direction of the section, or the guard.
     observed : CompiledObservables, optional
         Observables beside counts and times.
+
+    Attributes
+    ----------
+    problem, observed
+        As given.
+    records : tuple
+        Engine, state of the event loop and WORK of `recurrence`.
     """
 
     def __init__(
@@ -228,17 +238,17 @@ class AttractorMapper:
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
-        self._observed = observed or NO_OBSERVABLES
-        gains, marks = len(self._observed.gains), len(self._observed.marks)
+        self.observed = observed or NO_OBSERVABLES
+        gains, marks = len(self.observed.gains), len(self.observed.marks)
         forced = return_kind == recurrence.STROBOSCOPIC
         if forced and problem.section is not None:
             problem = replace(problem, section=None)  # only other returns need its crossings
-        self._problem = problem
+        self.problem = problem
         self._bound = bound = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
         self._loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
         clock = self._loop.clock
-        observe = self._observed.function if gains + marks else None
+        observe = self.observed.function if gains + marks else None
         places, self._kept = bound.kernel_addresses(clock, observe, n, gains + marks)
         self._work = bound.record(
             recurrence.WORK,
@@ -255,6 +265,7 @@ class AttractorMapper:
                 "marks": marks,
             },
         )
+        self.records = bound.engine, clock, self._work
         self._clock, self._longest = clock, longest
         lengths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
         lengths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
@@ -273,6 +284,7 @@ class AttractorMapper:
         length: float,
         watch: Callable[[float], None] | None = None,
         discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
+        gpu: GpuMapper | None = None,
     ) -> list[RecurrenceResult]:
         """Compute the attractors of points.
 
@@ -287,6 +299,8 @@ class AttractorMapper:
             Called several times a second with the number of completed points; it may raise.
         discontinuity_check : callable, optional
             As `Problem.discontinuity_check`, with the number of the point as first argument.
+        gpu : GpuMapper, optional
+            Computes the points that a GPU can complete.
 
         Returns
         -------
@@ -296,11 +310,15 @@ class AttractorMapper:
         inputs = np.array([_row(*point) for point in points])
         n, m, modes, _, _ = self._sizes
         width = recurrence.result_width(n, m, modes, self._work)
-        results = np.zeros((len(points), width))
+        results = np.full((len(points), width), math.nan)
+        if gpu is not None:
+            gpu.follow(inputs, results, transient, length)
+        (left,) = np.nonzero(np.isnan(results[:, OUTCOME]))
+        inputs, rows = inputs[left], results[left]
         work = self._work
         self._put("inputs", "input_width", inputs)
-        self._put("results", "result_width", results)
-        work["points"], work["point"], work["begun"] = len(points), 0, 0
+        self._put("results", "result_width", rows)
+        work["points"], work["point"], work["begun"] = len(left), 0, 0
         work["transient"], work["length"] = transient, length
         status = workspace.PAUSED
         while status != workspace.DONE:
@@ -315,9 +333,10 @@ class AttractorMapper:
                 status = workspace.PAUSED
             collapse = self._loop.take_step_collapse()
             if collapse is not None and discontinuity_check is not None:
-                discontinuity_check(int(work["point"]), *collapse)
+                discontinuity_check(int(left[work["point"]]), *collapse)
             if watch is not None:
-                watch(float(work["point"]))
+                watch(float(len(points) - len(left) + work["point"]))
+        results[left] = rows
         return [self._result(result) for result in results]
 
     def _put(self, name: str, width: str, rows: Floats) -> None:
@@ -339,7 +358,7 @@ class AttractorMapper:
         known = result[at["states"]].reshape(self._longest, n)[: repeats or self._longest]
         squares = result[at["squares"]] / measured if measured else result[at["squares"]] + math.nan
         marks = result[at["marks"]].reshape(-1, recurrence.PARTS)
-        gains, mark_names = self._observed.gains, self._observed.marks
+        gains, mark_names = self.observed.gains, self.observed.marks
         duration, endings = result[at["head"]].tolist()
         cycle, mode = int(result[END_CYCLE]), int(result[END_MODE])
         return RecurrenceResult(

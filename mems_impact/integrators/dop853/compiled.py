@@ -92,17 +92,19 @@ class CompiledDop853(CompiledEngine):
         return bool(self.handle["stiff"] == 1)
 
 
-def _end_margins(engine: Any, out: Any) -> None:
+def end_margins(engine: Any, out: Any) -> None:
+    """Write margins and rates at the present time into `out`."""
     low = method.row(engine, LOW)
     for i in range(2 * engine.m):
         out[i] = low[i]
 
 
-def _sharpen(engine: Any, share: float, flight_time: float) -> None:
-    pass  # errors in short flights are far smaller than the tolerance
+def sharpen(engine: Any, share: float, flight_time: float) -> None:
+    """Do nothing: errors in short flights are far smaller than the tolerance."""
 
 
-def _method_memory(engine: Any, mode: int) -> int:
+def method_memory(engine: Any, mode: int) -> int:
+    """Return 0: a single method has no memory."""
     return 0
 
 
@@ -113,7 +115,7 @@ def functions() -> dict[str, Any]:
         method.stages, method.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
     run_end_margins, run_restart, run_sharpen, run_reset, run_method_memory = take_snapshot(
-        _end_margins, stepper.restart, _sharpen, stepper.reset, _method_memory
+        end_margins, stepper.restart, sharpen, stepper.reset, method_memory
     ).frozen()
 
     def stages(engine, t, h):  # type: ignore[no-untyped-def]

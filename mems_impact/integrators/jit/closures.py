@@ -86,7 +86,7 @@ class Snapshot:
         once per process, even if its dependencies change. Snapshots with the same function, with
         the same dependencies, share its copy, so that numba compiles it once.
         """
-        copier = _Copier(options)
+        copier = _ProcessorCopier(options)
         with _registering:
             return [copier.function(function) for function in self.functions]
 
@@ -321,48 +321,62 @@ def forget_copies() -> None:
         _copies.clear()
 
 
-class _Copier:
-    """Copies functions, so that later changes do not affect them.
+class Copier:
+    """Copies functions with all functions that they call, so that later changes do not affect them.
 
-    numba distinguishes symbols by function numbers within a process, and the numbers of two
-    processes coincide. A process that loads the compiled code of both from the cache on disk would
-    silently confuse them. So the name of each copy contains a digest of its dependencies.
+    Subclasses replace values, and prepare the copies for a compiler.
     """
 
-    def __init__(self, options: dict[str, Any]) -> None:
-        self._options = {**JIT, **INNER, **options}
-        self._label = repr(sorted(options.items()))
-        self._copies: dict[FunctionType, FunctionType] = {}
+    def __init__(self) -> None:
+        self._copies: dict[FunctionType, Any] = {}
         self._modules: dict[tuple[ModuleType, tuple[str, ...]], ModuleType] = {}
+
+    def is_external(self, function: FunctionType) -> bool:
+        """Return whether the compiler has its own implementation of a function."""
+        return _is_library(function.__module__)
+
+    def substitute(self, value: Any) -> Any:
+        """Return what stands for `value` in compiled code."""
+        return value
+
+    def part(self, value: Any) -> Any:
+        """Return what stands for a copied value in a tuple."""
+        return value
+
+    def prepared(self, copy: FunctionType, function: FunctionType) -> Any:
+        """Return the copy of `function`, ready to be called by compiled code."""
+        return copy
+
+    def name(self, function: FunctionType) -> tuple[str, list[Any]]:
+        """Return a digest of a function, and objects that keep it unique."""
+        reader = _Reader()
+        reader.value(function)
+        return reader.name(), reader.kept
 
     def value(self, value: Any, names: tuple[str, ...]) -> Any:
         """Return a value with copies of all functions in it."""
-        value = substitute(_plain(value))
+        value = self.substitute(_plain(value))
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType) and not _is_library(value.__name__):
             return self._module(value, names)
         if type(value) is tuple:
-            parts = [self.value(part, names) for part in value]
-            # numba calls functions in a tuple only if they are compiled.
-            return tuple(njit(**JIT)(p) if isinstance(p, FunctionType) else p for p in parts)
+            return tuple(self.part(self.value(part, names)) for part in value)
         return value
 
-    def function(self, function: FunctionType) -> FunctionType:
-        if _is_external(function):
+    def function(self, function: FunctionType) -> Any:
+        """Return the copy of a function."""
+        if self.is_external(function):
             return function
-        if function in self._copies:
-            return self._copies[function]
-        reader = _Reader()
-        reader.put(sources(), self._label)
-        reader.value(function)
-        name = reader.name()
-        if name not in _copies:
-            _copies[name] = self._copy(function, name), reader.kept
-        self._copies[function], _ = _copies[name]
+        if function not in self._copies:
+            self._copies[function] = self.copy(function, *self.name(function))
         return self._copies[function]
 
-    def _copy(self, function: FunctionType, name: str) -> FunctionType:
+    def copy(self, function: FunctionType, name: str, kept: list[Any]) -> Any:
+        """Return a copy of a function with its `name`."""
+        return self._copy(function, name)
+
+    def _copy(self, function: FunctionType, name: str) -> Any:
         code, names = function.__code__, _names(function.__code__)
         cells = tuple(CellType() for _ in function.__closure__ or ())
         # numba imports the module of a function when it loads it from the cache.
@@ -376,8 +390,7 @@ class _Copier:
             cell.cell_contents = self.value(value, names)
         for name, value in _globals(function):
             space[name] = self.value(value, names)
-        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
-        return copy
+        return self.prepared(copy, function)
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:
         key = (module, names)
@@ -386,6 +399,45 @@ class _Copier:
             for name, value in _attributes(module, names):
                 setattr(copy, name, self.value(value, names))
         return self._modules[key]
+
+
+class _ProcessorCopier(Copier):
+    """Copies functions for the processor.
+
+    numba distinguishes symbols by function numbers within a process, and the numbers of two
+    processes coincide. A process that loads the compiled code of both from the cache on disk would
+    silently confuse them. So the name of each copy contains a digest of its dependencies.
+    """
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        super().__init__()
+        self._options = {**JIT, **INNER, **options}
+        self._label = repr(sorted(options.items()))
+
+    def is_external(self, function: FunctionType) -> bool:
+        return _is_external(function)
+
+    def substitute(self, value: Any) -> Any:
+        return substitute(value)
+
+    def part(self, value: Any) -> Any:
+        # numba calls functions in a tuple only if they are compiled.
+        return njit(**JIT)(value) if isinstance(value, FunctionType) else value
+
+    def prepared(self, copy: FunctionType, function: FunctionType) -> FunctionType:
+        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
+        return copy
+
+    def name(self, function: FunctionType) -> tuple[str, list[Any]]:
+        reader = _Reader()
+        reader.put(sources(), self._label)
+        reader.value(function)
+        return reader.name(), reader.kept
+
+    def copy(self, function: FunctionType, name: str, kept: list[Any]) -> FunctionType:
+        if name not in _copies:
+            _copies[name] = self._copy(function, name), kept
+        return _copies[name][0]
 
 
 # --- Errors of numba

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from multiprocessing import get_context
@@ -143,7 +143,7 @@ STUDY_KINDS = {
 }
 """Verbs by the kind of study."""
 
-EXECUTORS = ("threads", "processes")
+EXECUTORS = ("threads", "processes", "cuda")
 
 _AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
 
@@ -206,12 +206,14 @@ def range_axis(
     return name, Interval(start, stop, points)
 
 
-def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | None:
-    """Return a function that makes the executor of that name; None for threads."""
+def executor_named(name: str, workers: int | None) -> Any:
+    """Return the argument `executor` of studies for the executor of that name."""
     if name not in EXECUTORS:
         raise InvalidParameter("executor", name, f"one of {', '.join(EXECUTORS)}")
     if name == "threads":
         return None
+    if name == "cuda":
+        return "cuda"
     return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
 
 

@@ -15,11 +15,11 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mems_impact._util.progress import Progress, Report, progress_bar
 from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
-from mems_impact.errors import StartWarning, StudyInterrupted, WorkersLost
+from mems_impact.errors import InvalidParameter, StartWarning, StudyInterrupted, WorkersLost
 from mems_impact.studies.engine.executors import (
     ExecutorLost,
     Result,
@@ -46,7 +46,7 @@ def run_study(
     study: Study,
     *,
     store: str | os.PathLike[str] | None = None,
-    executor: Executor | Callable[[], Executor] | None = None,
+    executor: Executor | Callable[[], Executor] | Literal["cuda"] | None = None,
     workers: int | None = None,
     progress: Progress = False,
     chunk: int | None = None,
@@ -59,8 +59,9 @@ def run_study(
     store : str or os.PathLike, optional
         A directory for completed chunks, from which a study that was interrupted or killed
         continues. It requires pyarrow.
-    executor : concurrent.futures.Executor or callable, optional
+    executor : concurrent.futures.Executor, callable or "cuda", optional
         Threads by default. A function that makes an executor is called again if its workers die.
+        "cuda" computes points on a GPU, from threads.
     workers : int, optional
         Number of threads; with an executor, its number of workers, if it does not provide it.
     progress : bool or callable, optional
@@ -91,6 +92,12 @@ def run_study(
     deaths of workers its points become failed rows. Any other exception of a point is raised
     unchanged, with the completed table as its attribute ``table``.
     """
+    if isinstance(executor, str):
+        if executor != "cuda":
+            allowed = "an Executor, a function that makes one, or 'cuda'"
+            raise InvalidParameter("executor", executor, allowed)
+        study, executor = study.on_gpu(), None
+        chunk = study.chunk if chunk is None else chunk
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
     with _keeping(study, store, size) as kept:

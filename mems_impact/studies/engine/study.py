@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mems_impact.errors import InvalidParameter
+
 __all__ = [
     "OK",
     "STATUS",
@@ -65,6 +67,12 @@ class Study(ABC):
         time, and the data that `compute` carries to the next part are stored with each part.
         """
         return ()
+
+    def on_gpu(self) -> Study:
+        """Return the same study with points on a GPU; InvalidParameter if they cannot run there."""
+        raise InvalidParameter(
+            "executor", "cuda", f"threads or processes: {self.kind} computes no points on a GPU"
+        )
 
     @abstractmethod
     def identity(self) -> Mapping[str, Any]:
