@@ -341,7 +341,10 @@ class ReportMaker:
         """Return on- and off-voltages over the frequency."""
         from mems_impact.actuator.plots import plot_chart
 
-        chart = operating_chart(self.actuator, self.drive, crises=self.counts["crises"], workers=1)
+        # Without crises, a frame that slips is simulated at nine frequencies.
+        slips = self._sheet.regime == SLIPS
+        crises = COUNTS["crises"] if slips else self.counts["crises"]
+        chart = operating_chart(self.actuator, self.drive, crises=crises, workers=1)
         low, high = chart.frequencies
         unit = "Hz" if self.si else ""
         words = (
@@ -359,9 +362,7 @@ class ReportMaker:
                 "The frame slips above the solid line. The dashed lines bound the voltages with "
                 "equal impacts in every cycle."
             )
-        if self.counts["crises"] == 0 and any(
-            region.paper == "III" for region, *_ in chart.regions
-        ):
+        if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")
         return Content([*blocks, *_chart_tables(chart, self.text)], notes=chart.notes)
 

@@ -580,17 +580,17 @@ class ChartBuilder:
             try:
                 orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
             except OrbitError as error:
-                reason, cause = error.reason, error
+                reason = error.reason
                 continue
             guards = family.automaton.guards
             codes = [each.code for each in orbit.segments if each.code < len(guards)]
             if any(guards[code].name in FRICTION_EVENTS for code in codes if code >= 0):
-                reason, cause = "the frame slips", None
+                reason = "the frame slips"
                 continue
             branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
             return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
         where = f"{self._at(omega)} and {self._voltage(amplitude)}"
-        raise OrbitError(f"at {where}: {reason}", SLIDES) from cause
+        raise OrbitError(f"at {where}: {reason}", SLIDES)
 
     def _grazings(self, low: float, high: float) -> OrbitCurve:
         """Return the grazing curve of the orbit without impacts."""
@@ -616,7 +616,7 @@ class ChartBuilder:
         try:
             met = [special for special in self._special(omega, wanted) if wanted(special)]
         except OrbitError:  # the frame moves at the smallest voltage
-            return START_AMPLITUDE_RATIO * self.pull_in, SLIPS
+            return START_AMPLITUDE_RATIO**STARTS * self.pull_in, SLIPS
         return (met[0].value, met[0].kind) if met else (self.pull_in, "")
 
     def _thresholds(self, crises: int, periods: int, workers: int) -> None:
@@ -630,7 +630,8 @@ class ChartBuilder:
             if kind == SLIPS:
                 yield SLIP, _Place(omega, first, kind, self._slip(omega))
             here = self._system_at(omega)
-            begin = self.system.out(AMPLITUDE, first)
+            least = max(first, START_AMPLITUDE_RATIO * self.pull_in)  # of the search for impacts
+            begin = self.system.out(AMPLITUDE, least)
             try:
                 on, kind, special, state = onset(here, begin, most, watch)
                 yield ON, self._place(omega, on, kind, special)
