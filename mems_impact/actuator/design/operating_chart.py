@@ -573,7 +573,6 @@ class ChartBuilder:
 
     def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
         """Return the branch at one frequency, empty, and its points."""
-        cause: OrbitError | None
         for amplitude in (self.pull_in * START_AMPLITUDE_RATIO**i for i in range(1, 1 + STARTS)):
             family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
             here = self._system_at(omega).changed(amplitude=self.system.out(AMPLITUDE, amplitude))
