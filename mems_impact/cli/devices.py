@@ -43,4 +43,6 @@ def command() -> None:
 
 
 def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"{len(value)} values from {value[0]:g} to {value[-1]:g}"
     return f"{value:g}" if isinstance(value, float) else str(value)
