@@ -19,7 +19,7 @@ from mems_impact.hybrid.attractors import recurrence as detection
 from mems_impact.hybrid.attractors.mapper import AttractorMapper, RecurrenceResult
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.lyapunov import largest
+from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator, largest
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State, is_number, whole
@@ -264,7 +264,7 @@ def _followed(
     )
     report = None if watch is None else (lambda done: watch(before + done))
     on = None if report is None else (lambda _: report(float(len(batch))))
-    without = replace(recurrence, exponents="none")
+    without, exponents = replace(recurrence, exponents="none"), _Exponents()
     jumps = False
 
     def falls(i: int, at: HybridState, length: float) -> None:
@@ -284,7 +284,7 @@ def _followed(
             on(0.0)  # exponents take longer than everything before: the user may interrupt here
         case, at, _ = batch[i]
         with collected_warnings() if numbers is None else at_study_point(numbers[i]):
-            return _attractor(case, at, settled, recurrence, options, exponent_periods)
+            return _attractor(case, at, settled, recurrence, options, exponents, exponent_periods)
 
     def arrived(i: int, later: RecurrenceResult) -> Attractor:
         each = found[i]
@@ -356,7 +356,8 @@ def _attractor(
     settled: RecurrenceResult,
     recurrence: RecurrenceOptions,
     options: Options,
-    exponent_periods: int = EXPONENT_PERIODS,
+    exponents: _Exponents,
+    exponent_periods: int,
 ) -> Attractor:
     system = case.system
     if settled.outcome == detection.FAILED:
@@ -375,7 +376,7 @@ def _attractor(
     if recurrence.exponents == "all" or (
         recurrence.exponents == "unsettled" and motion == UNSETTLED
     ):
-        exponent, error, periods = _exponent(problem, settled.final, exponent_periods)
+        exponent, error, periods = exponents.largest(problem, settled.final, exponent_periods)
         if motion == UNSETTLED:
             kind = classify(exponent, error, returns=False)
             # The exponent along the flow is zero for any motion of an autonomous system.
@@ -432,22 +433,27 @@ def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
     return bool(apart.min(initial=math.inf) < NEAR_RETURN)
 
 
-def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float, float, int]:
-    """Return the largest exponent per period, its error and the periods it took.
+class _Exponents:
+    """Largest exponents of points that share an automaton, by the same engines."""
 
-    NaN if the run fails.
-    """
-    try:
-        return largest(
-            problem,
-            start,
-            tolerance=ZERO_EXPONENT,
-            sure=SURE,
-            periods=periods,
-            chunk=EXPONENT_CHUNK,
-        )
-    except (RunError, FunctionError):
-        return math.nan, math.nan, 0
+    def __init__(self) -> None:
+        self._stretching: LyapunovIntegrator | None = None
+
+    def largest(
+        self, problem: Problem, start: HybridState, periods: int
+    ) -> tuple[float, float, int]:
+        """Return the largest exponent per period, its error and the periods it took.
+
+        NaN if the run fails.
+        """
+        try:
+            if self._stretching is None:
+                self._stretching = LyapunovIntegrator(problem, start, chunk=EXPONENT_CHUNK)
+            else:
+                self._stretching.restart(problem, start)
+            return largest(self._stretching, tolerance=ZERO_EXPONENT, sure=SURE, periods=periods)
+        except (RunError, FunctionError):
+            return math.nan, math.nan, 0
 
 
 def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.problem import LoopMemory, Problem, create_engine
+from mems_impact.hybrid.problem import STEPS_PER_PERIOD, LoopMemory, Problem, create_engine
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
@@ -30,6 +30,7 @@ from mems_impact.hybrid.variational.saltation import (
     constrain,
     flow_at,
     orthonormalize,
+    reset,
     stretch,
     variational_workspace,
 )
@@ -83,15 +84,42 @@ class LyapunovIntegrator:
         chunk: int = CHUNK,
         uneven: bool = False,
     ) -> None:
-        automaton, options = problem.automaton, problem.options
-        n = len(automaton.states)
-        p = np.asarray(problem.parameters, dtype=float)
-        size = n * (1 + count)
-        extended = stretched_flow(automaton.flow, n, p.size, automaton.step)
-        self.problem, self.final, self.chunk, self.uneven = problem, start, chunk, uneven
+        automaton = problem.automaton
+        n, p = len(automaton.states), len(problem.parameters)
+        self._columns, self._size = count, n * (1 + count)
+        self.chunk, self.uneven = chunk, uneven
+        extended = stretched_flow(automaton.flow, n, p, automaton.step)
+        self._run = create_engine(problem)
+        self._bound = create_engine(
+            with_columns(problem, extended, _with_scratch(problem), self._size)
+        )
+        self._into = variational_workspace(problem, 0, self._size)
+        self._free = list(free_components(automaton))
+        self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
+        self._records = np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64)
+        self._put(problem, start)
+        own = self._run
+        places, _ = own.kernel_addresses(self._memory.clock, None, n, 0)
+        numbers = {"plain": own.handle_address, "advance": places.get("advance", 0)}
+        self._work = own.record(STRETCHING, {}, numbers)
+
+    def restart(self, problem: Problem, start: HybridState) -> None:
+        """Begin again, with a problem that differs in parameters and times only."""
+        longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
+        for bound, values in (
+            (self._run, np.array(problem.parameters, dtype=float)),
+            (self._bound, _with_scratch(problem)),
+        ):
+            bound.call(reset, values, longest_step)
+        self._put(problem, start)
+        self._work["lost"] = 0
+
+    def _put(self, problem: Problem, start: HybridState) -> None:
+        """Set the initial state of run and columns; the engines are in theirs."""
+        n, own, options = self._into.n, self._run, problem.options
+        self.problem, self.final = problem, start
         self.grown: list[Floats] = []
         self.lengths: list[float] = []
-        self._run = own = create_engine(problem)
         own.engine.import_memory(start.remembered)
         self._memory = LoopMemory(
             problem,
@@ -106,35 +134,27 @@ class LyapunovIntegrator:
             events_from=start.cycle,
         )
         self._memory.put(start.y)
-        clock = self._memory.clock
-        places, _ = own.kernel_addresses(clock, None, n, 0)
-        numbers = {"plain": own.handle_address, "advance": places.get("advance", 0)}
-        self._work = own.record(STRETCHING, {}, numbers)
-        self._bound = create_engine(
-            with_columns(problem, extended, np.concatenate([p, np.zeros(2 * n)]), size)
-        )
         scale = problem.time_scale or problem.period
         self._setup = PropagationProblem(
-            variational=variational_workspace(problem, 0, size),
-            k=count,
+            variational=self._into,
+            k=self._columns,
             period=problem.period,
             scale=scale,
             rtol=options.rtol,
             atol=options.atol,
-            cyclic=np.array([int(i in automaton.cyclic) for i in range(n)]),
-            records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
+            cyclic=self._cyclic,
+            records=self._records,
             switches=np.array(problem.switches, dtype=float),
         )
-        y = np.zeros(size)
-        free = list(free_components(automaton))
-        y[free] = np.asarray(start.y, dtype=float)[free]
+        y = np.zeros(self._size)
+        y[self._free] = np.asarray(start.y, dtype=float)[self._free]
         self._at = PerturbationState(
             y=y,
             place=np.array([start.cycle, start.mode], dtype=np.int64),
             t=np.array([start.time]),
-            shifts=np.zeros(count),
-            growth=np.zeros(count),
-            alive=np.ones(count, dtype=np.int64),
+            shifts=np.zeros(self._columns),
+            growth=np.zeros(self._columns),
+            alive=np.ones(self._columns, dtype=np.int64),
             changed=np.zeros(n, dtype=np.int64),
             length=np.array([scale]),
         )
@@ -272,39 +292,31 @@ class LyapunovIntegrator:
 
 
 def largest(
-    problem: Problem,
-    start: HybridState,
-    *,
-    tolerance: float,
-    sure: float,
-    periods: int,
-    chunk: int = 16,
+    stretching: LyapunovIntegrator, *, tolerance: float, sure: float, periods: int
 ) -> tuple[float, float, int]:
     """Return the largest exponent per period, its standard error, and the number of periods.
 
+    After a chunk in which the perturbation aligns with the direction of fastest growth, at least
+    `MIN_CHUNKS` chunks are used; the error is checked after each of the further ones.
+
     Parameters
     ----------
-    problem : Problem
-    start : HybridState
-        On the attractor.
+    stretching : LyapunovIntegrator
+        At its start, with one column.
     tolerance : float
         Stop when the error is below this value.
     sure : float
         Stop when the exponent differs from zero by so many errors, and by `tolerance`.
     periods : int
         Stop after this number of periods.
-    chunk : int, optional
-        Periods between two checks; at least `MIN_CHUNKS` chunks are used, after one in which the
-        perturbation aligns with the direction of fastest growth.
 
     Raises
     ------
     RunError
         If the run cannot continue.
     """
-    stretching = LyapunovIntegrator(problem, start, chunk=chunk)
     stretching.align()
-    count = MIN_CHUNKS
+    chunk, count = stretching.chunk, MIN_CHUNKS
     while True:
         stretching.advance_exponents(count)
         (exponent,), (error,), done = stretching.result
@@ -312,6 +324,12 @@ def largest(
         if error <= tolerance or decided or done + chunk > periods:
             return float(exponent), float(error), int(done)
         count = 1
+
+
+def _with_scratch(problem: Problem) -> Floats:
+    """Return the parameters of the extended flow."""
+    scratch = np.zeros(2 * len(problem.automaton.states))
+    return np.concatenate([np.asarray(problem.parameters, dtype=float), scratch])
 
 
 def standard_errors(grown: Floats, lengths: Floats) -> Floats:

@@ -897,6 +897,13 @@ STRETCHING = np.dtype(
 MAX_LEAD_RATIO = 0.75  # lead of the run, relative to the time between orthonormalizations
 
 
+def reset(engine: Any, parameters: Any, longest_step: float) -> None:
+    """Restore the initial state of an engine, with other parameters."""
+    interface.reset(engine, longest_step)
+    for i in range(parameters.size):
+        interface.set_parameter(engine, i, parameters[i])
+
+
 def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
             quota: int) -> int:  # fmt: skip
     """Continue the run chunk by chunk, and propagate the columns.
