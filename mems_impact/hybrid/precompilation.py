@@ -77,7 +77,9 @@ def compile_studies() -> None:
     mapper.follow([(problem.numbers, START)], 1.0, 1.0)
     times, segments = np.array([[0.0, 1.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
     Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
-    LyapunovIntegrator(problem, START).advance_exponents()
+    exponents = LyapunovIntegrator(problem, START)
+    exponents.restart(problem, START)
+    exponents.advance_exponents()
 
 
 def replace_code(distribute: bool) -> None:

@@ -70,7 +70,7 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
 @pytest.mark.parametrize("method", ["dop853", "adams"])
 def test_a_point_is_the_same_whoever_goes_with_it(method):
     options = mi.Options(method=method)
-    recurrence = RecurrenceOptions(transient=60, periods=10)
+    recurrence = RecurrenceOptions(transient=60, periods=10, exponents="all")
     many = cases(0.15, 0.2, 0.24, 0.28)
     together = map_attractors(many, recurrence, options)
     for case, one in zip(many, together, strict=True):
@@ -78,6 +78,7 @@ def test_a_point_is_the_same_whoever_goes_with_it(method):
         assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
         assert np.array_equal(alone.states, one.states)
         assert (alone.motion, alone.period, alone.returns) == (one.motion, one.period, one.returns)
+        assert (alone.exponent, alone.error) == (one.exponent, one.error)
 
 
 def spiral(mode, t, y, p):
