@@ -96,7 +96,7 @@ mi.plot_orbit(orbit).figure.savefig("two_stop_rattler_orbit.png")
 # %%
 # Two branches start from this clearance, one in each direction; dots are brute force.
 
-up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.StepControl(most=750))
+up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.StepControl(most=550))
 down = mi.continue_orbit(orbit, "d", stop=6.0)
 print(up, down, sep="\n")
 sweep = mi.sweep(box, "d", np.linspace(6.0, 30.0, 121), transient=200, periods=30)

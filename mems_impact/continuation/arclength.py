@@ -36,6 +36,9 @@ MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the l
 class StepControl:
     """Control of the step length, in the space of unknowns and parameter.
 
+    Of the segments of an orbit, the one that moves most counts: steps do not shorten with the
+    number of events.
+
     Attributes
     ----------
     initial, smallest, largest : float
@@ -65,7 +68,7 @@ class StepControl:
     def within(
         self, low: float, high: float, point: Linearised, along: Floats, length: float
     ) -> float:
-        """Limit a step length at a bound, beyond which the model may be undefined."""
+        """Limit a distance along a tangent at a bound, beyond which the model may be undefined."""
         ahead = point.values[-1] + length * along[-1]
         bound = high if along[-1] > 0.0 else low
         if low <= ahead <= high:
@@ -493,6 +496,10 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the unit tangent at a point, in the direction of `along`."""
         return tangent(point, along)
 
+    def norm(self, vector: Floats) -> float:
+        """Return the norm of unknowns and parameters that step lengths refer to."""
+        return float(np.linalg.norm(vector))
+
     def check(self, point: P, following: P) -> None:
         """Raise an OrbitError if a step is invalid."""
 
@@ -587,16 +594,18 @@ class Continuation(Generic[P, R, E]):
         problem, point, along = self.problem, self._point, self._along
         last: tuple[P, Floats] | None = None
         try:
-            self._length = self.steps.within(self.low, self.high, point, along, self._length)
+            size = problem.norm(along)
+            reach = self.steps.within(self.low, self.high, point, along, self._length / size)
+            self._length = reach * size
             corrector = problem.corrector(point)
             step = PredictorStep(corrector, point, along, self._behind[-PREDICTOR_POINTS:])
-            _, following, iterations = step.at(self._length)
+            _, following, iterations = step.at(reach)
             problem.check(point, following)
-            closing = problem.closing(step, self._length)
+            closing = problem.closing(step, reach)
             if closing is not None:
-                self._length, following = closing, step.at(closing).point
+                reach, following = closing, step.at(closing).point
             after = problem.tests(following, along)
-            located = problem.locate(step, self._length, self._before, after)
+            located = problem.locate(step, reach, self._before, after)
             ahead = problem.tangent(following, along)
             if ahead @ along < MIN_TURN_COSINE and not located.corner:
                 raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER_STEP_REMEDY)
@@ -681,6 +690,6 @@ class Continuation(Generic[P, R, E]):
     def _budget_used(self) -> str:
         """Return the message of an exhausted budget of points."""
         value = abs(float(self._point.values[-1]))
-        moved = abs(float(self._along[-1])) * self._length
+        moved = abs(float(self._along[-1])) * self._length / self.problem.norm(self._along)
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
         return budget_message(self.steps, self._length, self._held, parameter, part)

@@ -133,6 +133,10 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
         """Set the first orbit and the tangent there."""
         self._beginning = ClosureDetector(self.shooting, point, along)
 
+    def norm(self, vector: Floats) -> float:
+        """Return the norm, which does not grow with the number of segments."""
+        return self.shooting.norm(vector)
+
     def check(self, point: ShootingEvaluation, following: ShootingEvaluation) -> None:
         """Raise an OrbitError if an orbit has shrunk to a point."""
         check_not_degenerate(self.shooting, point, following)

@@ -289,6 +289,17 @@ class Shooting:
         states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
+    def norm(self, vector: Floats) -> float:
+        """Return the norm of unknowns and parameters, of all segments the one that moves most.
+
+        It does not grow with the number of segments; an orbit and its double cover have the same.
+        """
+        count, f = len(self.segments), len(self.free)
+        squares = np.square(vector)
+        own = squares[: f * count].reshape(count, f).sum(axis=1)
+        own[self.events] += squares[f * count : f * count + len(self.events)]
+        return math.sqrt(own.max() + squares[f * count + len(self.events) :].sum())
+
     def setting(self, values: Floats) -> ParameterPoint:
         """Return the problem's numbers at values of the active parameters.
 

@@ -9,13 +9,16 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.drives import Square
 from mems_impact.continuation.arclength import StepControl, correct
+from mems_impact.continuation.branch_switching import double_cover
 from mems_impact.continuation.grazing import change_signature
 from mems_impact.continuation.orbit_branch import OrbitBranch, _BranchProblem, follow
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.simulation import run
+from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.orbits.periodic_orbit import make_orbit
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import read_guess
 from tests.continuation import free_block
@@ -172,6 +175,26 @@ def unknowns(point):
     return np.append(point.orbit.point.unknowns, point.value)
 
 
+def distance(one, other):
+    return one.orbit.shooting.norm(unknowns(other) - unknowns(one))
+
+
+def test_an_orbit_and_its_double_cover_take_the_same_steps():
+    once = actuator_orbit(0.24, 0.5)
+    guess = double_cover(once)
+    shooting = once.equations((), guess.segments)
+    twice = make_orbit(shooting, solve(shooting, shooting.pack(guess), np.zeros(0)))
+    assert len(twice.segments) == 2 * len(once.segments)
+    first, second = (
+        follow(orbit, "amplitude", low=0.2, high=0.3, steps=StepControl(most=12))
+        for orbit in (once, twice)
+    )
+    steps = [np.diff([point.value for point in branch.points]) for branch in (first, second)]
+    assert steps[0].sum() > 0.01
+    # The planes of the corrections differ to second order of a step.
+    assert steps[1] == pytest.approx(steps[0], rel=0.01)
+
+
 @pytest.mark.parametrize(
     "steps", [StepControl(), StepControl(initial=0.3, largest=1.0)], ids=["short", "long"]
 )
@@ -179,7 +202,7 @@ def test_a_branch_begins_with_its_first_step_and_never_turns_sharply(steps):
     branch = follow(silent_orbit(0.23, 0.45), "amplitude", low=0.2, high=0.3, steps=steps)
     free = [point for point in branch.points if point.piece == 0]
     assert len(free) >= 3
-    apart = [np.linalg.norm(unknowns(b) - unknowns(a)) for a, b in pairwise(free)]
+    apart = [distance(a, b) for a, b in pairwise(free)]
     assert apart[0] <= 1.01 * steps.initial
     assert max(apart) <= 1.1 * steps.largest
     assert min(a.direction @ b.direction for a, b in pairwise(free)) >= 0.9
