@@ -22,14 +22,11 @@ from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.higher_derivatives import (
-    FARTHER_REMEDY,
-    GROWTH,
     LARGEST_LINE_RATIO,
-    MAX_STEPS,
-    NOT_DIFFERENTIABLE,
     STEP_RATIO,
     DirectionalDerivatives,
     directional_derivatives,
+    least_changing,
     line_derivatives,
 )
 from mems_impact.continuation.normal_forms import NormalForm, ReturnMap, criticality_of
@@ -359,25 +356,12 @@ def _chenciner(returns: ReturnMap) -> NormalForm:
     The largest circle is that at which the coefficient of the fifth order changes least.
     """
     values, right, left = _critical(returns.jacobian, ResonantForm("", {}, (), 1))
-    largest = LARGEST_LINE_RATIO * (returns.size or 1.0)
-    best: tuple[float, complex, complex] = (math.inf, 0.0, 0.0)
-    last: complex | None = None
-    for _ in range(MAX_STEPS):
-        largest *= STEP_RATIO
-        try:
-            cubic, quintic = _rotating_terms(returns, values[0], right[:, 0], left[0], largest)
-        except OrbitError:
-            continue
-        if last is not None:
-            error = abs(quintic - last)
-            if error > GROWTH * best[0]:
-                break
-            if error < best[0]:
-                best = error, cubic, quintic
-        last = quintic
-    error, cubic, quintic = best
-    if not math.isfinite(error):
-        raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
+
+    def terms(radius: float) -> tuple[complex, complex]:
+        return _rotating_terms(returns, values[0], right[:, 0], left[0], radius)
+
+    longest = STEP_RATIO * LARGEST_LINE_RATIO * (returns.size or 1.0)
+    (cubic, quintic), error = least_changing(terms, longest)
     turn = np.conj(values[0])
     a, b = complex(turn * cubic), complex(turn * quintic)
     amplitude = b.real + 0.5 * a.imag**2
@@ -398,7 +382,7 @@ def _rotating_terms(
     obeys map(x(z)) = x(N(z)). Order by order, what is missing in that equation, as Fourier series
     over circles and polynomials in their radii, determines the h and the terms of N.
     """
-    matrix, resonant = returns.jacobian, {3: 0j, 5: 0j}
+    matrix, cubic, quintic = returns.jacobian, 0j, 0j
     manifold: dict[tuple[int, int], Complexes] = {(1, 0): q, (0, 1): np.conj(q)}
     angles = 2.0 * math.pi * np.arange(ANGLES) / ANGLES
     # Of order m + 2 i, the terms of one frequency have the factor radius^(m + 2 i).
@@ -413,8 +397,7 @@ def _rotating_terms(
         for i, radius in enumerate(largest * RADII):
             for n, angle in enumerate(angles.tolist()):
                 z = radius * complex(math.cos(angle), math.sin(angle))
-                size = abs(z) ** 2
-                image = z * (value + resonant[3] * size + resonant[5] * size**2)
+                image = z * (value + cubic * abs(z) ** 2)
                 missing[i, n] = (returns.value_at(place(z)) - place(image)) / radius**order
         series = np.fft.fft(missing, axis=1) / ANGLES
         for j in range(order + 1):
@@ -426,7 +409,9 @@ def _rotating_terms(
                 continue
             own, dual = (q, p) if j > k else (np.conj(q), np.conj(p))
             along = complex(dual @ term)
-            if j > k:
-                resonant[order] = along
+            if j > k and order == 3:
+                cubic = along
+            elif j > k:
+                quintic = along
             manifold[j, k] = _bordered(shifted, own[:, None], dual[None], term - own * along)
-    return resonant[3], resonant[5]
+    return cubic, quintic

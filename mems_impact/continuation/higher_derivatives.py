@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ NOT_DIFFERENTIABLE = "the map near the orbit could not be differentiated"
 FARTHER_REMEDY = "take a point farther from a grazing"
 
 Jacobian = Callable[[Floats], Floats]
+V = TypeVar("V", Floats, complex)
 
 
 class DirectionalDerivatives(NamedTuple):
@@ -119,7 +120,7 @@ def plain_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Directional
     raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
 
 
-def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[list[Floats], float]:
+def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[Sequence[Floats], float]:
     """Return the first four derivatives of the Jacobian of a map at zero along `u`, and an error.
 
     They are those of polynomials through equidistant points on a line, whose length is halved until
@@ -132,20 +133,44 @@ def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[list[F
     """
     places = np.arange(-LINE_POINTS, LINE_POINTS + 1) / LINE_POINTS
     powers = np.linalg.inv(np.vander(places, increasing=True))[1:5]
-    h = LARGEST_LINE_RATIO * size / float(np.linalg.norm(u))
-    best: tuple[float, list[Floats]] = (math.inf, [])
-    last: list[Floats] = []
-    for _ in range(MAX_STEPS):
-        try:
-            values = np.array([jacobian(h * place * u) for place in places])
-        except OrbitError:
-            h *= STEP_RATIO
-            continue
-        new = [
+
+    def derivatives(h: float) -> list[Floats]:
+        values = np.array([jacobian(h * place * u) for place in places])
+        return [
             math.factorial(k) * np.tensordot(row, values, 1) / h**k
             for k, row in enumerate(powers, 1)
         ]
-        h *= STEP_RATIO
+
+    longest = LARGEST_LINE_RATIO * size / float(np.linalg.norm(u))
+    found, error = least_changing(derivatives, longest)
+    floor = ROUNDING * max(float(np.abs(each).max()) for each in found)
+    return found, max(error, floor)
+
+
+def least_changing(
+    estimates: Callable[[float], Sequence[V]], length: float
+) -> tuple[Sequence[V], float]:
+    """Return the estimates at the length at which the last of them changes least, and that change.
+
+    Parameters
+    ----------
+    estimates : callable
+        Returns arrays or numbers for a length.
+    length : float
+        The first length, which is halved.
+
+    Raises
+    ------
+    OrbitError
+        If no two lengths have estimates.
+    """
+    best: tuple[float, Sequence[V]] = (math.inf, [])
+    last: Sequence[V] = []
+    for step in range(MAX_STEPS):
+        try:
+            new = estimates(length * STEP_RATIO**step)
+        except OrbitError:
+            continue
         if last:
             error = float(np.abs(new[-1] - last[-1]).max())
             if error > GROWTH * best[0]:
@@ -155,8 +180,7 @@ def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[list[F
         last = new
     if not best[1]:
         raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
-    floor = ROUNDING * max(float(np.abs(each).max()) for each in best[1])
-    return best[1], max(best[0], floor)
+    return best[1], best[0]
 
 
 # --- Of flows, by differences of their values
