@@ -24,7 +24,13 @@ from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
-__all__ = ["equilibrium_on_branch", "orbit_on_branch", "same_orbit", "up_to_cover"]
+__all__ = [
+    "covered_period",
+    "equilibrium_on_branch",
+    "orbit_on_branch",
+    "same_orbit",
+    "up_to_cover",
+]
 
 SAME_SPECIAL_DISTANCE = 1e-3  # largest distance of the orbits of one special point
 NEAR_CHORD_RATIO = 2.0  # distance of an orbit from a step of a branch, in lengths of the step
@@ -177,7 +183,7 @@ def up_to_cover(branch: OrbitBranch) -> OrbitBranch:
 
     A grazing may lead to an orbit of a part of the period, which is covered several times.
     """
-    covers = [_covered(point.orbit) for point in branch.points]
+    covers = [covered_period(point.orbit) for point in branch.points]
     first = next((i for i, cover in enumerate(covers) if not cover), len(covers))
     cut = next(
         (
@@ -200,7 +206,7 @@ def _last_kind(events: list[BranchEvent]) -> str:
     return events[-1].kind if events else "special point"
 
 
-def _covered(orbit: PeriodicOrbit) -> int:
+def covered_period(orbit: PeriodicOrbit) -> int:
     """Return the smaller period of an orbit that covers another one several times, else 0."""
     periods = orbit.periods
     if periods == 1 or orbit.shooting.phase is not None:

@@ -41,6 +41,7 @@ from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special_points import EquilibriumPoint, SpecialPoint
 from mems_impact.continuation.arclength import CLOSED, StepControl
 from mems_impact.continuation.orbit_identity import (
+    covered_period,
     equilibrium_on_branch,
     orbit_on_branch,
     same_orbit,
@@ -93,6 +94,7 @@ SAME_ATTRACTOR_RTOL = 1e-3  # largest distance of two attractors, in sizes of th
 REST_RTOL = 1e-3  # relative range of states at rest
 PROBE_POINTS = 12  # orbits of an emanating branch after which it is compared with known branches
 SEARCHED_VALUES = 5  # values of the parameter at which Newton's method starts from many states
+SEARCHED_PERIODS = 4  # longest period of the orbits that it finds
 BOX_MARGIN = 1.2  # size of the box of starting states, in sizes of the states that were visited
 BOX_PERIODS = 50  # length of the runs that determine it
 CLOUD_PERIODS = 150  # forcing periods drawn of a motion that is not periodic
@@ -833,9 +835,17 @@ class DiagramBuilder:
             with suppress(MemsImpactError):
                 yield from find_equilibria(system, bounds=search.box, samples=samples)
             return
-        for start in [*search.initial, *search.fresh(value, times=1)]:
-            with suppress(MemsImpactError):
-                yield find_orbit(system, guess=start, periods=1, options=self.options)
+        starts = [*search.initial, *search.fresh(value, times=1)]
+        for periods in range(1, min(self.longest, SEARCHED_PERIODS) + 1):
+            for start in starts:
+                with suppress(MemsImpactError):
+                    found = find_orbit(system, guess=start, periods=periods, options=self.options)
+                    covered = covered_period(found.found)
+                    if covered:
+                        found = find_orbit(
+                            system, guess=found.state, periods=covered, options=self.options
+                        )
+                    yield found
 
     # The cloud
 
@@ -954,7 +964,8 @@ def bifurcation_diagram(
     neighbours, and from states in a box. The orbit of each attractor is continued both ways,
     through grazings and folds, unless it lies on a known branch. At period doublings, branch points
     and Hopf points the branches that emanate are continued in turn. Newton's method from many
-    states finds unstable orbits and equilibria that no branch leads to.
+    states finds unstable orbits, of up to four forcing periods, and equilibria that no branch leads
+    to.
 
     Parameters
     ----------

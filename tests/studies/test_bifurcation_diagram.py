@@ -189,6 +189,47 @@ def test_the_cascade_of_the_logistic_map():
 
 
 @pytest.mark.slow
+def test_unstable_orbits_of_each_period_up_to_four_are_found():
+    """At r = 4 there are 2, 1, 2 and 3 of the periods 1 to 4; two fold at 3.9601."""
+    diagram = mi.bifurcation_diagram(
+        LOGISTIC, "r", 3.9, 4.0, values=5, starts=4, depth=0, recurrence=SHORT,
+        bounds={"x": (0.05, 0.95), "w": (0.06, 0.07)}, longest=4,
+    )  # fmt: skip
+    periods = [branch.orbits[0].periods for branch in diagram.branches]
+    assert sorted(periods) == [1, 1, 2, 3, 3, 4, 4]
+    assert [s.value for s in diagram.special_points if s.label == "CF"] == pytest.approx([3.960102])
+
+
+def _pair(mode, t, y, p):
+    return 0.0, 0.0, math.cos(2.0 * math.pi * t) - 3.0 * y.w
+
+
+def _alternating(mode, t, y, p):
+    ring = (y.x**2 - 1.0) ** 2 + p.a**2 - 0.25
+    return mode, (-y.x * (1.0 - 0.3 * ring), 3.0 * y.z - y.x**2, y.w)
+
+
+@pytest.mark.slow
+def test_an_isola_of_unstable_orbits_of_period_two_is_found_and_closed():
+    """The orbits of period 2 are (x^2 - 1)^2 + a^2 = 1/4, z = x^2 / 2; that of period 1 is 0."""
+    system = mi.System(
+        states=("x", "z", "w"), flow=_pair, switch_transition=_alternating, switches=(0.5,),
+        period=1.0, parameters={"a": 0.1}, initial={"x": 0.1, "z": 0.1, "w": 0.0618834},
+    )  # fmt: skip
+    diagram = mi.bifurcation_diagram(
+        system, "a", -0.8, 0.8, values=5, starts=4, recurrence=SHORT,
+        bounds={"x": (-1.5, 1.5), "z": (-1.0, 1.0), "w": (0.06, 0.07)},
+    )  # fmt: skip
+    assert diagram.tree.splitlines()[1:] == [
+        "0: period 1, a -0.8 to 0.8",
+        "1: period 2, a -0.5 to 0.5, closed, CF 0.5, CF -0.5",
+    ]
+    table = diagram.branches[1].table
+    np.testing.assert_allclose((table["x"] ** 2 - 1.0) ** 2 + table["a"] ** 2, 0.25, atol=1e-8)
+    assert not diagram.table["stable"].any()
+
+
+@pytest.mark.slow
 def test_the_device_has_one_branch():
     """The orbit without impacts grazes and folds; none with a slip that ends at once is another."""
     device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
