@@ -56,6 +56,7 @@ COMPACT = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
 """Spaces of a legend, in sizes of its text, that would have too many rows otherwise."""
 ROW_HEIGHT = 1.05  # of a row of a legend, in sizes of its text
 LEGEND_SHARE = 0.1  # height of a legend at most, as a part of the figure, where it can be
+DOT_COST = 0.05  # of a dot of a cloud under a text, where a point of a line costs 1
 TAKEN, OUTSIDE = 1e4, 1e5  # costs of a place on another text, or outside the axes
 NEARER = 100.0  # cost of a place nearer to another point than to its own
 
@@ -112,7 +113,7 @@ def mark_points(ax: Any, marks: Sequence[Mark]) -> list[Any]:
     ax.autoscale_view()
     root.draw_without_rendering()  # the layout decides where points are
     points = ax.transData.transform([(mark.x, mark.y) for mark in marks])
-    shifts = _fan(points * 72.0 / root.dpi, _dense(ax) * 72.0 / root.dpi)
+    shifts = _fan(points * 72.0 / root.dpi, _dense(ax)[:, :2] * 72.0 / root.dpi)
     for mark, shift in zip(marks, shifts, strict=True):
         ax.add_artist(
             Line2D(
@@ -237,19 +238,24 @@ def _root(ax: Any) -> Any:
 
 
 def _dense(ax: Any) -> Floats:
-    """Return points along all lines of axes, in pixels, dense enough to detect overlaps."""
-    parts = [np.empty((0, 2))]
+    """Return points along all lines of axes, dense enough to detect overlaps, and their costs.
+
+    Their coordinates in pixels are the first two columns, their costs under a text the third.
+    """
+    parts = [np.empty((0, 3))]
     for line in ax.lines:
         if line.get_transform() != ax.transData:
             continue
         xy = ax.transData.transform(np.column_stack(line.get_data(orig=False)).astype(float))
-        if line.get_linestyle() != "None" and len(xy) > 1:
+        cost = 1.0 if line.get_linestyle() != "None" else DOT_COST
+        if cost == 1.0 and len(xy) > 1:
             step = np.hypot(*np.diff(xy, axis=0).T) / 6.0
             counts = np.clip(np.nan_to_num(step, nan=0.0), 1, 200).astype(int)
             weights = [np.linspace(0.0, 1.0, n, endpoint=False)[:, None] for n in counts]
             pairs = zip(xy[:-1], xy[1:], weights, strict=True)
             xy = np.concatenate([a + (b - a) * w for a, b, w in pairs])
-        parts.append(xy[np.isfinite(xy).all(axis=1)])
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        parts.append(np.column_stack([xy, np.full(len(xy), cost)]))
     return np.concatenate(parts)
 
 
@@ -258,7 +264,8 @@ def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -
     price = OUTSIDE * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
     for other in taken:
         price += TAKEN * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
-    return price + float(((lines > box[:2]) & (lines < box[2:])).all(axis=1).sum())
+    places = lines[:, :2]
+    return price + float(lines[((places > box[:2]) & (places < box[2:])).all(axis=1), 2].sum())
 
 
 def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
@@ -321,7 +328,7 @@ def free_corner(
     The box is below `top`; None if there is no place.
     """
     _root(ax).draw_without_rendering()
-    lines = ax.transAxes.inverted().transform(_dense(ax))
+    lines = ax.transAxes.inverted().transform(_dense(ax)[:, :2])
     left, below = 0.1, 0.1  # for its tick labels
     for y, x in product(np.linspace(top - height, below, 12), np.linspace(left, 0.98 - width, 12)):
         low, high = np.array([x - left, y - below]), np.array([x + width, y + height])

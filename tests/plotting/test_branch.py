@@ -9,7 +9,20 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
+from mems_impact.plotting.labels import Mark, label_points
 from tests.analysis.systems import oscillator
+
+
+def test_a_label_stays_at_a_marker_within_a_cloud_of_dots():
+    random, distances = np.random.default_rng(0), []
+    cloud = random.uniform(0.42, 0.58, (2, 900))
+    for marker, style in ((",", "None"), ("", "-")):
+        ax = Figure().subplots()
+        ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+        ax.plot(*cloud, marker=marker, linestyle=style)
+        (label,) = label_points(ax, [Mark("PD", 0.5, 0.5)])
+        distances.append(np.hypot(*label.get_position()))
+    assert distances[0] < 20.0 < 30.0 < distances[1]  # points
 
 
 def diagram():
