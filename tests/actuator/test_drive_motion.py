@@ -281,7 +281,14 @@ def test_custom_functions_of_the_same_name_are_told_apart():
 
 
 @pytest.mark.parametrize(
-    "name", ["square with flanks", "sampled", "burst of pulses", "two-sided", "jumping custom"]
+    "name",
+    [
+        "square with flanks",
+        "sampled",
+        pytest.param("burst of pulses", marks=pytest.mark.slow),
+        "two-sided",
+        "jumping custom",
+    ],
 )
 def test_engines_agree(name):
     drive = DRIVES[name]
@@ -307,8 +314,9 @@ def test_a_device_in_si_moves_as_the_dimensionless_one(name):
     )  # fmt: skip
     device, drive = ZHAO.to_si(scales), DRIVES[name].scaled(1.0 / voltage, 1.0 / time)
     periods = min(3.0, 60.0 / DRIVES[name].period)
-    plain = mi.simulate(ZHAO, DRIVES[name], periods, initial=KICK)
-    si = mi.simulate(device, drive, periods, initial=mi.State(v2=0.5 * length / time))
+    plain = mi.simulate(ZHAO, DRIVES[name], periods, initial=KICK, options=PLAIN)
+    kick = mi.State(v2=0.5 * length / time)
+    si = mi.simulate(device, drive, periods, initial=kick, options=PLAIN)
     assert len(si.impacts) == len(plain.impacts)
     assert si.final.x2 / length == pytest.approx(plain.final.x2, abs=1e-8)
 

@@ -46,7 +46,7 @@ def _strike(mode, t, y, p):
     [
         ("adams", 1.0, 1.0),
         pytest.param("dop853", 1.0, 1.0, marks=pytest.mark.slow),
-        ("dop853", 1e-6, 1e3),
+        pytest.param("dop853", 1e-6, 1e3, marks=pytest.mark.slow),
     ],
     ids=str,
 )

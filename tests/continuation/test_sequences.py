@@ -77,10 +77,9 @@ def crossing_sliding(static, second=0.3):
     return found.x[0]
 
 
-@pytest.mark.parametrize("static", [1.0, pytest.param(1.05, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("start", "stop"), [(1.6, 1.1), pytest.param(1.1, 1.6, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("static", [1.0, 1.05])
+@pytest.mark.parametrize(("start", "stop"), [(1.6, 1.1), (1.1, 1.6)])
 def test_a_branch_passes_crossing_sliding(static, start, stop):
     orbit = mi.find_orbit(block(static).changed(A=start), transient=300)
     branch = mi.continue_orbit(orbit, "A", stop=stop)

@@ -43,7 +43,7 @@ def branch(fixed_point):
         ),
         "r": ("r", 2.25),
     }
-    return mi.continue_orbit(fixed_point, "r", 3.2, events=events)
+    return mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events=events)
 
 
 def test_events_are_zeros_of_functions_among_the_other_special_points(branch):
@@ -68,7 +68,7 @@ def test_an_event_is_continued_in_a_second_parameter(branch):
 
 
 def test_an_orbit_is_continued_at_a_fixed_value(fixed_point):
-    curve = mi.continue_curve(fixed_point, "q", 0.05, fixed="x", free="r")
+    curve = mi.continue_curve(fixed_point, "q", 0.05, fixed="x", free="r", steps=LONG)
     assert curve.kind == "x = 0.5"
     assert curve.table["x"].to_numpy() == pytest.approx(0.5, abs=1e-9)
     assert curve.table["r"].iloc[-1] == pytest.approx(1.8, abs=1e-9)
@@ -153,7 +153,7 @@ def test_events_of_a_branch_of_twice_the_period(fixed_point):
 
 
 def test_a_function_that_raises_later_ends_the_branch(fixed_point):
-    branch = mi.continue_orbit(fixed_point, "r", 3.2, events={"late": fails})
+    branch = mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events={"late": fails})
     assert "event 'late' raises KeyError: 'v before'" in branch.ended
     assert branch.table["x"].iloc[-1] == pytest.approx(0.55, abs=1e-6)
 

@@ -24,7 +24,7 @@ def sign(x):
 
 def named(mode, t, y, p):
     plain(mode, t, y, p)
-    return y.v, -p.k * y.x - 0.2 * y.v + math.cos(t) - p.mu * sign(y.v)
+    return y.v, -p.k * y.x - 0.2 * y.v + math.cos(t) - p.mu * (1 - 2 * mode)
 
 
 def speed(mode, t, y, p):
@@ -40,7 +40,7 @@ def turn(mode, t, y, p):
 def in_array(mode, t, y, p, dy):
     plain(mode, t, y, p)
     dy[0] = y[1]
-    dy[1] = -p.k * y[0] - 0.2 * y[1] + math.cos(t) - p.mu * sign(y[1])
+    dy[1] = -p.k * y[0] - 0.2 * y[1] + math.cos(t) - p.mu * (1 - 2 * mode)
 
 
 def speed_of_array(mode, t, y, p):

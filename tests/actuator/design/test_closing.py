@@ -118,7 +118,10 @@ def test_units(found):
 
 def test_it_closes_above_the_dynamic_pull_in_voltage():
     volts = mi.pull_in_voltage(SWITCH, dynamic=True)
-    below, above = (mi.closing(SWITCH, mi.Step(amplitude=each * volts)) for each in (0.999, 1.001))
+    below, above = (
+        mi.closing(SWITCH, mi.Step(amplitude=each * volts), options=INTERPRETED)
+        for each in (0.999, 1.001)
+    )
     assert math.isnan(below.closing_time)
     assert (below.bounces, below.stopper, len(below.table)) == (0, "", 0)
     assert above.closing_time > 0.0
@@ -128,7 +131,8 @@ def test_stoppers_and_restitution():
     duration = 1e-4
     none = mi.Step(amplitude=0.0, duration=duration)
     pull = mi.Step(amplitude=90.0, duration=duration)
-    left = mi.closing(SWITCH, mi.TwoSided(right=none, left=pull), duration=duration)
+    drive = mi.TwoSided(right=none, left=pull)
+    left = mi.closing(SWITCH, drive, duration=duration, options=INTERPRETED)
     assert left.stopper == "left"
     assert left.closing_time == pytest.approx(2.7795033e-5, rel=1e-6)
     dead = mi.closing(SWITCH.replace(e=0.0), STEP)
@@ -179,7 +183,7 @@ def test_a_block_that_is_pulled_off_and_rests_on_the_other_stopper():
     pulled = switch.replace(g=3.0 * switch.k * switch.delta / switch.m2)
     pulled = pulled.adding(mi.Tilt(angle=1.2))  # to the left, against the spring
     pulse = mi.PulseAndHold(amplitude=400.0, width=1e-5, hold=0.0)
-    found = mi.closing(pulled, pulse)
+    found = mi.closing(pulled, pulse, options=INTERPRETED)
     assert found.stopper == "right"
     assert math.isnan(found.settling_time)
     last = found.table[found.table["stopper"] == "right"].iloc[-1]
