@@ -196,6 +196,44 @@ def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     assert found == pytest.approx(np.sort(np.abs(speeds[0])), abs=1e-8)
 
 
+@pytest.mark.slow
+def test_symmetry_breaking_of_an_impact_pair():
+    """A ball between the walls of a box of width 1 that moves by A sin t, in the frame of the box.
+
+    The linearised half period of the orbit with one impact on each wall, mirrored, has the
+    determinant e^2 and the trace 2 e - (1 + e)^2 pi A sin(phi) / (2 w), with the ball's speed w and
+    the phase phi of impacts. A multiplier is -1 where 2 w = pi A sin(phi).
+    """
+    pair = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, p.A * math.sin(t)),
+        period=2.0 * math.pi,
+        parameters={"A": 0.34, "e": 0.6},
+        guards=[
+            mi.Impact("right wall", lambda mode, t, y, p: 0.5 - y.x, rebound),
+            mi.Impact("left wall", lambda mode, t, y, p: 0.5 + y.x, rebound),
+        ],
+        initial={"v": 1.0},
+    )
+
+    def amplitude(e):
+        sine = 2.0 / (math.pi**2 - 4.0)
+        return math.hypot(sine, 0.5 * math.pi * sine * (1.0 - e) / (1.0 + e))
+
+    assert amplitude(0.6) == pytest.approx(0.36606993622, abs=1e-11)
+    branch = mi.continue_orbit(mi.find_orbit(pair, transient=100), "A", 0.45)
+    (fork,) = (special for special in branch.special_points if special.label == "BP")
+    assert fork.value == pytest.approx(amplitude(0.6), abs=1e-10)
+    curve = mi.continue_curve(fork, "e", 0.7)
+    for e, A in zip(curve.table["e"], curve.table["A"], strict=True):
+        assert amplitude(e) == pytest.approx(A, abs=1e-10)
+    halves = mi.switch_branch(fork)
+    first, last = halves.orbits[0], halves.orbits[-1]
+    flights = [np.ptp(orbit.impacts["t"]) for orbit in (first, last)]
+    assert sum(flights) == pytest.approx(2.0 * math.pi, abs=1e-8)
+    assert abs(flights[0] - math.pi) > 0.1
+
+
 def ueda(mode, t, y, p):
     return y.v, p.A * math.cos(t) - 0.2 * y.v - y.x**3
 
