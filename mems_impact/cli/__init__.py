@@ -132,6 +132,9 @@ def main_group() -> None:
     """  # noqa: D301 - click looks for the backspace itself
 
 
+YOUNG_OBJECTS = 50_000  # between two collections; 700 or 2,000 by default
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit.
 
@@ -146,7 +149,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM; 141,
     standard output was closed by its reader.
     """
-    # At exit the interpreter would scan all objects, which takes a fifth of a short run.
+    # Imports create objects that last: collecting the young ones less often, and not scanning all
+    # of them at exit, each saves some 0.1 s.
+    gc.set_threshold(YOUNG_OBJECTS)
     atexit.register(gc.freeze)
     show_warnings_briefly()
     with interruptible() as signals:

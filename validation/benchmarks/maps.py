@@ -24,7 +24,7 @@ OPTIONS = mi.Options(method="auto")  # of maps by default
 EQUAL = mi.RecurrenceOptions(
     periods=PERIODS, exponents="none"
 )  # as the loop, which has none either
-FASTER, POINTS, SHARE = 3, 250, 0.95
+FASTER, POINTS, SHARE = 3, 250, 0.975
 WORKERS = 2
 
 
