@@ -184,6 +184,7 @@ class AttractorEvaluator:
             **identity(self.system),
             **asdict(self.recurrence),
             "options": identity_of_options(self.system.problem(self.options).options),
+            **({"executor": "cuda"} if self.gpu else {}),  # a GPU rounds differently
         }
 
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:

@@ -53,6 +53,15 @@ def test_points_that_depend_on_each_other_are_refused():
         mi.sweep(ACTUATOR, DRIVE, "amplitude", [0.2, 0.21], executor="cuda")
 
 
+def test_a_store_of_a_processor_is_not_resumed_by_a_gpu(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba_support, "check_cuda", lambda: None)
+    place, options = tmp_path / "map", mi.Options(engine="interpreted", method="dop853")
+    brief = mi.RecurrenceOptions(transient=1, periods=1, exponents="none")
+    mapped(store=place, recurrence=brief, options=options)
+    with pytest.raises(mi.MemsImpactError, match=r"executor is .* there, 'cuda' here"):
+        mapped(store=place, recurrence=brief, options=options, executor="cuda")
+
+
 SIMULATED = """
 import json, math
 import numpy as np
