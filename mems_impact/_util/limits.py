@@ -24,6 +24,16 @@ class Limits:
     low_excluded: bool = False
     high_excluded: bool = False
 
+    @property
+    def allowed(self) -> str:
+        """The range, worded to follow "must be"."""
+        bounds = (
+            (">" if self.low_excluded else ">=", self.low),
+            ("<" if self.high_excluded else "<=", self.high),
+        )
+        shown = [f"{sign} {bound:.9g}" for sign, bound in bounds if math.isfinite(bound)]
+        return f"a finite number {' and '.join(shown)}".rstrip()
+
 
 UNLIMITED = Limits()
 """Any number."""

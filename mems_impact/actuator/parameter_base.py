@@ -284,8 +284,7 @@ def _allowed(field: FieldInfo) -> str:
         if kind is Literal:
             return f"one of {', '.join(get_args(field.annotation))}"
         return _KINDS.get(kind, f"of type {field.annotation}")
-    bounds = [bound for limit in field.metadata if (bound := _bound(limit))]
-    return " ".join(["a finite number", " and ".join(bounds)]).rstrip()
+    return limits_of(field).allowed
 
 
 def limits_of(field: FieldInfo) -> Limits:
@@ -298,17 +297,3 @@ def limits_of(field: FieldInfo) -> Limits:
             case Lt(lt=value) | Le(le=value):
                 found |= {"high": value, "high_excluded": isinstance(limit, Lt)}
     return Limits(**found)
-
-
-def _bound(limit: object) -> str:
-    match limit:
-        case Gt(gt=value):
-            return f"> {value}"
-        case Ge(ge=value):
-            return f">= {value}"
-        case Lt(lt=value):
-            return f"< {value}"
-        case Le(le=value):
-            return f"<= {value}"
-        case _:
-            return ""

@@ -159,12 +159,7 @@ def limit_tables(model: ExportedModel) -> list[str]:
         found = number.limits
         lows.append(math.nextafter(found.low, math.inf) if found.low_excluded else found.low)
         highs.append(math.nextafter(found.high, -math.inf) if found.high_excluded else found.high)
-        bounds = (
-            (">" if found.low_excluded else ">=", found.low),
-            ("<" if found.high_excluded else "<=", found.high),
-        )
-        shown = [f"{sign} {bound:.9g}" for sign, bound in bounds if math.isfinite(bound)]
-        allowed.append(f"a finite number {' and '.join(shown)}".rstrip())
+        allowed.append(found.allowed)
     places = {number.name: i for i, number in enumerate(numbers)}
     rows = [(places[low], places[high], int(equal)) for low, high, equal in model.relations]
     return [

@@ -310,7 +310,8 @@ class AttractorMapper:
         inputs = np.array([_row(*point) for point in points])
         n, m, modes, _, _ = self._sizes
         width = recurrence.result_width(n, m, modes, self._work)
-        results = np.full((len(points), width), math.nan)
+        results = np.zeros((len(points), width))
+        results[:, OUTCOME] = math.nan  # of points that are not completed
         if gpu is not None:
             gpu.follow(inputs, results, transient, length)
         (left,) = np.nonzero(np.isnan(results[:, OUTCOME]))
