@@ -49,15 +49,14 @@ class QuantityBounds:
 
     Attributes
     ----------
-    name : str
-        Name of the quantity.
+    quantity : Quantity
     low, high : float
         Bounds; infinite for none.
     scale : float
         Unit in which margins are scaled.
     """
 
-    name: str
+    quantity: Quantity
     low: float
     high: float
     scale: float
@@ -81,14 +80,14 @@ class QuantityBounds:
 
     def words(self, unit: str) -> list[str]:
         """Return the bounds in words."""
-        word = {1.0: "least", -1.0: "most"}
-        return [
-            f"{self.name} at {word[sign]} {bound:.6g} {unit}".rstrip() for sign, bound in self.sides
-        ]
+        name, word = self.quantity.name, {1.0: "least", -1.0: "most"}
+        return [f"{name} at {word[sign]} {bound:.6g} {unit}".rstrip() for sign, bound in self.sides]
 
 
 def limits_of(
-    orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
+    orbit: Orbit,
+    subject_to: Mapping[str, tuple[float | None, float | None]],
+    tolerances: Mapping[str, float | str],
 ) -> tuple[QuantityBounds, ...]:
     """Return the constraints on an orbit: the given ones, stability, and no penetration.
 
@@ -97,23 +96,20 @@ def limits_of(
     Raises
     ------
     InvalidParameter
-        If a pair does not consist of ascending numbers or None.
+        If a quantity is unknown, or a pair does not consist of ascending numbers or None.
     """
-    known = {each.name: each for each in orbit.system.orbit_quantities}
+    system = orbit.system
     given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, MAX_MULTIPLIER)}
-    if CLOSEST_APPROACH in known:
+    if any(each.name == CLOSEST_APPROACH for each in system.orbit_quantities):
         given[CLOSEST_APPROACH] = (0.0, None)
     found = []
     for name, pair in {**given, **subject_to}.items():
-        unit = known[name].unit if name in known else ""
-        field = f"subject_to {name}"
-        low, high = _checked_pair(
-            name, quantities(field, pair, unit if orbit.system.units else None)
-        )
+        quantity = _quantity(system, name, tolerances)
+        unit = quantity.unit if system.units else None
+        low, high = _checked_pair(name, quantities(f"subject_to {name}", pair, unit))
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
-        if size == 0.0 and name in known:
-            size = abs(known[name](orbit))
-        found.append(QuantityBounds(name, low, high, size if 0.0 < size < math.inf else 1.0))
+        size = size or abs(quantity(orbit))
+        found.append(QuantityBounds(quantity, low, high, size if 0.0 < size < math.inf else 1.0))
     return tuple(found)
 
 
@@ -333,7 +329,11 @@ class Objective:
     sign: float
     scale: float
     limits: tuple[QuantityBounds, ...]
-    limited: tuple[Quantity, ...]
+
+    @property
+    def limited(self) -> tuple[Quantity, ...]:
+        """The constrained quantities."""
+        return tuple(each.quantity for each in self.limits)
 
     @classmethod
     def of(
@@ -354,8 +354,7 @@ class Objective:
         wanted = maximize if maximize is not None else minimize
         assert wanted is not None
         first = _quantity(system, wanted, tolerances)
-        limits = limits_of(orbit, subject_to)
-        limited = tuple(_quantity(system, each.name, tolerances) for each in limits)
+        limits = limits_of(orbit, subject_to, tolerances)
         scale = abs(first(orbit))
         if not math.isfinite(scale):
             raise InvalidParameter("orbit", orbit, f"one that has a {first.name}")
@@ -365,7 +364,6 @@ class Objective:
             sign=-1.0 if maximize is not None else 1.0,
             scale=scale or 1.0,
             limits=limits,
-            limited=limited,
         )
 
     def place(self, orbit: Orbit) -> Floats:
@@ -435,8 +433,8 @@ class Objective:
         system = found.item.system
         words = [
             sentence
-            for each, quantity in zip(self.limits, self.limited, strict=True)
-            for sentence in each.words(quantity.unit if system.units else "")
+            for each in self.limits
+            for sentence in each.words(each.quantity.unit if system.units else "")
         ]
         return [sentence for sentence, yes in zip(words, chosen, strict=True) if yes]
 

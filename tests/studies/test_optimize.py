@@ -176,6 +176,7 @@ def test_standard_deviation_under_tolerances(orbit):
         ({"maximize": "period", "subject_to": {"period": 2.0}}, "subject_to period"),
         ({"maximize": "period", "subject_to": {"period": (2.0, 1.0)}}, "in this order"),
         ({"maximize": "period", "subject_to": {"speed": (2.0, 3.0)}}, "one of"),
+        ({"maximize": "period", "subject_to": {"speed": ("2 m/s", None)}}, "one of"),
         ({"maximize": "period", "iterations": 0}, "iterations"),
         ({"minimize": "standard deviation of period"}, "tolerances"),
         ({"minimize": "standard deviation of period", "tolerances": {"x": 1.0}}, "tolerances"),
