@@ -579,7 +579,7 @@ def lasts_until(
     value, kind = math.nan, ""
     ends: list[SpecialPoint] = []
     for _ in range(JUMPS):
-        branch = continue_orbit(orbit, "amplitude", stop=stop)
+        branch = continue_orbit(orbit, "amplitude", stop=stop, stop_at=STABILITY_LOSS_LABELS)
         value, kind = end_of(branch, stop)
         ends = [special for special in branch.special_points if special.value == value]
         if kind == "bound" or any(special.label in STABILITY_LOSS_LABELS for special in ends):

@@ -21,7 +21,11 @@ from mems_impact._util.bisection import bisect
 from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS, SLIP_END
-from mems_impact.actuator.design.characteristics import end_of, lasts_until
+from mems_impact.actuator.design.characteristics import (
+    STABILITY_LOSS_LABELS,
+    end_of,
+    lasts_until,
+)
 from mems_impact.actuator.design.estimates import contact_voltage, pull_in_charge
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
@@ -185,8 +189,8 @@ TRIALS = 6  # states of the attractor from which the next amplitude is tried
 
 def settled(
     system: ActuatorSystem, start: State, periods: int, options: Options, watch: Watch | None
-) -> tuple[bool, State]:
-    """Return whether a motion has impacts in the end, and its last state.
+) -> tuple[bool, float, State]:
+    """Return whether a motion has impacts in the end, its closest approach, and its last state.
 
     The end is its orbit if it becomes periodic, else the last quarter of `periods`.
     """
@@ -197,7 +201,8 @@ def settled(
     (found,) = map_attractors([case], recurrence, options, watch)
     if found.final is None:
         raise OrbitError(f"the motion cannot be computed: {found.status}", "take another range")
-    return found.measures["impacts per period"] > 0.0, found.final
+    strikes = found.measures["impacts per period"] > 0.0
+    return strikes, found.measures["closest approach"], found.final
 
 
 def locate_crisis(
@@ -257,7 +262,7 @@ def locate_crisis(
         """Return states of the attractor at `amplitude`; none if all `starts` leave it."""
         here = drive.replace(amplitude=amplitude)
         for start in starts:
-            strikes, final = settled(actuator.under(here), start, periods, options, watch)
+            strikes, _, final = settled(actuator.under(here), start, periods, options, watch)
             if strikes:
                 states = [final]
                 for _ in range(TRIALS - 1):
@@ -298,7 +303,9 @@ def locate_crisis(
 # --- Thresholds of slip and impacts at single frequencies
 
 TRANSIENT_PERIODS = 400  # least transient of a run without impacts, in forcing periods
-MAX_AMPLITUDE_STEP = 0.02  # relative to the amplitude
+MAX_AMPLITUDE_STEP = 0.02  # relative to the amplitude, close to the stopper
+MAX_SEARCH_STEP = 0.25  # and far from it, where a strike is confirmed by steps of the former
+CLEARANCE_RATIO = 0.5  # part of the clearance that a step leaves, if the deflection is quadratic
 THRESHOLD_RTOL = 1e-5  # relative accuracy of a simulated threshold
 IMPACT_OFFSET_RATIO = 1e-3  # relative offset above an onset for the motion with impacts
 AMPLITUDE_FACTOR = 1.05  # between trials for an orbit with impacts
@@ -336,38 +343,70 @@ def onset(
     OrbitError
         If it does not strike up to `most`.
     """
-    low, state, step, struck = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first, None
-    while struck is None or step > THRESHOLD_RTOL * low:
-        higher = system.changed(amplitude=low + step)
-        strikes, there = settled(higher, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
+
+    def trial(amplitude: float, state: State) -> tuple[bool, float, State]:
+        here = system.changed(amplitude=amplitude)
+        return settled(here, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
+
+    low, state, step = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first
+    while True:
+        strikes, clearance, there = trial(low + step, state)
+        if not strikes:
+            low, state = low + step, there
+            if low >= (1.0 - THRESHOLD_RTOL) * most:
+                reason = f"no impacts up to amplitude = {most:.9g}"
+                raise OrbitError(reason, "take another frequency")
+            far = _search_step(clearance / system.actuator.delta) * low
+            step = min(2.0 * step, far, most - low)
+        elif step > MAX_AMPLITUDE_STEP * low:
+            step = MAX_AMPLITUDE_STEP * low  # the strike may be due to the size of the step
+        else:
+            break
+    high = low + step
+    special = _ending(system.changed(amplitude=low), state, high)
+    if special is not None:
+        above = (1.0 + IMPACT_OFFSET_RATIO) * special.value
+        strikes, _, beyond = trial(above, special.orbit.state)
         if strikes:
-            struck, step = (low + step, there), 0.5 * step
-            continue
-        low, state = low + step, there
-        if struck is None:
-            step = min(2.0 * step, MAX_AMPLITUDE_STEP * low)
-        elif low + step >= struck[0]:
-            step = 0.5 * (struck[0] - low)
-        if low > most:
-            raise OrbitError(f"no impacts up to amplitude = {most:.9g}", "take another frequency")
-    return *_ending(system.changed(amplitude=low), state, struck[0]), struck[1]
+            return special.value, special.kind, special, beyond
+
+    def rests(amplitude: float) -> bool:
+        nonlocal state, there
+        strikes, _, final = trial(amplitude, state)
+        state, there = (state, final) if strikes else (final, there)
+        return not strikes
+
+    low, high = bisect(rests, low, high, THRESHOLD_RTOL * low)
+    special = _ending(system.changed(amplitude=low), state, high)
+    if special is not None:
+        return special.value, special.kind, special, there
+    return high, JUMP, None, there
 
 
-def _ending(
-    system: ActuatorSystem, state: State, high: float
-) -> tuple[float, str, SpecialPoint | None]:
-    """Return the end of the orbit without impacts below `high`, and its kind."""
+def _search_step(clearance: float) -> float:
+    """Return the relative step of the amplitude at a clearance relative to `delta`.
+
+    The force is proportional to the square of the voltage, and so is a small deflection.
+    """
+    deflection = max(1.0 - clearance, 0.0)
+    if deflection * (1.0 + MAX_SEARCH_STEP) ** 2 < 1.0 - CLEARANCE_RATIO * clearance:
+        return MAX_SEARCH_STEP
+    step = math.sqrt((1.0 - CLEARANCE_RATIO * clearance) / deflection) - 1.0
+    return max(step, MAX_AMPLITUDE_STEP)
+
+
+def _ending(system: ActuatorSystem, state: State, high: float) -> SpecialPoint | None:
+    """Return the grazing or fold below `high` in which the orbit without impacts ends, if any."""
     try:
         orbit: Any = find_orbit(system, guess=state)
         if orbit.stable and orbit.admissible:
-            branch = continue_orbit(orbit, "amplitude", high)
+            branch = continue_orbit(orbit, "amplitude", high, stop_at=STABILITY_LOSS_LABELS)
             amplitude, kind = end_of(branch, high)
             if kind in (GRAZING, FOLD):
-                ends = [each for each in branch.special_points if each.value == amplitude]
-                return amplitude, kind, ends[0]
+                return next(each for each in branch.special_points if each.value == amplitude)
     except OrbitError:
         pass
-    return high, JUMP, None
+    return None
 
 
 def steady(
@@ -708,7 +747,9 @@ class ChartBuilder:
             omega, amplitude = points[-1]
             same = abs(omega - end.omega) <= SAME_FREQUENCY_RTOL * end.omega
             if same and abs(amplitude - end.amplitude) < TOUCH * end.amplitude:
-                return sorted(p for p in points if left.omega < p[0] < right.omega)
+                slack = SAME_FREQUENCY_RTOL * right.omega  # within it, a point is an end itself
+                return sorted(p for p in points if slack < p[0] - left.omega
+                              and slack < right.omega - p[0])  # fmt: skip
         return None
 
     def _remedy(self, *omegas: float) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.design import operating_chart
 from mems_impact.actuator.report_page import amount
 from tests.actuator.slipping import LIGHT, SLIPPING, random_device
 
@@ -139,12 +140,41 @@ def test_a_chart_whose_frame_slips_between_its_ends_only():
     assert 528 < slips["frequency"].min() <= slips["frequency"].max() < 612
 
 
+SLIDING = mi.Actuator.from_design(
+    frequency=21e3, damping_ratio=0.05, stiffness=42.0, mass_ratio=8, gap=3.8e-6, travel=2.6e-6,
+    capacitance=5e-14, friction=(0.5, 0.4), restitution=0.6,
+)  # fmt: skip
+"""A device whose frame slips from a thirtieth of the pull-in voltage on."""
+
+
+def test_impacts_far_above_the_onset_of_slip_begin_where_an_orbit_ends(monkeypatch):
+    """The end of the orbit without impacts is continued, and simulations only lead to it."""
+    amplitudes = []
+    settled = operating_chart.settled
+
+    def counted(system, *more):
+        amplitudes.append(system.drive.amplitude)
+        return settled(system, *more)
+
+    monkeypatch.setattr(operating_chart, "settled", counted)
+    chart = mi.operating_chart(SLIDING, frequency=(9.375e3, 10.5e3), crises=0)
+    on = chart.table[chart.table["boundary"] == "on"]
+    assert set(on["kind"]) == {"fold", "grazing"}
+    assert on["frequency"].is_unique
+    assert len(amplitudes) < 40 * 9  # at nine frequencies
+    system = SLIDING.under(mi.Sine(amplitude=1.0, frequency=10078.125))
+    (fold,) = on.loc[np.isclose(on["frequency"], 10078.125, rtol=1e-9), "amplitude"]
+    state = mi.State()
+    for part in (0.3, 0.6, 0.9, 0.97, 0.99, 0.999, 0.9999, 1.001):
+        there = system.changed(amplitude=part * fold)
+        run = mi.simulate(there, periods=2000, initial=state, keep="statistics")
+        state = run.final
+        assert (run.statistics["impacts per period"] > 0.0) == (part > 1.0)
+
+
 def test_a_frame_that_slips_far_below_pull_in():
     """The onset of slip at a thirtieth of the pull-in voltage is that of linear response."""
-    device = mi.Actuator.from_design(
-        frequency=21e3, damping_ratio=0.05, stiffness=42.0, mass_ratio=8, gap=3.8e-6, travel=2.6e-6,
-        capacitance=5e-14, friction=(0.5, 0.4), restitution=0.6,
-    )  # fmt: skip
+    device = SLIDING
     chart = mi.operating_chart(device, frequency=(9e3, 10.5e3), crises=0)
     slip = chart.table[chart.table["boundary"] == "slip"]
     assert slip["frequency"].min() == 9e3
