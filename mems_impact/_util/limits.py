@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-__all__ = ["UNLIMITED", "Limits"]
+__all__ = ["BOUND_RTOL", "UNLIMITED", "Bound", "Limits"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,5 +37,43 @@ class Limits:
         return f"a finite number {' and '.join(shown)}".rstrip()
 
 
+BOUND_RTOL = 1e-9  # relative rounding by which a number may be beyond a bound that is allowed
+
 UNLIMITED = Limits()
 """Any number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """A bound of a number that depends on other numbers.
+
+    Attributes
+    ----------
+    name : str
+        Name of the bounded number.
+    value : callable
+        ``value(p)``, the bound as a function of the parameter array.
+    upper : bool
+        Whether the number is below the bound.
+    excluded : bool
+        Whether the bound itself is not allowed.
+    what : str
+        What the bound is.
+    """
+
+    name: str
+    value: Callable[[Any], float]
+    upper: bool = False
+    excluded: bool = True
+    what: str
+
+    @property
+    def sign(self) -> str:
+        """The sign between the number and its bound."""
+        return ("<" if self.upper else ">") + ("" if self.excluded else "=")
+
+    def holds(self, number: float, p: Any) -> bool:
+        """Return whether a number is on its side of the bound."""
+        bound = self.value(p)
+        room = bound - number if self.upper else number - bound
+        return room > 0.0 if self.excluded else room >= -BOUND_RTOL * abs(bound)

@@ -23,6 +23,7 @@ from mems_impact.actuator.automaton import (
 )
 from mems_impact.actuator.automaton_with_terms import layout
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 from mems_impact.systems.window_statistics import Moments
@@ -41,7 +42,6 @@ __all__ = [
     "is_impact",
     "is_release",
     "is_slipping",
-    "yields",
 ]
 
 # --- Impacts and steps of the frame
@@ -71,11 +71,6 @@ def is_release(events: Events) -> NDArray[np.bool_]:
     return (events.kind == workspace.TRANSITION) & (events.guard == RELEASE)
 
 
-def yields(actuator: Actuator) -> bool:
-    """Return whether the stoppers are compliant."""
-    return any(term.instead == "stopper" for term in actuator.terms)
-
-
 def contact_loss(actuator: Actuator) -> int:
     """Return the index of the state that integrates the losses in compliant stoppers."""
     states = layout([term.kind for term in actuator.terms], 0).states
@@ -87,7 +82,7 @@ def energy_lost(events: Events, actuator: Actuator) -> Floats:
 
     The loss of a contact with a compliant stopper is known at its end; NaN if it has not ended.
     """
-    if not yields(actuator):
+    if not is_compliant(actuator):
         speeds = events.before[:, V2], events.after[:, V2]
         lost: Floats = impact_law.impact_loss(actuator.m1, actuator.m2, *speeds)
         return np.where(is_impact(events) | (events.kind == workspace.ACCUMULATION), lost, 0.0)
@@ -292,7 +287,7 @@ class RestDetector:
 
     def __init__(self, actuator: Actuator, period: float) -> None:
         self._actuator, self._period = actuator, period
-        self._yields = yields(actuator)
+        self._yields = is_compliant(actuator)
         self._hits = np.zeros((0, 3))  # the last impact so far: time, speed, guard
 
     def __call__(self, events: Events) -> Events:

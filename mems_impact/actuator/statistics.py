@@ -20,9 +20,9 @@ from mems_impact.actuator.impact_statistics import (
     energy_lost,
     is_impact,
     is_slipping,
-    yields,
 )
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
@@ -233,7 +233,7 @@ class Accumulator(StatisticsAccumulator):
         inside = self._take(events)
         struck = is_impact(events) & inside
         self._speeds.add(np.abs(events.before[struck, V2]))
-        if not yields(self._actuator):
+        if not is_compliant(self._actuator):
             ended = (events.kind == workspace.ACCUMULATION) & inside
             self._energies.add(energy_lost(events[struck | ended], self._actuator))
         turned = events[(events.kind == workspace.APPROACH) & inside]
@@ -260,7 +260,7 @@ class Accumulator(StatisticsAccumulator):
             self._take_steps(self._waiting[:0], last=True)
         change = borders[1] - borders[0]
         gains = {"step": float(change[X1])}
-        if yields(self._actuator):
+        if is_compliant(self._actuator):
             gains["energy lost"] = float(change[contact_loss(self._actuator)])
         totals = self._totals(final, 1.0, gains, {"energy lost": self._energies})
         window, blows = self._window.until(final), self._blows

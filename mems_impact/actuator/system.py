@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.limits import UNLIMITED, Limits
+from mems_impact._util.limits import UNLIMITED, Bound, Limits
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import impact_law
@@ -38,7 +38,6 @@ from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.drives.imported import ImportedVoltage, ImportedVoltages
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
-from mems_impact.actuator.impact_statistics import yields
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
@@ -55,7 +54,7 @@ from mems_impact.actuator.statistics import (
     measures,
     standstill_period,
 )
-from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit
+from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit, is_compliant
 from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel, ExportedNumber
@@ -476,7 +475,7 @@ class ActuatorSystem(ActuatorNumerics):
     @cached_property
     def _yields(self) -> bool:
         """Whether the stoppers are compliant, so that a block may be beyond them."""
-        return yields(self.actuator)
+        return is_compliant(self.actuator)
 
     @cached_property
     def _bounds(self) -> bool:
@@ -494,7 +493,16 @@ class ActuatorSystem(ActuatorNumerics):
             return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
         model = super().export_model(inputs, initial, options)
         named = self.name or "actuator"
-        return replace(model, name=named, mode_by_switch=True, relations=ORDERED)
+        return replace(model, name=named, mode_by_switch=True, bounds=self._number_bounds)
+
+    @property
+    def _number_bounds(self) -> tuple[Bound, ...]:
+        """The bounds of numbers of the device by others."""
+        found, first = list(ORDERED), len(PARAMETER_NAMES)
+        for kind in self._kinds:
+            found += kind.term.bounds(kind.at(first), kind.shape, self._yields)
+            first += kind.length
+        return tuple(found)
 
     def limits(self, name: str) -> Limits:
         """Return the range of a parameter."""
@@ -851,8 +859,20 @@ class NamedState:
 VOLTAGES = ("voltage", "left_voltage")
 """The inputs that replace a drive."""
 
-ORDERED = (("delta", "d", False), ("mu_d", "mu_s", True))
-"""Pairs of parameters, the lower one first, and whether they may be equal."""
+
+def _gap(p: Any) -> Any:
+    return p[eq.D]
+
+
+def _static_friction(p: Any) -> Any:
+    return p[eq.MU_S]
+
+
+ORDERED = (
+    Bound(name="delta", value=_gap, upper=True, what="the gap d"),
+    Bound(name="mu_d", value=_static_friction, upper=True, excluded=False, what="which is mu_s"),
+)
+"""Bounds of parameters by others."""
 
 
 class ImportedSystem(ActuatorSystem):
@@ -895,7 +915,7 @@ class ImportedSystem(ActuatorSystem):
             numbers=(*own, *voltages),
             inputs=(*others, *(number.name for number in voltages)),
             mode_by_switch=True,
-            relations=ORDERED,
+            bounds=self._number_bounds,
         )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mems_impact._util.limits import UNLIMITED, Limits
+from mems_impact._util.limits import UNLIMITED, Bound, Limits
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
@@ -77,8 +77,8 @@ class ExportedModel:
         Likewise.
     rate_step_place : int or None
         Index in the parameter array of the difference step of rates.
-    relations : tuple of tuple
-        Pairs of names of numbers, the lower one first, and whether they may be equal.
+    bounds : tuple of Bound
+        Bounds of numbers by others, as functions of the parameter array.
     """
 
     name: str
@@ -99,4 +99,4 @@ class ExportedModel:
     time_scale: Callable[..., Any] | None = None
     switches: Callable[..., Any] | None = None
     rate_step_place: int | None = None
-    relations: tuple[tuple[str, str, bool], ...] = ()
+    bounds: tuple[Bound, ...] = ()

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.export.c_source import INTEGER, REAL, CSource, Tuple, literal
+from mems_impact._util.limits import BOUND_RTOL
+from mems_impact.export.c_source import INTEGER, REAL, Array, CSource, Tuple, literal
 from mems_impact.export.event_loop_source import ENGINE, LOOP, event_loop_source, record_structure
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.definition import RATE_STEP
@@ -64,7 +65,7 @@ def model_header(model: ExportedModel) -> str:
         "PARAMETERS": len(problem.parameters),
         "VALUES": len(model.numbers),
         "INPUTS": len(model.inputs),
-        "RELATIONS": len(model.relations),
+        "BOUNDS": len(model.bounds),
         "SWITCHES": switches,
         "INDICATORS": m + sum(guard.impact for guard in automaton.guards),
         "FIRST_INTEGER": first_integer(model),
@@ -90,6 +91,7 @@ def model_header(model: ExportedModel) -> str:
     sizes |= {f"KIND_{kind.name}": int(kind) for kind in workspace.Kind}
     sizes |= {f"STATUS_{status.name}": int(status) for status in workspace.Status}
     sizes |= {
+        "BOUND_RTOL": literal(BOUND_RTOL),
         "RTOL": literal(problem.options.rtol),
         "ATOL": literal(problem.options.atol),
         "STEPS_PER_PERIOD": literal(STEPS_PER_PERIOD),
@@ -127,7 +129,13 @@ def model_header(model: ExportedModel) -> str:
         *limit_tables(model),
         reals("PARAMETER_STARTS", problem.parameters),
     ]
-    more = "\n\n".join([parameter_function(model, source), mode_function(model, source)])
+    more = "\n\n".join(
+        [
+            parameter_function(model, source),
+            bound_function(model, source),
+            mode_function(model, source),
+        ]
+    )
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n\n".join(
         [
@@ -152,7 +160,7 @@ def rate_place(number: ExportedNumber) -> int:
 
 
 def limit_tables(model: ExportedModel) -> list[str]:
-    """Return names and ranges of the numbers, and the relations between them."""
+    """Return names and ranges of the numbers, and where their bounds by others apply."""
     numbers = model.numbers
     lows, highs, allowed = [], [], []
     for number in numbers:
@@ -161,16 +169,26 @@ def limit_tables(model: ExportedModel) -> list[str]:
         highs.append(math.nextafter(found.high, -math.inf) if found.high_excluded else found.high)
         allowed.append(found.allowed)
     places = {number.name: i for i, number in enumerate(numbers)}
-    rows = [(places[low], places[high], int(equal)) for low, high, equal in model.relations]
+    rows = []
+    for each in model.bounds:
+        i = places[each.name]
+        place = numbers[i].place
+        assert place is not None
+        rows.append((i, place, each.upper, each.excluded))
     return [
         reals("VALUE_LOWS", lows or [0.0]),
         reals("VALUE_HIGHS", highs or [0.0]),
         texts("VALUE_NAMES", [number.name for number in numbers]),
         texts("VALUE_UNITS", [f" {number.unit}".rstrip() for number in numbers]),
         texts("VALUE_RANGES", allowed),
-        "static const int VALUE_RELATIONS[][3] = { "
-        + (", ".join(f"{{ {i}, {j}, {equal} }}" for i, j, equal in rows) or "{ 0 }")
+        "static const int VALUE_BOUNDS[][4] = { "
+        + (
+            ", ".join(f"{{ {', '.join(str(int(cell)) for cell in row)} }}" for row in rows)
+            or "{ 0 }"
+        )
         + " };",
+        texts("BOUND_SIGNS", [each.sign for each in model.bounds]),
+        texts("BOUND_MEANINGS", [each.what for each in model.bounds]),
     ]
 
 
@@ -244,6 +262,16 @@ def parameter_function(model: ExportedModel, source: CSource) -> str:
         "static void model_parameters(const double *values, double *p, double *period, "
         "double *scale, double *switches)",
         lines,
+    )
+
+
+def bound_function(model: ExportedModel, source: CSource) -> str:
+    """Return the function that computes a bound, in the units of the numerics."""
+    p = Array((len(model.problem.parameters),))
+    found = [source.function(bound.value, (p,)).name for bound in model.bounds]
+    lines = [f"if (i == {i}) return {name}(p);" for i, name in enumerate(found)]
+    return block(
+        "static double model_bound(int i, double *p)", [*lines, "(void)i; (void)p;", "return 0.0;"]
     )
 
 

@@ -323,10 +323,77 @@ def test_values_out_of_range_are_refused_with_the_range(tmp_path, fmi):
         "m2 = 0 kg: must be a finite number > 0",
         "c = -1e-09 N s/m: must be a finite number >= 0",
         "k = nan N/m: must be a finite number > 0",
-        "delta = 6e-06 m: must be below d = 5e-06 m",
+        "delta = 6e-06 m: must be < 5e-06 m, the gap d",
     ]
     write([named["delta"].valueReference], [2e-6])
     unit.exitInitializationMode()
+    unit.freeInstance()
+
+
+X = np.linspace(-3e-6, 3e-6, 7)
+BOUNDED = {
+    "comb": (mi.CombDrive(fingers=20, gap=2e-6, thickness=2e-5, overlap=1e-5),),
+    "yielding comb": (
+        mi.CombDrive(fingers=20, gap=2e-6, thickness=2e-5, overlap=1e-5),
+        mi.CompliantStopper(stiffness=1e3),
+    ),
+    "fringing": (mi.Fringing(width=1e-4, length=2e-4),),
+    "tilted": (mi.Tilt(angle=0.01), mi.TiltedPlate(angle=0.001, length=5e-4)),
+    "spring": (mi.TabulatedSpring(positions=X, forces=MITA.k * X),),
+    "capacitance": (mi.TabulatedCapacitance(positions=X, capacitances=1e-13 / (5e-6 - X)),),
+    "film": (
+        mi.SqueezeFilm(
+            width=1e-4, length=2e-4, pressure=1e5, viscosity=1.8e-5, free_path_pressure=6.8e-3
+        ),
+    ),
+}
+"""Terms with bounds of numbers by others."""
+
+
+@pytest.mark.parametrize(
+    ("terms", "name", "allowed", "refused", "said"),
+    [
+        ("comb", "comb_drive.overlap", 4e-6, 2.4e-6, "must be > 2.5e-06 m, the largest deflection"),
+        ("yielding comb", "d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection"),
+        (
+            "fringing",
+            "fringing.width",
+            1.5e-5,
+            1.4e-5,
+            "must be >= 1.5e-05 m, twice the widest gap",
+        ),
+        ("fringing", "d", 4.7e-5, 5e-5, "must be >= 0.000105 m, twice the widest gap"),
+        ("tilted", "tilted_plate.angle", 0.0099, 0.0101, "must be < 0.01, where"),
+        ("tilted", "tilted_plate.angle", -0.0099, -0.0101, "must be > -0.01, where"),
+        ("tilted", "delta", 4.7e-6, 4.8e-6, "must be < 0.0008"),
+        ("spring", "delta", 3e-6, 3.1e-6, "must be <= 3e-06 m, where the table of tabulated_sp"),
+        ("spring", "k", 1.005 * MITA.k, 1.02 * MITA.k, "the stiffness of the table at x2 = 0"),
+        ("capacitance", "delta", 3e-6, 3.1e-6, "where the table of tabulated_capacitance ends"),
+        ("film", "squeeze_film.width", 2e-4, 3e-4, "must be <= 0.0002 m, the length"),
+    ],
+)
+def test_bounds_of_numbers_by_others(tmp_path, terms, name, allowed, refused, said):
+    device = MITA.adding(*BOUNDED[terms])
+    path = device.to_fmu(tmp_path / "device.fmu", mi.Sine(amplitude=6.0, frequency=100.0))
+    description = fmpy.read_model_description(str(path))
+    (reference,) = (v.valueReference for v in description.modelVariables if v.name == name)
+    messages = []
+
+    def logger(*arguments):
+        messages.append(arguments[-1].decode())
+
+    folder = fmpy.extract(str(path), str(tmp_path / "unzipped"))
+    unit = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=logger)
+    unit.enterInitializationMode()
+    unit.setFloat64([reference], [refused])
+    with pytest.raises(FMICallException):
+        unit.exitInitializationMode()
+    assert said in messages[-1]
+    with pytest.raises(mi.InvalidParameter):
+        device.setting({name: refused})
+    unit.setFloat64([reference], [allowed])
+    unit.exitInitializationMode()
+    device.setting({name: allowed})
     unit.freeInstance()
 
 

@@ -15,8 +15,9 @@ from mems_impact.actuator import results
 from mems_impact.actuator.automaton import V1, V2, X2
 from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.impact_statistics import is_impact, is_release, is_slipping, yields
+from mems_impact.actuator.impact_statistics import is_impact, is_release, is_slipping
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.base import is_compliant
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
@@ -161,7 +162,7 @@ def ring_down(
     if isinstance(start, State):
         start = start.replace(time=0.0)
     begin = 0.0
-    if yields(actuator):
+    if is_compliant(actuator):
         off, start, begin = after_contacts(off, start, options)
     if initial is None:
         start, options = gentle(off, start, sticks, options)

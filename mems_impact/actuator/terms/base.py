@@ -23,10 +23,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol, 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.units import Scales
+from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
+from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
-from mems_impact.errors import ValidityWarning
+from mems_impact.errors import InvalidParameter, ValidityWarning
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
@@ -48,7 +51,9 @@ __all__ = [
     "Validity",
     "drive_unit",
     "field_energy",
+    "is_compliant",
     "reach",
+    "reach_function",
 ]
 
 # --- Interface of terms
@@ -357,8 +362,25 @@ class Term(Checked, ABC):
         """Return a copy with some numbers changed, out of range only if not `checked`."""
         return self.replace(**values) if checked else self.replace_unchecked(**values)
 
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return bounds of numbers of the actuator or the term by others of them.
+
+        `compliant` tells whether the actuator has compliant stoppers.
+        """
+        return ()
+
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
+        bounds = self.bounds(self.kind.at(eq.DRIVE), self.shape, is_compliant(actuator))
+        p = (*actuator.to_array(), *self.numbers(DIMENSIONLESS)) if bounds else ()
+        for bound in bounds:
+            number = getattr(self, bound.name.removeprefix(f"{self.name()}."))
+            if not bound.holds(number, p):
+                own = self.units.get(bound.name.rpartition(".")[2], "")
+                unit = f" {own}" if own and actuator.units == "SI" else ""
+                allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.what}"
+                raise InvalidParameter(bound.name, number, allowed)
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
         """Raise InvalidParameter if the tolerances of a run do not resolve it.
@@ -460,6 +482,9 @@ class Device(Protocol):
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
 
+    def to_array(self) -> Floats:
+        """Return its parameters."""
+
 
 def drive_unit(terms: Sequence[Term]) -> str:
     """Return the SI unit of the values of a drive: "V", or "C" if a term sets a charge."""
@@ -483,8 +508,24 @@ def reach(device: Device) -> float:
 
     That is the stopper, or, with compliant stoppers, halfway from the stopper to the electrode.
     """
-    yields = any(term.instead == "stopper" for term in device.terms)
-    return 0.5 * (device.delta + device.d) if yields else device.delta
+    return float(reach_function(is_compliant(device))(device.to_array()))
+
+
+def reach_function(compliant: bool) -> Function:
+    """Return ``reach(p)``, as `reach` of the device."""
+
+    def halfway(p):  # type: ignore[no-untyped-def]
+        return 0.5 * (p[eq.DELTA] + p[eq.D])
+
+    def stopper(p):  # type: ignore[no-untyped-def]
+        return p[eq.DELTA]
+
+    return halfway if compliant else stopper
+
+
+def is_compliant(device: Device) -> bool:
+    """Return whether a device has compliant stoppers."""
+    return any(term.instead == "stopper" for term in device.terms)
 
 
 def _shape(value: Any) -> Hashable:

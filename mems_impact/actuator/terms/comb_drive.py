@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.terms.base import (
     Device,
@@ -12,7 +12,7 @@ from mems_impact.actuator.terms.base import (
     ParameterIndices,
     Shape,
     Term,
-    reach,
+    reach_function,
 )
 from mems_impact.errors import InvalidParameter
 
@@ -88,12 +88,15 @@ class CombDrive(Term):
     instead = "electrode"
     plates = False
 
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return that of the overlap, which lasts over the whole travel."""
+        what = "the largest deflection of the block"
+        return (Bound(name="comb_drive.overlap", value=reach_function(compliant), what=what),)
+
     def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if the fingers do not overlap over the whole travel."""
-        if not self.overlap > reach(actuator):
-            unit = " m" if actuator.units == "SI" else ""
-            allowed = f"> {shown(reach(actuator))}{unit}, the largest deflection of the block"
-            raise InvalidParameter("comb_drive.overlap", self.overlap, allowed)
+        """Raise InvalidParameter if it does not fit, or is in other units."""
+        super().check_on(actuator)
         if actuator.units == "dimensionless" and self.permittivity == PERMITTIVITY:
             problem = "missing; the default is in SI, and the device is dimensionless"
             raise InvalidParameter("comb_drive.permittivity", None, "", problem=problem)

@@ -6,15 +6,12 @@ import math
 
 from pydantic import Field
 
-from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
-from mems_impact.actuator.terms.base import Device, Electrode, ParameterIndices, Shape, Term
-from mems_impact.errors import InvalidParameter
+from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
 
 __all__ = ["Fringing"]
-
-SIZE_RTOL = 1e-12  # of a size in other units
 
 
 class Fringing(Term):
@@ -60,14 +57,18 @@ class Fringing(Term):
     units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
     instead = "electrode"
 
-    def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if the widest gap is too wide for the electrodes."""
-        least = 2.0 * (actuator.d + actuator.delta)
-        for name in ("width", "length"):
-            size = getattr(self, name)
-            if size is not None and size < least * (1.0 - SIZE_RTOL):
-                allowed = f">= {shown(least)}, twice the widest gap d + delta"
-                raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return those of the sizes."""
+
+        def least(p):  # type: ignore[no-untyped-def]
+            return 2.0 * (p[eq.D] + p[eq.DELTA])
+
+        what = "twice the widest gap d + delta"
+        return tuple(
+            Bound(name=f"{cls.name()}.{size}", value=least, excluded=False, what=what)
+            for size in at.p
+        )
 
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:

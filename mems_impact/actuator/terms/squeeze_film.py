@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import Field, model_validator
 
 from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V2, X2
 from mems_impact.actuator.automaton_with_terms import total_of
@@ -116,6 +117,16 @@ class SqueezeFilm(Term):
             allowed = f"above 0 and at most length = {shown(self.length)}"
             raise InvalidParameter("width", self.width, allowed)
         return self
+
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return that of the width."""
+        length, name = at.p["length"], "squeeze_film.width"
+
+        def most(p):  # type: ignore[no-untyped-def]
+            return p[length]
+
+        return (Bound(name=name, value=most, upper=True, excluded=False, what="the length"),)
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:

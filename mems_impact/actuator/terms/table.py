@@ -13,8 +13,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
 from mems_impact._util.quantities import QuantityError, magnitude
 from mems_impact._util.units import Scales
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.splines import (
     COEFFICIENTS,
@@ -157,6 +159,23 @@ class TableTerm(Term):
         count = len(self.positions)
         found = coefficients(self.positions, getattr(self, self.column))
         return spline_functions(0, count, count), np.array([*self.positions, *found])
+
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return that of the travel, which the table covers."""
+        first = at.p["positions"]
+        last = first + cls.lengths(shape)["positions"] - 1
+
+        def end(p):  # type: ignore[no-untyped-def]
+            return min(-p[first], p[last])
+
+        def halfway(p):  # type: ignore[no-untyped-def]
+            return 2.0 * end(p) - p[eq.D]
+
+        what = f"where the table of {cls.name()} ends"
+        what += ", halfway from stopper to electrode" if compliant else ""
+        most = halfway if compliant else end
+        return (Bound(name="delta", value=most, upper=True, excluded=False, what=what),)
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the table does not cover the travel of the block."""

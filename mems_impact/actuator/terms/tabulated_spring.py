@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import X2
 from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, TermContribution
@@ -69,6 +70,28 @@ class TabulatedSpring(TableTerm):
         """Return the energy of the spring at a position, 0 at x2 = 0, in the units of the table."""
         spline, p = self.own_spline()
         return float(spline.integral(position, p) - spline.integral(0.0, p))
+
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return those of the travel and of the stiffness, which is that of the table."""
+        slope = cls.spline(at, shape).slope
+
+        def own(p):  # type: ignore[no-untyped-def]
+            found = slope(0.0, p)
+            return found if found > 0.0 else p[eq.K]
+
+        def least(p):  # type: ignore[no-untyped-def]
+            return (1.0 - STIFFNESS_RTOL) * own(p)
+
+        def most(p):  # type: ignore[no-untyped-def]
+            return (1.0 + STIFFNESS_RTOL) * own(p)
+
+        what = "the stiffness of the table at x2 = 0"
+        return (
+            *super().bounds(at, shape, compliant),
+            Bound(name="k", value=least, excluded=False, what=what),
+            Bound(name="k", value=most, upper=True, excluded=False, what=what),
+        )
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the table does not fit the travel or the stiffness."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from mems_impact._util.formatting import shown
+from mems_impact._util.limits import Bound
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Number, Positive
 from mems_impact.actuator.terms.base import (
-    Device,
     Electrode,
     ParameterIndices,
     Shape,
     Term,
-    reach,
 )
-from mems_impact.errors import InvalidParameter
 
 __all__ = ["TiltedPlate"]
 
@@ -71,15 +68,23 @@ class TiltedPlate(Term):
     units = {"length": "m"}  # noqa: RUF012 - ClassVar above
     instead = "electrode"
 
-    def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if an edge reaches the electrode before the stopper is reached."""
-        room = actuator.d - actuator.delta
-        rigid = reach(actuator) == actuator.delta
-        most = 2.0 * (room if rigid else YIELDING_SHARE * room) / self.length
-        if not abs(self.angle) < most:
-            where = "before the stopper" if rigid else "in a contact with the compliant stopper"
-            allowed = f"between {shown(-most)} and {shown(most)}: an edge reaches the electrode"
-            raise InvalidParameter("tilted_plate.angle", self.angle, f"{allowed} {where}")
+    @classmethod
+    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+        """Return those of the angle, at which an edge reaches the electrode."""
+        length, share = at.p["length"], YIELDING_SHARE if compliant else 1.0
+
+        def most(p):  # type: ignore[no-untyped-def]
+            return 2.0 * share * (p[eq.D] - p[eq.DELTA]) / p[length]
+
+        def least(p):  # type: ignore[no-untyped-def]
+            return -most(p)
+
+        where = "in a contact with the compliant stopper" if compliant else "before the stopper"
+        what = f"where an edge reaches the electrode {where}"
+        return (
+            Bound(name="tilted_plate.angle", value=most, upper=True, what=what),
+            Bound(name="tilted_plate.angle", value=least, what=what),
+        )
 
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:

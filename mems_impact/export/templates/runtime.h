@@ -497,17 +497,20 @@ static int get_real(Memory *memory, unsigned reference, double *value)
     return 0;
 }
 
-/* The first relation between numbers that does not hold, as a text; NULL if all do. */
+/* The first number beyond a bound by other numbers, as a text; NULL if there is none. */
 static const char *contradiction(const Memory *memory, char *text, size_t size)
 {
     int i;
-    for (i = 0; i < RELATIONS; i++) {
-        int low = VALUE_RELATIONS[i][0], high = VALUE_RELATIONS[i][1];
-        double a = memory->values[low], b = memory->values[high];
-        if (a < b || (VALUE_RELATIONS[i][2] && a == b)) continue;
-        snprintf(text, size, "%s = %.9g%s: must be %s %s = %.9g%s", VALUE_NAMES[low], a,
-                 VALUE_UNITS[low], VALUE_RELATIONS[i][2] ? "at most" : "below", VALUE_NAMES[high], b,
-                 VALUE_UNITS[high]);
+    double period, scale, switches[SWITCHES + 1], p[PARAMETERS + 1];
+    model_parameters(memory->values, p, &period, &scale, switches);
+    for (i = 0; i < BOUNDS; i++) {
+        int k = VALUE_BOUNDS[i][0];
+        double bound = model_bound(i, p), value = p[VALUE_BOUNDS[i][1]];
+        double room = VALUE_BOUNDS[i][2] ? bound - value : value - bound;
+        if (VALUE_BOUNDS[i][3] ? room > 0.0 : room >= -BOUND_RTOL * fabs(bound)) continue;
+        snprintf(text, size, "%s = %.9g%s: must be %s %.9g%s, %s", VALUE_NAMES[k],
+                 memory->values[k], VALUE_UNITS[k], BOUND_SIGNS[i], bound * VALUE_FACTORS[k],
+                 VALUE_UNITS[k], BOUND_MEANINGS[i]);
         return text;
     }
     return NULL;
