@@ -268,6 +268,12 @@ def change_signature(
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
     condition = wanted.equation(shooting)
     point = _at_level(shooting, unknowns, value, condition, level)
+    if not isinstance(monitor, SegmentLengthTest):
+        # An event that changes the state at zero speed too, as a reset, leads to a distant orbit.
+        closer = CONVERGENCE_RATIO * level
+        near = _at_level(shooting, point.unknowns, float(point.values[0]), condition, closer)
+        if not _approaches(orbit, value, shooting, near, point):
+            raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
     direction = tangent(point)
     gain = float(condition.gradient(point) @ direction)
     return shooting, point, direction if gain > 0.0 else -direction
@@ -586,12 +592,6 @@ def _gain(lost: BranchEvent, point: ShootingEvaluation) -> float:
 
 def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
     """Return whether orbits of this sequence approach `lost` as the parameter does."""
-    free = shooting.free
-
-    def apart(there: ShootingEvaluation) -> float:
-        gap = _first_state(shooting, there)[free] - lost.orbit.state[free]
-        return float(np.abs(gap).max(initial=0.0))
-
     # Along the tangent, so that a short segment does not vanish.
     along, back = tangent(point), (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
     if along[-1] == 0.0:
@@ -601,10 +601,26 @@ def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
         near = solve(shooting, guess, point.values + back)
     except CONTINUATION_ERRORS:
         return False
-    return (
-        not defects(shooting, near)
-        and apart(near) <= APPROACH_RATIO * apart(point) + REMOVED_EVENT_MARGIN * CONVERGENCE_RATIO
+    return not defects(shooting, near) and _approaches(
+        lost.orbit, lost.value, shooting, near, point
     )
+
+
+def _approaches(
+    orbit: PeriodicOrbit,
+    value: float,
+    shooting: Shooting,
+    near: ShootingEvaluation,
+    point: ShootingEvaluation,
+) -> bool:
+    """Return whether `near` lies closer to `orbit`, in state and parameter, than `point`."""
+    free = shooting.free
+
+    def apart(there: ShootingEvaluation) -> float:
+        gap = _first_state(shooting, there)[free] - orbit.state[free]
+        return max(float(np.abs(gap).max(initial=0.0)), abs(float(there.values[0]) - value))
+
+    return apart(near) <= APPROACH_RATIO * apart(point) + REMOVED_EVENT_MARGIN * CONVERGENCE_RATIO
 
 
 def _at_level(

@@ -129,7 +129,8 @@ def check_not_degenerate(
 ) -> None:
     """Raise OrbitError if a cycle shrinks to a point, or the flow almost vanishes at its start.
 
-    The equations have the same cycles again beyond that equilibrium, shifted by half a period.
+    The equations have the same cycles again beyond a Hopf point, shifted by half a period. A cycle
+    with events shrinks to a point at their guards, where its size is proportional to the distance.
     """
     if shooting.phase is None:
         return
@@ -138,8 +139,13 @@ def check_not_degenerate(
     states, _ = shooting.unpack(after.unknowns)
     reach = max(float(np.abs(arc.end[free] - states[0, free]).max()) for arc in after.arcs)
     if max(slow * after.period, reach) < MIN_CYCLE_EXTENT:
+        met = (shooting.segments[i].guard(shooting.m) for i in shooting.events)
+        guards = dict.fromkeys(shooting.automaton.guards[guard].name for guard in met)
         raise OrbitError(
-            reason="the cycle shrinks to an equilibrium: this is a Hopf point",
+            reason=f"the cycle shrinks to a point on the boundary of {' and '.join(guards)}: no "
+            "Hopf point, but a boundary equilibrium or another nonsmooth onset of cycles"
+            if guards
+            else "the cycle shrinks to an equilibrium: this is a Hopf point",
             remedy="continue the equilibrium",
         )
     if slow < MIN_START_SPEED_RATIO * fast:

@@ -15,7 +15,12 @@ from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
+from mems_impact.orbits.shooting import (
+    TOUCHING_RATE,
+    Shooting,
+    ShootingEvaluation,
+    without_flow_direction,
+)
 from mems_impact.orbits.signature import Segment
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
@@ -132,11 +137,15 @@ class PeriodicOrbit:
 
     @property
     def touches(self) -> bool:
-        """Whether a guard is reached at zero rate, where multipliers are unbounded."""
+        """Whether a guard is reached at zero rate, where multipliers are unbounded.
+
+        They are bounded if the flow is continuous there.
+        """
         m = self.shooting.m
         return any(
-            abs(float(event.rates[segment.guard(m)])) <= ORBIT_MARGIN_TOLERANCE
-            for segment, event in zip(self.segments, self.point.events, strict=True)
+            abs(float(event.rates[segment.guard(m)])) <= TOUCHING_RATE
+            and self.shooting.kick(i, self.point).any()
+            for i, (segment, event) in enumerate(zip(self.segments, self.point.events, strict=True))
             if event is not None and segment.guard(m) != NONE
         )
 

@@ -153,6 +153,8 @@ def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
 
 # --- Shooting equations of a periodic orbit
 
+TOUCHING_RATE = 1e-9  # rate of a guard at its event that counts as zero
+KICK_RTOL = 1e-11  # ratio to the flow below which a difference of flows is zero there
 ACCEPTED = 1e-8  # largest residual that is attributed to integration errors
 CONSERVATION_STEP = 1e-3  # relative difference step in the search for conserved sums
 ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
@@ -444,9 +446,7 @@ class Shooting:
                     rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
                     # At zero rate the matrix is unbounded.
                     rate = np.copysign(max(abs(rate), 1e-14), rate)
-                    after = self._slope_after(i, point)
-                    kick = after - jump @ arc.slope_end - event.jump_by_time
-                    saltation = jump + np.outer(kick, gradient) / rate
+                    saltation = jump + np.outer(self.kick(i, point), gradient) / rate
                 moved = saltation @ moved
             total = moved[free] @ total
         for c, factors in self.pinned.items():
@@ -455,9 +455,19 @@ class Shooting:
             total = total - np.outer(total[:, c], others)
         return total
 
-    def _slope_after(self, i: int, point: ShootingEvaluation) -> Floats:
-        following = point.arcs[(i + 1) % len(self.segments)]
-        return following.slope_start
+    def kick(self, i: int, point: ShootingEvaluation) -> Floats:
+        """Return f_after - DR f_before - R_t at the event of segment `i`.
+
+        Where the flow is continuous it vanishes, which matters where its guard is only touched.
+        """
+        event = point.events[i]
+        assert event is not None
+        before, jump = point.arcs[i].slope_end, event.jump_by_state
+        after = point.arcs[(i + 1) % len(self.segments)].slope_start
+        kick = np.asarray(after - jump @ before - event.jump_by_time)
+        if abs(float(event.rates[self.segments[i].guard(self.m)])) <= TOUCHING_RATE:
+            kick[np.abs(kick) <= KICK_RTOL * max(np.abs(after).max(), np.abs(before).max())] = 0.0
+        return kick
 
     def pin(self, point: ShootingEvaluation) -> None:
         """Fix the linear combinations of the first state that the orbit does not determine.

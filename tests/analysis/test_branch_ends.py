@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 
 import mems_impact as mi
 
@@ -105,3 +106,70 @@ def test_orbits_that_lie_side_by_side_are_followed_at_what_they_conserve():
     assert branch.ended == "w reached its bound"
     kept = [q.state.v2 + 0.05 * (q.state.x2 - q.state.x1) for q in branch.orbits]
     np.testing.assert_allclose(kept, kept[0], atol=1e-12)
+
+
+def integrate(mode, t, y, p):
+    return (p.I + p.A * math.cos(2.0 * math.pi * t) - y.v,)
+
+
+def below_threshold(mode, t, y, p):
+    return 1.0 - y.v
+
+
+def reset(mode, t, y, p):
+    return mode, (0.0,)
+
+
+def test_a_reset_that_is_grazed_ends_the_branch_and_no_distant_orbit_continues_it():
+    """A neuron that fires every second period: v = I + forced(t) - (I + forced(s)) exp(s - t)."""
+    neuron = mi.System(
+        states=("v",),
+        flow=integrate,
+        period=1.0,
+        parameters={"I": 1.1, "A": 0.5},
+        guards=[mi.Guard("spike", below_threshold, reset)],
+    )
+    w = 2.0 * math.pi
+
+    def equations(unknowns):
+        level, s = unknowns
+        forced = 0.5 * (math.cos(w * s) + w * math.sin(w * s)) / (1.0 + w * w)
+        reached = (level + forced) * (1.0 - math.exp(-2.0))
+        return reached - 1.0, level + 0.5 * math.cos(w * s) - 1.0
+
+    exact = root(equations, (1.08, 0.28), tol=1e-14).x[0]
+    branch = mi.continue_orbit(mi.find_orbit(neuron, transient=50), "I", 0.8, back=1.2)
+    grazing = branch.special_points[-1]
+    assert grazing.label == "spike"
+    assert grazing.value == pytest.approx(exact, abs=1e-9)
+    assert "the motion jumps" in branch.ended
+    assert branch.table["admissible"].all()
+    assert len({len(orbit.events) for orbit in branch.orbits}) == 1
+
+
+def swing(mode, t, y, p):
+    return y.v, (1.0 - y.x * y.x) * y.v - y.x
+
+
+def room(mode, t, y, p):
+    return p.d - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (p.d, -0.8 * y.v)
+
+
+def test_a_cycle_with_impacts_shrinks_to_a_boundary_equilibrium_not_to_a_hopf_point():
+    """The unstable focus of van der Pol's oscillator meets a wall."""
+    system = mi.System(
+        states=("x", "v"),
+        flow=swing,
+        parameters={"d": -0.6},
+        guards=[mi.Impact("wall", room, rebound)],
+        initial={"x": -1.0},
+    )
+    cycle = mi.find_orbit(system)
+    assert len(cycle.impacts) == 1
+    branch = mi.continue_orbit(cycle, "d", -1.0, back=0.5)  # beyond a fold
+    assert branch.orbits[-1].system.parameters["d"] == pytest.approx(0.0, abs=1e-3)
+    assert "shrinks to a point on the boundary of wall: no Hopf point" in branch.ended

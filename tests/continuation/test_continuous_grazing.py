@@ -61,6 +61,12 @@ def check_through(branch, phase, *, inwards):
     assert touched.value == pytest.approx(GRAZING, abs=1e-9)
     assert branch.ended == "A reached its bound"
     assert branch.table["admissible"].all()
+    # Of the linear oscillator: the second spring is not yet felt.
+    decay = cmath.exp(2.0 * math.pi * complex(-0.1, math.sqrt(1.99)))
+    found = sorted(touched.multipliers, key=lambda value: value.imag)
+    assert found == pytest.approx([decay.conjugate(), decay], abs=1e-5)
+    largest = branch.special_table["largest multiplier"].to_list()
+    assert largest == pytest.approx([abs(decay)], abs=1e-5)
     touches = [len(orbit.events) for orbit in (branch.orbits[0], branch.orbits[-1])]
     assert touches == ([0, 2] if inwards else [2, 0])
     free = branch.orbits[0 if inwards else -1]

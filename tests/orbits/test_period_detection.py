@@ -101,6 +101,7 @@ def test_a_cycle_that_is_all_but_a_point_is_refused(slope, reach, period, moves)
     shooting = SimpleNamespace(
         phase=SimpleNamespace(normal=(1.0, 0.0)),
         free=[0, 1],
+        events=[],
         unpack=lambda unknowns: (np.zeros((1, 2)), None),
     )
     if moves:
