@@ -380,7 +380,11 @@ class HybridSystem(Result, ABC):
         mode = state.mode if state.mode is not None else self.initial.mode
         if mode is None:
             return HybridState(0, time, self.mode_of(y, time, problem), y)
-        return HybridState(0, time, self.mode_number(mode), y)
+        return self.start_in(self.mode_number(mode), time, y, problem)
+
+    def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
+        """Return the initial condition of a run from a state whose mode is given."""
+        return HybridState(0, time, mode, y)
 
     def state_of(self, instant: HybridState) -> State:
         """Return a scaled instant as a state in the system's units."""

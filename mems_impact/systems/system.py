@@ -49,6 +49,7 @@ from mems_impact.tables import name_of
 
 __all__ = ["System"]
 
+START_TOLERANCE = 1e-9  # rounding error of a scaled state and of margins at the start of a run
 Number = float | Callable[..., float]
 
 
@@ -437,6 +438,25 @@ class System(HybridSystem):
             if place[0]:  # in a function of the user
                 remedy = "make it return a value for every initial state"
             raise FunctionError("the flow with its parts", raised, remedy, *place) from error
+
+    def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
+        """Return the initial condition of a run from a state whose mode is given.
+
+        The state may come from a run at other parameters: a body rests on a stop, sticks to a belt
+        or slides along a surface that is elsewhere now, or a switching surface has passed it. So it
+        is moved to where the constraints of its mode hold; a mode whose margins are negative is
+        replaced by the one that fits. Rounding errors are kept, to resume a run bit for bit.
+        """
+        automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
+        if mode in automaton.constrained:
+            _, onto = automaton.state_after(mode, automaton.projection_code, time, y, p)
+            y = y if np.abs(onto - y).max() <= START_TOLERANCE else onto
+        if self._begin is not None:
+            margins = automaton.margins_at(mode, time, y, p)[0]
+            switching = [not (guard.impact or guard.records) for guard in automaton.guards]
+            if (margins[switching] < -START_TOLERANCE).any():
+                mode = self.mode_of(y, time, problem, mode)
+        return HybridState(0, time, mode, y)
 
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable, in its own unit, at a scaled state."""

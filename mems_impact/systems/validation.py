@@ -974,7 +974,10 @@ def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
 
 def _start(system: HybridSystem, problem: Problem) -> EvaluationPoint:
     start = system.hybrid_state(None, problem)
-    return EvaluationPoint(start.mode, start.time, start.y.tolist())
+    # As given: a run moves it to where the constraints of its mode hold.
+    given = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
+    y = [float(system.into(name, given[name])) for name in system.states]
+    return EvaluationPoint(start.mode, start.time, y)
 
 
 def _measured(observable: Observable, *arguments: Any) -> None:

@@ -294,3 +294,46 @@ def test_a_sweep_by_processes(forking, tmp_path):
     values = np.linspace(0.2, 0.24, 20)
     table = swept(values, direction="both", executor=make, store=tmp_path)
     assert bits(table) == bits(swept(values, direction="both"))
+
+
+def pushed(mode, t, y, p):
+    return y.v, 1.0 - 0.1 * y.v
+
+
+def spring(mode, t, y, p):
+    return y.v, -y.x
+
+
+def cooled(mode, t, y, p):
+    return (1.0 - y.T - (0.5 if mode.valve == 1 else 0.0),)
+
+
+def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
+    resting = mi.System(
+        states=("x", "v"),
+        flow=pushed,
+        parameters={"d": 1.0},
+        parts=[mi.Stopper("stop", "x", "v", upper="d", restitution=0.5)],
+    )
+    table = mi.sweep(resting, "d", [0.9, 1.0, 1.2], direction="both", transient=20, duration=1.0)
+    assert table["x"].to_list() == pytest.approx(table["d"].to_list(), abs=1e-9)
+    sticking = mi.System(
+        states=("x", "v"),
+        flow=spring,
+        parameters={"speed": 0.1},
+        parts=[mi.Friction("belt", "v", mu=0.9, static=1.0, surface="speed")],
+    )
+    table = mi.sweep(sticking, "speed", [0.1, 0.2], transient=1.0, duration=1.0)
+    assert table["v"].to_list() == pytest.approx([0.1, 0.2], abs=1e-12)
+    # It settles at 1/2 above the level, slides along it while both flows lead there, and settles at
+    # 1 below it.
+    sliding = mi.System(
+        states=("T",),
+        flow=cooled,
+        parameters={"level": 0.4},
+        parts=[mi.SwitchingSurface("valve", "T", level="level")],
+    )
+    levels = [0.4, 0.6, 0.8, 1.1]
+    table = mi.sweep(sliding, "level", levels, direction="both", transient=40, duration=1.0)
+    settled = np.clip(table["level"], 0.5, 1.0).to_list()
+    assert table["T"].to_list() == pytest.approx(settled, abs=1e-9)
