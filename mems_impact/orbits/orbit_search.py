@@ -80,7 +80,7 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     length = longer.final.cycle + longer.final.time / problem.period
     each = max(1, math.ceil(DRIFT_PERIODS / length))
     grid = longer.samples(each)
-    rates = _rates(grid.y, each)
+    rates = _rates(grid.y, each, problem.options.atol)
     grows = [i for i in free_components(problem.automaton) if rates[i] != 0.0]
     unit = np.diag(units)
 
@@ -116,8 +116,8 @@ def _drift_run(problem: Problem, start: HybridState, forced: bool) -> Trajectory
         length *= 4.0
 
 
-def _rates(y: Floats, each: int) -> Floats:
-    """Return the gain of components per period; 0 without steady growth."""
+def _rates(y: Floats, each: int, atol: float) -> Floats:
+    """Return the gain of components per period; 0 without steady growth above rounding errors."""
     window = len(y) // 4
     pieces = [y[len(y) - (k + 1) * window : len(y) - k * window] for k in range(3)]
     last, middle, first = (piece.mean(axis=0) for piece in pieces)
@@ -125,6 +125,7 @@ def _rates(y: Floats, each: int) -> Floats:
     straight = np.outer(np.arange(window) / window, gained)
     swing = np.ptp(pieces[0] - straight, axis=0)
     steady = np.abs(gained - before) <= GROWTH_RTOL * np.abs(gained)
+    steady &= np.abs(gained) > atol  # at rest a rounding error may persist
     return np.where(steady & (swing < np.abs(gained)), gained * each / window, 0.0)
 
 

@@ -193,3 +193,23 @@ def test_drift_without_forcing(period):
     for told, system in systems.items():
         with pytest.raises(mi.OrbitError, match=told):
             mi.find_orbit(system, period=period, options=PLAIN)
+
+
+def loaded(mode, t, y, p):
+    return y.v, p.load - y.x - 0.5 * y.v
+
+
+def cruise(mode, t, y, p):
+    return y.v + p.load, -2.0 * mode.line - 0.5 * y.v
+
+
+@pytest.mark.parametrize("transient", [140, 300])
+def test_a_motion_that_is_at_rest_to_the_last_digit_has_reached_an_equilibrium(transient):
+    """Where rounding errors alone are left of the flow, free or along a switching surface."""
+    surface = mi.SwitchingSurface("line", {"x": 1.0, "v": 1.0})
+    for system in (
+        pushed(loaded, ("x", "v"), None, initial={"x": 1.0}),
+        pushed(cruise, ("x", "v"), None, initial={"x": 1.0}, parts=[surface]),
+    ):
+        with pytest.raises(mi.OrbitError, match="an equilibrium was reached"):
+            mi.find_orbit(system, transient=transient, options=PLAIN)

@@ -90,6 +90,23 @@ def test_a_state_that_stays_on_the_section_crosses_nothing():
 
 
 @pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
+def test_a_flow_below_the_rounding_of_a_state_on_the_section_crosses_it_once_at_most(method):
+    definition = Definition(
+        states=("g",), modes=("one",), parameters=(), flow=lambda mode, t, y, p: (1e-17,)
+    )
+    problem = Problem(
+        automaton=automaton_of(definition),
+        parameters=np.zeros(hidden_parameters(definition)),
+        period=1.0,
+        time_scale=1.0,
+        section=(0, 0.3, 0),
+        options=Options(engine="interpreted", method=method, max_steps=1000),
+    )
+    found = run(problem, HybridState(0, 0.0, 0, np.array([0.3])), 10.0).events.crossings(0)
+    assert len(found) <= 1
+
+
+@pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
 def test_an_oscillator_with_impacts_costs_no_search(monkeypatch, method):
     """Nor do first steps so short that rounding alone makes their differences."""
     searched = []

@@ -697,6 +697,7 @@ def take_step(engine: Any) -> int:
         rejected = True
         if h < smallest:
             return failure
+    leave_section(engine, row(engine, HIGH), 0)
     engine.steps += 1
     engine.t_start = t
     engine.t_end = ahead
@@ -739,7 +740,6 @@ def advance_to_root(engine: Any) -> int:
             engine.t = t
             engine.rest = 1 if t < engine.t_end else 0
             return interface.ROOT
-    leave_section(engine, high, 0)
     for i in range(count):
         low[i] = high[i]
     for j in range(engine.n):
@@ -752,13 +752,16 @@ def advance_to_root(engine: Any) -> int:
 def leave_section(engine: Any, values: Any, side: int) -> None:
     """Set the sign of a section value of zero, so that the section is crossed exactly once.
 
-    `side` is 0 at the start or end of a step, where the slope determines the sign.
+    `side` is 0 at the start or end of a step, where the slope determines the sign. Without a slope,
+    as at rest on the section, its side remains that of LOW.
     """
     last = 2 * engine.m
     if values[last] == 0.0:
         slope = component(engine, engine.section)[12]
         if side == 0:
-            side = 1 if slope > 0.0 else (-1 if slope < 0.0 else 0)
+            before = row(engine, LOW)[last]
+            leads = slope if slope != 0.0 else before
+            side = 1 if leads > 0.0 else (-1 if leads < 0.0 else 0)
         values[last] = 1e-300 * side
 
 
