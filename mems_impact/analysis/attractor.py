@@ -40,6 +40,9 @@ STUDY_OPTIONS = Options(method="auto")
 
 Exponents = Literal["unsettled", "all", "none"]
 EXPONENT_CHUNK = 16  # periods between two checks of an exponent
+# Relative tolerance of the perturbations where an exponent only classifies a motion: with it
+# exponents change by a small part of their standard error.
+CLASSIFICATION_RTOL = 1e-7
 # Largest number of periods over which an exponent is computed: at first, and for a motion that has
 # been followed for longer; most exponents have a sign long before.
 EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
@@ -264,7 +267,8 @@ def _followed(
     )
     report = None if watch is None else (lambda done: watch(before + done))
     on = None if report is None else (lambda _: report(float(len(batch))))
-    without, exponents = replace(recurrence, exponents="none"), _Exponents()
+    without = replace(recurrence, exponents="none")
+    exponents = _Exponents(CLASSIFICATION_RTOL if recurrence.exponents == "unsettled" else 0.0)
     jumps = False
 
     def falls(i: int, at: HybridState, length: float) -> None:
@@ -434,9 +438,16 @@ def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
 
 
 class _Exponents:
-    """Largest exponents of points that share an automaton, by the same engines."""
+    """Largest exponents of points that share an automaton, by the same engines.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    rtol : float
+        Relative tolerance of perturbations, if it is above that of the run.
+    """
+
+    def __init__(self, rtol: float) -> None:
+        self._rtol = rtol
         self._stretching: LyapunovIntegrator | None = None
 
     def largest(
@@ -448,7 +459,9 @@ class _Exponents:
         """
         try:
             if self._stretching is None:
-                self._stretching = LyapunovIntegrator(problem, start, chunk=EXPONENT_CHUNK)
+                self._stretching = LyapunovIntegrator(
+                    problem, start, chunk=EXPONENT_CHUNK, column_rtol=self._rtol
+                )
             else:
                 self._stretching.restart(problem, start)
             return largest(self._stretching, tolerance=ZERO_EXPONENT, sure=SURE, periods=periods)

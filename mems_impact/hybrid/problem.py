@@ -7,6 +7,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
@@ -159,6 +160,8 @@ class EngineBinding:
         ``call(function, *arguments)`` calls `function`, written over
         `mems_impact.integrators.interface`, with the engine as its first argument; compiled for a
         compiled engine.
+    raise_fault : callable
+        Raises FunctionError if a function of the automaton has failed in a call by another engine.
     engine : Engine
         The engine itself.
     table : callable
@@ -179,6 +182,7 @@ class EngineBinding:
     """
 
     call: Callable[..., Any]
+    raise_fault: Callable[[], None]
     engine: Engine
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
@@ -305,7 +309,17 @@ def _compiled(
     def place(array: Any) -> int:
         return int(array.ctypes.data)
 
-    return EngineBinding(call, engine, table, record, 20_000, links, place, engine.address)
+    return EngineBinding(
+        call,
+        partial(_raise_fault, engine, automaton),
+        engine,
+        table,
+        record,
+        20_000,
+        links,
+        place,
+        engine.address,
+    )
 
 
 class _Fields(SimpleNamespace):
@@ -354,7 +368,17 @@ def _interpreted(
 
         return {"observe": observed}, None
 
-    return EngineBinding(call, engine, table, record, 1_000, links, lambda array: array, engine)
+    return EngineBinding(
+        call,
+        partial(_raise_fault, engine, automaton),
+        engine,
+        table,
+        record,
+        1_000,
+        links,
+        lambda array: array,
+        engine,
+    )
 
 
 # --- Memory of the event loop

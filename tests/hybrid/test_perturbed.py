@@ -200,6 +200,30 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     assert one._at.y[:3].tolist() == one.final.y.tolist()
 
 
+def test_perturbations_may_have_a_looser_tolerance_than_the_run():
+    system = oscillator(A=0.5)
+    problem = system.problem(PLAIN)
+    start = system.hybrid_state(None, problem)
+    fine = LyapunovIntegrator(problem, start, chunk=8)
+    loose = LyapunovIntegrator(problem, start, chunk=8, column_rtol=1e-6)
+    for one in (fine, loose):
+        one.advance_exponents(2)
+    assert loose.final.y.tolist() == fine.final.y.tolist()
+    assert loose.grown[1][0] == pytest.approx(fine.grown[1][0], abs=1e-4)
+    assert loose._run.engine.steps == fine._run.engine.steps
+    assert loose._extended.engine.steps < 0.5 * fine._extended.engine.steps
+
+
+def test_only_the_run_looks_for_events():
+    system = oscillator(A=0.5)
+    problem = replace(system.problem(PLAIN), section=(1, 0.0, 0))
+    one = LyapunovIntegrator(problem, system.hybrid_state(None, problem), chunk=2)
+    assert one._extended.engine.m == 1  # one margin that never fires
+    assert one._run.engine.section == -1  # perturbations need no crossings of a section
+    one.advance_exponents()
+    assert one._memory.clock["section"] == -1
+
+
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
     problem = system.problem(FAST)

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import typeof, types
+from numba import from_dtype, typeof, types
 from numba.extending import overload
 
 from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.event_loop import loop, workspace
 from mems_impact.hybrid.variational import saltation
 from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
-from mems_impact.integrators.jit.kernels import call_kernel
+from mems_impact.integrators.jit.kernels import ENGINE, call_kernel
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -24,6 +24,7 @@ from mems_impact.integrators.jit.numba_support import (
     compile_loop,
     data,
     pointer,
+    record_at,
 )
 
 _compiling = threading.Lock()  # simultaneous threads compile a loop only once
@@ -92,8 +93,10 @@ mark_overloaded(
     recurrence.numbers_of,
     recurrence.result_of,
     saltation.run_loop,
+    saltation.extended_engine,
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
+_engine_at = record_at(from_dtype(ENGINE))
 
 
 @overload(recurrence.observe, jit_options={**JIT, **INNER})
@@ -114,9 +117,19 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
 
 
 @overload(saltation.run_loop, jit_options={**JIT, **INNER})
-def _run_on(s, w):  # type: ignore[no-untyped-def]
-    if isinstance(w, types.Record) and "plain" in w.fields:
-        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), 1))
+def _run_on(engine, s, w):  # type: ignore[no-untyped-def]
+    if _is_stretching(w):
+        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), 1))
+
+
+@overload(saltation.extended_engine, jit_options={**JIT, **INNER})
+def _extended_engine(w):  # type: ignore[no-untyped-def]
+    if _is_stretching(w):
+        return lambda w: _engine_at(w.extended)
+
+
+def _is_stretching(kind: Any) -> bool:
+    return isinstance(kind, types.Record) and "extended" in kind.fields
 
 
 @overload(recurrence.scratch_row, jit_options={**JIT, **INNER})

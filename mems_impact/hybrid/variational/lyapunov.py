@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
+from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, LoopMemory, Problem, create_engine
 from mems_impact.hybrid.simulation import run
@@ -37,6 +39,8 @@ from mems_impact.hybrid.variational.saltation import (
 
 CHUNK = 60  # periods per chunk, a multiple of the periods 1 to 6 of orbits
 MIN_CHUNKS = 16  # number of chunks for a standard error
+# Least number of steps of the columns, which have no events that a long step could miss.
+COLUMN_STEPS_PER_PERIOD = 4.0
 GOLDEN_SECTION = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -73,6 +77,8 @@ class LyapunovIntegrator:
     uneven : bool, optional
         Whether chunk lengths vary from one half to three halves of that length, for autonomous
         systems, whose period may be close to the length of a chunk.
+    column_rtol : float, optional
+        Relative tolerance of the columns, if it is above that of the run.
     """
 
     def __init__(
@@ -83,16 +89,15 @@ class LyapunovIntegrator:
         *,
         chunk: int = CHUNK,
         uneven: bool = False,
+        column_rtol: float = 0.0,
     ) -> None:
-        automaton = problem.automaton
-        n, p = len(automaton.states), len(problem.parameters)
+        problem = replace(problem, section=None)  # perturbations do not need its crossings
+        automaton, n = problem.automaton, len(problem.automaton.states)
+        self._rtol = max(problem.options.rtol, column_rtol)
         self._columns, self._size = count, n * (1 + count)
         self.chunk, self.uneven = chunk, uneven
-        extended = stretched_flow(automaton.flow, n, p, automaton.step)
         self._run = create_engine(problem)
-        self._bound = create_engine(
-            with_columns(problem, extended, _with_scratch(problem), self._size)
-        )
+        self._extended = create_engine(_extended_problem(problem, self._size, self._rtol))
         self._into = variational_workspace(problem, 0, self._size)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
@@ -100,18 +105,21 @@ class LyapunovIntegrator:
         self._put(problem, start)
         own = self._run
         places, _ = own.kernel_addresses(self._memory.clock, None, n, 0)
-        numbers = {"plain": own.handle_address, "advance": places.get("advance", 0)}
+        numbers = {
+            "extended": self._extended.handle_address,
+            "advance": places.get("advance", 0),
+        }
         self._work = own.record(STRETCHING, {}, numbers)
 
     def restart(self, problem: Problem, start: HybridState) -> None:
         """Begin again, with a problem that differs in parameters and times only."""
-        longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
-        for bound, values in (
-            (self._run, np.array(problem.parameters, dtype=float)),
-            (self._bound, _with_scratch(problem)),
+        scale = problem.time_scale or problem.period
+        for bound, values, steps in (
+            (self._run, np.array(problem.parameters, dtype=float), STEPS_PER_PERIOD),
+            (self._extended, _with_scratch(problem), COLUMN_STEPS_PER_PERIOD),
         ):
-            bound.call(reset, values, longest_step)
-        self._put(problem, start)
+            bound.call(reset, values, scale / steps)
+        self._put(replace(problem, section=None), start)
         self._work["lost"] = 0
 
     def _put(self, problem: Problem, start: HybridState) -> None:
@@ -169,7 +177,7 @@ class LyapunovIntegrator:
         dead, errors = self._at.alive == 0, standard_errors(grown, lengths)
         return Exponents(
             np.where(dead, -math.inf, known),
-            np.where(dead, 0.0, np.hypot(errors, self.problem.options.rtol)),
+            np.where(dead, 0.0, np.hypot(errors, self._rtol)),
             periods,
         )
 
@@ -198,7 +206,7 @@ class LyapunovIntegrator:
         status = workspace.PAUSED
         try:
             while status == workspace.PAUSED:
-                status = self._bound.call(
+                status = self._run.call(
                     stretch,
                     clock,
                     work,
@@ -206,8 +214,9 @@ class LyapunovIntegrator:
                     self._setup,
                     lengths,
                     grown,
-                    self._bound.steps_per_call,
+                    self._run.steps_per_call,
                 )
+                self._extended.raise_fault()
                 collapse = self._memory.take_step_collapse()
                 if collapse is not None and self.problem.discontinuity_check is not None:
                     self.problem.discontinuity_check(*collapse)
@@ -270,7 +279,7 @@ class LyapunovIntegrator:
     def _slopes(self) -> Floats:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
         at, dy = self._at, np.zeros_like(self._at.y)
-        self._bound.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
+        self._extended.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
         return dy.reshape(-1, self._setup.variational.n)
 
     def _begin(self, loose: NDArray[np.bool_]) -> None:
@@ -287,7 +296,7 @@ class LyapunovIntegrator:
             columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)
         self._fixed = (self._slopes() == 0.0).all(axis=0) & ~loose
         columns[:, self._fixed] = 0.0
-        self._bound.call(constrain, at, self._setup)
+        self._run.call(constrain, at, self._setup)
         orthonormalize(1e-6, at, self._setup)
 
 
@@ -324,6 +333,21 @@ def largest(
         if error <= tolerance or decided or done + chunk > periods:
             return float(exponent), float(error), int(done)
         count = 1
+
+
+def _extended_problem(problem: Problem, size: int, rtol: float) -> Problem:
+    """Return the problem of a state and its columns; its events are those of the run."""
+    automaton, options = problem.automaton, problem.options
+    n, p = len(automaton.states), len(problem.parameters)
+    flow = stretched_flow(automaton.flow, n, p, automaton.step)
+    columns = with_columns(problem, flow, _with_scratch(problem), size)
+    scale = problem.time_scale or problem.period
+    return replace(
+        columns,
+        automaton=unguarded(columns.automaton),
+        options=replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol)),
+        time_scale=scale * (STEPS_PER_PERIOD / COLUMN_STEPS_PER_PERIOD),
+    )
 
 
 def _with_scratch(problem: Problem) -> Floats:

@@ -255,13 +255,13 @@ def integrate(
 
     If `approaches`, write closest approaches into row `place` of `into`, a `VariationalWorkspace`.
     """
-    m = into.m
-    for i in range(m):
-        into.minima[place, 0, i] = math.inf
-        into.minima[place, 1, i] = math.nan
-        # The bias leaves only roots of rates. A margin and its rate that are both zero would stop
-        # CVODE ("root found very near t").
-        interface.set_bias(engine, i, 1e6)
+    if approaches:
+        for i in range(into.m):
+            into.minima[place, 0, i] = math.inf
+            into.minima[place, 1, i] = math.nan
+            # The bias leaves only roots of rates. A margin and its rate that are both zero would
+            # stop CVODE ("root found very near t").
+            interface.set_bias(engine, i, 1e6)
     if start - end > MAX_BACKWARD_TIME:
         return False
     if end <= start:
@@ -588,7 +588,7 @@ class PropagationProblem(NamedTuple):
     switches: Any
 
 
-def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
+def propagate_to_event(engine: Any, extended: Any, event: Any, at: Any, setup: Any) -> bool:
     """Propagate the columns up to an event and through it; return whether it succeeded."""
     into = setup.variational
     n, kind, guard = into.n, int(event[KIND]), int(event[GUARD])
@@ -599,12 +599,12 @@ def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
     if kind == ACCUMULATION:
         # The state before an accumulation is that at the last impact of its sequence.
         if not is_at(event, at, setup):
-            if not propagate(engine, cycle, time, at, setup):
+            if not propagate(engine, extended, cycle, time, at, setup):
                 return False
             load_state(event, HEAD, at, setup)
         apply_rest_saltation(engine, guard, at, setup)
         orthonormalize(ZERO_COLUMN, at, setup)
-    if not propagate(engine, cycle, time, at, setup):
+    if not propagate(engine, extended, cycle, time, at, setup):
         return False
     load_state(event, HEAD, at, setup)
     if kind in (TRANSITION, SWITCH):
@@ -643,7 +643,7 @@ def ahead_of(at: Any, cycle: int, time: float, setup: Any) -> float:
     return time + (cycle - at.place[0]) * setup.period - at.t[0]
 
 
-def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
+def propagate(engine: Any, extended: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
     """Integrate state and columns up to an instant; return whether it succeeded.
 
     The columns are orthonormalized at intervals and at the end. A past instant has no effect.
@@ -662,7 +662,7 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
             end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
         succeeded = end <= at.t[0] or integrate(
-            engine, mode, at.y, at.t[0], end, into, 0, approaches=False
+            extended, mode, at.y, at.t[0], end, into, 0, approaches=False
         )
         if not succeeded:
             return False
@@ -779,8 +779,6 @@ def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, se
             moved[i] += into.jump[0, i, 1 + j] * into.margin[0, rate, 1 + j]
     length = length_of(moved, 0, n)
     h = into.width / length if length > 0.0 else 0.0
-    for i in range(n, at.y.size):
-        x[i] = 0.0  # no columns
     for i in range(n):
         x[i] = at.y[i] - h * moved[i]
     interface.flow(engine, mode, at.t[0], x, behind)
@@ -888,7 +886,7 @@ def length_of(y: Any, column: int, n: int) -> float:
 STRETCHING = np.dtype(
     [
         ("advance", np.int64),  # address of the event loop
-        ("plain", np.int64),  # address of the engine of the run
+        ("extended", np.int64),  # address of the engine of the columns
         ("chunk", np.int64),
         ("begun", np.int64),  # 1 during a chunk
         ("lost", np.int64),  # 1 if the propagation of the columns failed
@@ -911,7 +909,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
     Parameters
     ----------
     engine
-        Of the extended flow (see `mems_impact.hybrid.variational.flow`).
+        Of the run. It evaluates margins and transitions for the columns too.
     s : LOOP_STATE
         State of the event loop of the run.
     w : STRETCHING
@@ -929,6 +927,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
     int
         DONE, PAUSED, FAILED if the propagation failed, or the reason why the run ended.
     """
+    extended = extended_engine(w)
     while w.chunk < lengths.size:
         if w.begun == 0:
             begin(s, lengths[w.chunk])
@@ -938,10 +937,10 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
         while w.begun == 1:
             if quota <= 0:
                 return PAUSED
-            status = run_loop(s, w)
+            status = run_loop(engine, s, w)
             quota -= 1
             for i in range(s.events_written):
-                if not propagate_to_event(engine, event_at(s, i), at, setup):
+                if not propagate_to_event(engine, extended, event_at(s, i), at, setup):
                     w.lost = 1
                     return FAILED
             s.events_written = 0
@@ -949,10 +948,10 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
                 w.begun = 0
             elif status not in (PAUSED, BUFFER_FULL):
                 return status
-            elif not follow(engine, s, at, setup):
+            elif not follow(engine, extended, s, at, setup):
                 w.lost = 1
                 return FAILED
-        if not propagate(engine, s.end_cycle, s.end_phase, at, setup):
+        if not propagate(engine, extended, s.end_cycle, s.end_phase, at, setup):
             w.lost = 1
             return FAILED
         load_state(table_row(s, Y), 0, at, setup)
@@ -972,7 +971,7 @@ def begin(s: Any, length: float) -> None:
     s.first_arc = 1
 
 
-def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
+def follow(engine: Any, extended: Any, s: Any, at: Any, setup: Any) -> bool:
     """Propagate the columns to the state of the run if it is far enough ahead; False on failure.
 
     The base state of the columns is integrated separately, and diverges from the run as
@@ -982,11 +981,16 @@ def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
     far = ahead_of(at, s.cycle, s.t, setup) >= MAX_LEAD_RATIO * at.length[0]
     if s.pending_guard != NONE or not far:
         return True
-    succeeded = propagate(engine, s.cycle, s.t, at, setup)
+    succeeded = propagate(engine, extended, s.cycle, s.t, at, setup)
     load_state(table_row(s, Y), 0, at, setup)
     return succeeded
 
 
-def run_loop(s: Any, w: Any) -> int:
+def run_loop(engine: Any, s: Any, w: Any) -> int:
     """Run the event loop for one step."""
-    return loop.run_steps(w.plain, s, 1)
+    return loop.run_steps(engine, s, 1)
+
+
+def extended_engine(w: Any) -> Any:
+    """Return the engine of the extended flow (see `mems_impact.hybrid.variational.flow`)."""
+    return w.extended
