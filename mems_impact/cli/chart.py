@@ -107,7 +107,7 @@ def command(
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
             warn(note)
-        show_table("voltages", _voltages(chart), 6)
+        show_table("voltages", _voltages(chart, crises), 6)
         show_table("types", chart.types, 9)
         show_table("points", chart.special_table, 12)
         files.show()
@@ -117,25 +117,31 @@ def _tables(chart: mi.OperatingChart) -> dict[str, pd.DataFrame]:
     return {"boundaries": chart.table, "types": chart.types, "points": chart.special_table}
 
 
-def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
-    """Return the voltages of all boundaries at a few frequencies, interpolated on the curves."""
+def _voltages(chart: mi.OperatingChart, columns_of_slip: int) -> pd.DataFrame:
+    """Return the voltages of all boundaries at a few frequencies, interpolated on the curves.
+
+    If the frame slips first, these are the frequencies at which they are computed, since a curve
+    does not always lead from one to the next.
+    """
     import numpy as np
     import pandas as pd
 
     system = chart.system
     name = chart.parameters[0]
-    places = np.linspace(*chart.frequencies, MAX_FREQUENCY_ROWS)
+    count = MAX_FREQUENCY_ROWS if chart.regions else columns_of_slip or MAX_FREQUENCY_ROWS
+    places = np.linspace(*chart.frequencies, count)
+    slack = 1e-9 * places  # rounding by units
     columns = {name: places}
     sides = ("slip", "on", "off", "steady from", "steady to")
     shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
     units = {name: "Hz", **dict.fromkeys(shown, system.drive_unit)} if system.scales.named else {}
     for boundary in shown:
-        columns[boundary] = np.full(MAX_FREQUENCY_ROWS, math.nan)
+        columns[boundary] = np.full(count, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:
                 where, voltage = np.array(points).T
                 where, voltage = system.out(name, where), system.out("amplitude", voltage)
-                here = (where.min() <= places) & (places <= where.max())
+                here = (where.min() <= places + slack) & (places - slack <= where.max())
                 columns[boundary][here] = np.interp(places[here], where, voltage)
     table = pd.DataFrame(columns)
     table.attrs["units"] = units

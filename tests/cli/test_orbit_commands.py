@@ -55,6 +55,21 @@ def test_chart(cli, tmp_path):
     assert list(types["type"]) == ["II", "I"]
 
 
+@pytest.mark.slow
+def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(cli, tmp_path):
+    design = ["--frequency", "3.3kHz", "--quality", "12", "--proof-mass", "1.4ug"]
+    design += ["--frame-mass", "20ug", "--gap", "3um", "--travel", "1.8um", "--pull-in", "42V"]
+    cli("new", "device", "own.toml", *design, "--friction", "0.5,0.35", "--restitution", "0.7")
+    arguments = ["--start", "1567.5", "--stop", "1606", "--crises", "2", "--no-figure"]
+    done = cli("chart", "own.toml", *arguments)
+    assert "NaN" not in done.out
+    shown = [line.split() for line in done.out.splitlines()[1:3]]
+    assert [row[0] for row in shown] == ["1567.5", "1606"]
+    table = pd.read_csv(tmp_path / "out" / "chart-boundaries.csv")
+    on = table[table["boundary"] == "on"].set_index("frequency [Hz]")["amplitude [V]"]
+    assert [float(row[2]) for row in shown] == pytest.approx(on.iloc[[0, -1]].tolist(), rel=1e-5)
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
