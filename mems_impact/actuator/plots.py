@@ -146,7 +146,8 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
                 rows[omega], rows[amplitude], color=color("guide"), label=name, zorder=2, **DASHES,
             )  # fmt: skip
     for name, rows in boundaries.items():
-        ax.plot(rows[omega], rows[amplitude], label=name, **boundary_line(name))
+        if len(rows):
+            ax.plot(rows[omega], rows[amplitude], label=name, **boundary_line(name))
     simulated = table[table["kind"] == "crisis"]
     # The curves already end at the special points.
     simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]

@@ -79,6 +79,11 @@ SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of
 COUNTS = {"voltages": 41, "crises": 2, "samples": 64}
 QUICK = {"voltages": 13, "crises": 0, "samples": 16}
 """Voltages of the sweep, frequencies at which the chart is simulated, sampled devices."""
+RESONANCES = {
+    1: ", around the resonance",
+    2: ", around half the resonance, where the force, with twice the frequency, excites it",
+}
+"""Where the chart lies, by the forcing periods in a period of the voltage."""
 SWEEP_RANGE = (0.4, 1.3)  # of the drive's amplitude
 BELOW_PULL_IN = 0.8  # of the static pull-in voltage, at which the sweep begins at most
 SHOWN_VOLTAGES = 9  # rows of the table
@@ -342,15 +347,15 @@ class ReportMaker:
         from mems_impact.actuator.plots import plot_chart
 
         # Without crises, a frame that slips is simulated at nine frequencies.
-        slips = self._sheet.regime == SLIPS
+        slips = self._sheet.regime in (SLIPS, "")
         crises = COUNTS["crises"] if slips else self.counts["crises"]
         chart = operating_chart(self.actuator, self.drive, crises=crises, workers=1)
         low, high = chart.frequencies
         unit = "Hz" if self.si else ""
+        force_periods = round(2.0 * math.pi / self.drive.replace(omega=1.0).period)
         words = (
             f"Voltages at which the device switches on, and off again, between {amount(low, unit)} "
-            f"and {amount(high, unit)}, around half the resonance, where a sine without bias "
-            "excites it."
+            f"and {amount(high, unit)}{RESONANCES.get(force_periods, '')}."
         )
         data: ChartData = chart
         blocks: list[Block] = [
@@ -359,8 +364,8 @@ class ReportMaker:
         ]
         if any(boundary == "slip" for boundary, *_ in chart.pieces):
             blocks.append(
-                "The frame slips above the solid line. The dashed lines bound the voltages with "
-                "equal impacts in every cycle."
+                "The frame slips above the solid line. The dashed lines bound the lowest voltages "
+                "with equal impacts in every cycle; far above them there may be others."
             )
         if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")

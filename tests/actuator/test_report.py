@@ -10,6 +10,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator import report as module
 from mems_impact.actuator.report_page import amount, duration
+from tests.actuator.slipping import SLIPPING
 
 MITA, ZHAO = mi.load_actuator("mita2003"), mi.load_actuator("zhao2004")
 SLOW = mi.Sine(amplitude=100.0, frequency=1.0)
@@ -205,6 +206,19 @@ def test_the_device_of_the_paper():
     parsed = Page(page.html)
     assert parsed.texts["caption"].count("Types of switching") == 1
     assert len([each for each in parsed.attributes if each[1] == "src"]) == 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("drive", "where"),
+    [
+        (mi.Square(amplitude=60.0, frequency=400.0), "around the resonance."),
+        (mi.Sine(amplitude=60.0, frequency=400.0), "around half the resonance, where the force"),
+    ],
+)
+def test_a_chart_lies_where_the_force_excites_the_block(drive, where):
+    (section,) = mi.report(SLIPPING, drive, only=["Operating chart"], quick=True).sections
+    assert where in str(section.blocks[0])
 
 
 def test_a_comb_has_a_voltage_of_contact():

@@ -64,3 +64,11 @@ def test_an_inset_tells_what_the_eye_does_not_part_and_lies_on_no_axis(tmp_path)
     box = inset.get_tightbbox()
     assert box.x0 > ax.bbox.x0
     assert box.y1 < ax.bbox.y1
+
+
+def test_a_boundary_that_is_not_computed_has_no_entry_in_the_legend():
+    found = chart()
+    found.table = found.table[found.table["boundary"] == "on"]
+    labels = {line.get_label() for line in mi.plot_chart(found).lines}
+    assert "on" in labels
+    assert "off" not in labels
