@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from collections.abc import Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from mems_impact._util.formatting import shown
+from mems_impact._util.quantities import QuantityError, base_powers, magnitude
 from mems_impact.errors import InvalidFile, InvalidParameter
 
 __all__ = [
@@ -20,6 +22,7 @@ __all__ = [
     "read_bytes",
     "read_columns",
     "resolve_code_path",
+    "scaled_once",
 ]
 
 # --- Python code named by a file
@@ -158,12 +161,17 @@ def _deeper_than(most: int, content: Any) -> bool:
     return bool(level)
 
 
-def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
+def read_columns(
+    path: str | PathLike[str], count: int, units: Sequence[Sequence[str]] = ()
+) -> list[list[float]]:
     """Return the `count` columns of numbers in a text file.
 
     Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are skipped,
     as are headings and settings of an oscilloscope above the numbers. Some oscilloscopes write
     settings in three columns before the numbers of the first lines.
+
+    With `units`, the SI units that each column may have, numbers are converted to SI if a heading
+    or comment above them has their units, such as "time [ms]", "(mV)" or "x/um".
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a file of numbers")
@@ -171,9 +179,12 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
     remedy = f"give a text file of {count} columns of numbers"
     raw = read_bytes(source, remedy, largest=_MAX_TABLE_BYTES, kind="table")
     columns: list[list[float]] = [[] for _ in range(count)]
+    factors = [1.0] * count
     above = True
     for number, line in enumerate(read_text(raw, source).splitlines(), start=1):
         line = line.strip()
+        if above and units:
+            factors = _heading_factors(line, units, factors, f"line {number}", source)
         if not line or line.startswith("#"):
             continue
         if line[0].isalpha():
@@ -196,7 +207,69 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
             column.append(value)
     if above:
         raise InvalidFile(source, "no line begins with a number", remedy)
-    return columns
+    return [
+        [scaled_once(value, factor) for value in column]
+        for column, factor in zip(columns, factors, strict=True)
+    ]
+
+
+def scaled_once(value: float, factor: float) -> float:
+    """Return a value times the factor of a unit, rounded once for a prefix such as micro."""
+    return value * factor if factor >= 1.0 else value / round(1.0 / factor, 9)
+
+
+_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_AT_THE_END = re.compile(r"(?:^|[/_\s])([^\s/_]+)$")
+_HEADING = re.compile(r"[^\s\[(]*\s*[\[(][^\])]*[\])]|\S+")
+_UNIT_WORDS = {
+    "seconds": "s", "second": "s", "sec": "s", "volts": "V", "volt": "V",
+    "milli": "m", "micro": "u", "nano": "n", "pico": "p", "kilo": "k",
+}  # fmt: skip
+"""Units and prefixes in words, as oscilloscopes write them."""
+
+
+def _heading_factors(
+    line: str, units: Sequence[Sequence[str]], before: list[float], where: str, source: str
+) -> list[float]:
+    """Return the factors of the units in a heading; those `before` where it has none."""
+    line = line.lstrip("# ")
+    cells = [cell.strip(" \t\"'") for cell in re.split("[,;\t]", line)]
+    if len(cells) != len(units):
+        cells = _HEADING.findall(line)
+    if len(cells) != len(units) or any(map(_is_number, cells)):
+        return before
+    pairs = list(zip(cells, units, strict=True))
+    found = [_heading_factor(cell, allowed, where, source) for cell, allowed in pairs]
+    if None in found:  # a unit without brackets may be a word, or the value of a setting
+        found = [
+            factor if _IN_BRACKETS.search(cell) else None
+            for cell, factor in zip(cells, found, strict=True)
+        ]
+    return [old if own is None else own for own, old in zip(found, before, strict=True)]
+
+
+def _heading_factor(cell: str, allowed: Sequence[str], where: str, source: str) -> float | None:
+    """Return the factor of the unit in one heading, if it has one."""
+    bracketed = _IN_BRACKETS.search(cell)
+    found = bracketed or _AT_THE_END.search(cell)
+    if found is None:
+        return None
+    unit = found[1]
+    for word, short in _UNIT_WORDS.items():
+        unit = re.sub(word, short, unit, flags=re.IGNORECASE)
+    for own in allowed:
+        try:
+            return magnitude(f"1 {unit}", own)
+        except QuantityError:
+            continue
+    try:
+        is_other = bracketed is not None and bool(base_powers(unit))
+    except KeyError:
+        is_other = False
+    if is_other:
+        reason = f"{where} has the unit {found[1]} for numbers in {' or '.join(allowed)}"
+        raise InvalidFile(source, reason, "correct the unit, or omit it for numbers in SI")
+    return None
 
 
 def _after_setting(line: str, count: int) -> str:

@@ -231,8 +231,32 @@ def test_a_record_of_an_oscilloscope(folder, text):
 
 
 @pytest.mark.parametrize(
+    ("heading", "time", "volt"),
+    [
+        ("time [ms],voltage [mV]", 1e-3, 1e-3),
+        ("Time,Channel A\n(ms),(V)", 1e-3, 1.0),
+        ("# t [us], V [kV]", 1e-6, 1e3),
+        ("second,Volt", 1.0, 1.0),
+        ("time (msec);CH1 (Volts)", 1e-3, 1.0),
+        ("t/ms\tU/V", 1e-3, 1.0),
+        ("time [ms], Channel A", 1e-3, 1.0),
+        ("q_ns, q_pC", 1e-9, 1e-12),
+        ("milliseconds millivolts", 1e-3, 1e-3),
+        ("Vertical Units,mV\nTIME,CH1", 1.0, 1.0),
+        ("Zeit,Spannung (rms)", 1.0, 1.0),
+    ],
+)
+def test_units_in_headings_apply(folder, heading, time, volt):
+    (folder / "wave.csv").write_text(f"{heading}\n0,0\n1,1\n2,0.5\n", "utf-8")
+    drive = mi.load_drive("wave.csv")
+    assert drive.times == pytest.approx((0.0, time, 2.0 * time), rel=1e-15)
+    assert drive.voltages == pytest.approx((0.0, volt, 0.5 * volt), rel=1e-15)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("time [ms], current [mA]\n0,0\n1,1\n2,0\n", "line 1 has the unit mA for numbers in V"),
         ("X,CH1,Start,Increment\nSequence,V,-1e-3,1e-3\n0,0\n1,1\n2,0\n", "counts samples"),
         ("", "no line begins with a number"),
         ("0 0\n1 1\n", "a list of 3"),

@@ -102,7 +102,8 @@ class Sampled(PiecewiseDrive):
         ----------
         path : str or os.PathLike
             Columns separated by comma, semicolon, tab or blanks. Headings, settings written by an
-            oscilloscope, and lines that begin with # are skipped.
+            oscilloscope, and lines that begin with # are skipped, apart from units such as
+            ``time [ms], voltage [mV]``; without them, numbers are in SI.
         period, phase : float, optional
             As for the class.
 
@@ -113,7 +114,7 @@ class Sampled(PiecewiseDrive):
         InvalidParameter
             If its numbers are not allowed.
         """
-        times, voltages = read_columns(path, 2)
+        times, voltages = read_columns(path, 2, [("s",), ("V", "C")])
         values: dict[str, Any] = {"times": times, "voltages": voltages, "period": period}
         try:
             return cls(**values, phase=phase)

@@ -26,7 +26,7 @@ from mems_impact.actuator.splines import (
     spline_functions,
 )
 from mems_impact.actuator.terms.base import Device, ParameterIndices, Shape, Term, reach
-from mems_impact.actuator.toml_files import read_columns
+from mems_impact.actuator.toml_files import read_columns, scaled_once
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["TableNumbers", "TableTerm"]
@@ -85,9 +85,10 @@ class TableTerm(Term):
         ----------
         path : str or os.PathLike
             Columns separated by comma, semicolon, tab or blanks. Headings, and lines that begin
-            with #, are skipped.
+            with #, are skipped, apart from their units, as in ``x [um], C [fF]``.
         column_units : tuple of str, optional
-            Units of the columns, such as ``("um", "fF")``; SI by default.
+            Units of the columns, such as ``("um", "fF")``; those of the headings, else SI, by
+            default.
         **options
             Other parameters of the class.
 
@@ -99,11 +100,13 @@ class TableTerm(Term):
             If its numbers are not allowed.
         """
         names = ("positions", cls.column)
-        columns = read_columns(path, 2)
-        if column_units is not None:
-            factors = _factors(column_units, [cls.units[name] for name in names])
+        own = [cls.units[name] for name in names]
+        if column_units is None:
+            columns = read_columns(path, 2, [(unit,) for unit in own])
+        else:
+            factors, columns = _factors(column_units, own), read_columns(path, 2)
             columns = [
-                [_scaled(value, factor) for value in column]
+                [scaled_once(value, factor) for value in column]
                 for column, factor in zip(columns, factors, strict=True)
             ]
         values: dict[str, Any] = dict(zip(names, columns, strict=True))
@@ -191,11 +194,6 @@ class TableTerm(Term):
                 f"{shown(-most)} to {shown(most)}{unit}{where}; extend the table"
             )
             raise InvalidParameter(f"{self.name()}.positions", None, "", problem=problem)
-
-
-def _scaled(value: float, factor: float) -> float:
-    """Return a value times the factor of a unit, rounded once for a prefix such as micro."""
-    return value * factor if factor >= 1.0 else value / round(1.0 / factor, 9)
 
 
 def _factors(given: Any, wanted: list[str]) -> list[float]:

@@ -341,6 +341,7 @@ def test_units_and_files(tmp_path):
         + "\n".join(f"{a!r}, {b!r}" for a, b in zip(um.tolist(), (50.0 + um).tolist(), strict=True))
     )
     table = mi.TabulatedCapacitance.from_csv(tmp_path / "c.csv", column_units=("um", "fF"))
+    assert mi.TabulatedCapacitance.from_csv(tmp_path / "c.csv") == table  # units of the headings
     assert table.positions[-1] == pytest.approx(MITA.delta, rel=1e-14)
     device = MITA.adding(table)
     numbers = "\n".join(f"{name} = {value!r}" for name, value in MITA if name != "units")
