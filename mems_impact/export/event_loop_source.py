@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.export.c_source import (
+    BOOLEAN,
     INTEGER,
     NOTHING,
     REAL,
@@ -267,6 +268,7 @@ HANDLERS: dict[Any, Any] = {
     workspace.sample_row: _code("({0}->samples + (3 + {0}->n) * {0}->samples_written)", Array()),
     stepper.row: _code("({0}->rows + {0}->width * ({1}))", Array()),
     stepper.component: _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array()),
+    stepper.records_approaches: _code("(GUARD_IMPACTS[{1}] != 0.0)", BOOLEAN),
     stepper.set_fired: _code("({0}->fired[{1}] = {2})", INTEGER),
     interface.step: _function(stepper.step),
     interface.time: _code("{0}->t", REAL),

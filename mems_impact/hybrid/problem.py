@@ -217,6 +217,7 @@ def create_engine(problem: Problem) -> EngineBinding:
         m=len(automaton.guards),
         modes=len(automaton.modes),
         parameters=problem.parameters,
+        approaches=[guard.impact for guard in automaton.guards],
         section=problem.section,
         bounds=automaton.bounds,
     )

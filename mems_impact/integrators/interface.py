@@ -14,7 +14,7 @@ with and without samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -155,6 +155,8 @@ class Equations:
     n, m, modes : int
         Number of states, of guards and of modes.
     parameters : array_like of float
+    approaches : sequence of bool, length m
+        Guards whose closest approaches are events.
     section : tuple (component, level, direction), optional
         Crossings of ``y[component] = level``, the last root function.
     bounds : bool, optional
@@ -167,6 +169,7 @@ class Equations:
     n: int
     m: int
     parameters: Any
+    approaches: Sequence[bool]
     jacobian: Callable[..., Any] | None = None
     section: tuple[int, float, int] | None = None
     bounds: bool = True

@@ -40,7 +40,7 @@ from mems_impact.integrators.jit.numba_support import (
 )
 from mems_impact.integrators.options import Options
 
-_WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
+_WORDS = ("rows", "width", "components", "approaches", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
@@ -81,6 +81,8 @@ class CompiledDop853(CompiledEngine):
         arrays = {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
         super().__init__(HANDLE, equations, arrays, functions())
         handle = self.handle
+        self._approaches = np.array(equations.approaches, dtype=np.float64)
+        handle["approaches"] = self._approaches.ctypes.data
         handle["y"] = handle["rows"] + WORD * width * STATE
         handle["width"] = width
         handle["direction"] = equations.crossing[2]
@@ -154,7 +156,14 @@ def _is_onestep(kind: Any) -> bool:
     return is_handle(kind) and "h_next" in kind.fields
 
 
-mark_overloaded(method.row, method.component, method.set_fired, method.try_step, method.make_dense)
+mark_overloaded(
+    method.row,
+    method.component,
+    method.records_approaches,
+    method.set_fired,
+    method.try_step,
+    method.make_dense,
+)
 
 
 @overload(method.row, jit_options={**JIT, **INNER})
@@ -167,6 +176,12 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 def _component(engine, j):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, j: pointer(engine.components + WORD * ENGINE_NUMBERS * j)
+
+
+@overload(method.records_approaches, jit_options={**JIT, **INNER})
+def _records_approaches(engine, i):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, i: pointer(engine.approaches)[i] == 1.0
 
 
 @overload(method.set_fired, jit_options={**JIT, **INNER})

@@ -26,6 +26,7 @@ class InterpretedDop853(Functions):
         self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
         self.components = [[0.0] * ENGINE_NUMBERS for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
+        self.approaches = [int(each) for each in equations.approaches]
         self.section, self.level, self.direction = equations.crossing
         self.rtol, self.atol = float(options.rtol), float(options.atol)
         self.max_step = float(max_step)

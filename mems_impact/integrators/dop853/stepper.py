@@ -12,7 +12,8 @@ automaton, and `row` and `component` return lists in Python and pointers in comp
 
 A row of root functions has 2 m + 1 values at one instant: the margins without bias, their rates,
 the section. A margin fires if it (with its bias) decreases to zero or below, a rate if it increases
-to zero or above; a function that starts at zero and remains there does not fire.
+to zero or above; a function that starts at zero and remains there does not fire. Rates are searched
+where a closest approach is an event, or a bias hides the margin (`searches_rate`).
 
 `step`, `restart`, `reset` and `interpolate` implement `integrators.interface`.
 """
@@ -176,6 +177,11 @@ def component(engine: Any, j: int) -> Any:
 def set_fired(engine: Any, i: int, direction: int) -> None:
     """Set the direction in which root function `i` has crossed zero, or 0."""
     engine.crossings[i] = direction
+
+
+def records_approaches(engine: Any, i: int) -> bool:
+    """Return whether closest approaches of margin `i` are events."""
+    return bool(engine.approaches[i] == 1)
 
 
 def stages(engine: Any, t: float, h: float) -> float:
@@ -439,6 +445,15 @@ def value(engine: Any, i: int, values: Any) -> float:
     return values[i] + interface.bias(engine, i) if i < engine.m else values[i]
 
 
+def searches_rate(engine: Any, i: int) -> bool:
+    """Return whether the root search includes the rate of margin `i`.
+
+    The event loop finds a margin that is negative within a step from its values and rates at both
+    ends, except for a margin with a bias.
+    """
+    return interface.bias(engine, i) != 0.0 or records_approaches(engine, i)
+
+
 def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
     """Return how function `i` crosses zero between rows: -1 falling, +1 rising, 0 for no crossing.
 
@@ -449,7 +464,7 @@ def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
         bias = interface.bias(engine, i)
         return -1 if low[i] + bias > 0.0 and high[i] + bias <= 0.0 else 0
     if i < 2 * m:
-        return 1 if low[i] < 0.0 and high[i] >= 0.0 else 0
+        return 1 if low[i] < 0.0 and high[i] >= 0.0 and searches_rate(engine, i - m) else 0
     if low[i] > 0.0 and high[i] <= 0.0 and engine.direction <= 0:
         return -1
     return 1 if low[i] < 0.0 and high[i] >= 0.0 and engine.direction >= 0 else 0

@@ -171,7 +171,7 @@ def _engine(flow, n, p):
 
     automaton = system(flow, n)
     equations = Equations(flow=flow, margins=automaton.margins, transition=automaton.transition,
-                          n=n, m=0, parameters=p)  # fmt: skip
+                          n=n, m=0, parameters=p, approaches=[])  # fmt: skip
     return InterpretedAuto(equations, Options(**PLAIN), 1.0)
 
 

@@ -128,6 +128,7 @@ def make(kind=compiled, method="adams"):
         n=2,
         m=2,
         parameters=stop(d=9.0),
+        approaches=[True, True],
     )
     engine = kind.CompiledCvode if kind is compiled else kind.InterpretedCvode
     return engine(equations, Options(method=method), 0.1)

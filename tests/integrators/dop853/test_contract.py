@@ -54,7 +54,7 @@ def system(flow, margins, n, m):
     return Automaton(
         states=tuple(f"y{i}" for i in range(n)),
         modes=("only",),
-        guards=tuple(Guard(name=f"g{i}", order=i) for i in range(m)),
+        guards=tuple(Guard(name=f"g{i}", order=i, impact=i == 0) for i in range(m)),
         flow=flow,
         margins=margins,
         transition=lambda mode, code, t, y, p: mode,
@@ -179,14 +179,14 @@ def test_functions_that_are_zero_at_once_fire_at_once(engine):
 
 @both
 def test_what_falls_and_what_rises(engine):
-    """Margins fire where they fall, rates where they rise: over one turn, once each."""
+    """Over one turn, margins fire where they fall, the rate of the impact guard where it rises."""
     made = swing(engine, (0.5, -0.5)).walk([1.0, 0.0], t=0.0, stop=2.0 * math.pi + 0.1)
     met = [(made.out[k, TIME], *made.fired[k, :4]) for k in made.roots]
     turn = 2.0 * math.pi
     expected = [
         (turn * 2.0 / 3.0, 0, -1, 0, 0),
         (turn * 5.0 / 6.0, -1, 0, 0, 0),
-        (turn, 0, 0, 1, 1),
+        (turn, 0, 0, 1, 0),
     ]
     assert len(met) == len(expected)
     for one, other in zip(met, expected, strict=True):

@@ -148,7 +148,13 @@ def exact(t):
 
 def engine(tolerance=1e-9):
     equations = Equations(
-        flow=_flow, margins=_margins, transition=_transition, n=3, m=1, parameters=()
+        flow=_flow,
+        margins=_margins,
+        transition=_transition,
+        n=3,
+        m=1,
+        parameters=(),
+        approaches=[False],
     )
     return InterpretedDop853(
         equations, Options(method="dop853", rtol=tolerance, atol=tolerance), 1.0
