@@ -579,7 +579,7 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
     """Record the crossings between `before` and ``s.t``, at the distance `end`.
 
     Parts of the step are so short that by its rates the component stays clear of the section, or
-    crosses it once. Overwrites STATE and SLOPE.
+    crosses it once. Crossings in the other direction are not located. Overwrites STATE and SLOPE.
     """
     t, y = s.t, table_row(s, STATE)
     interface.interpolate(engine, before, y)
@@ -608,16 +608,16 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
             interface.interpolate(engine, nearest, y)
             if side * (y[s.section] - s.level) < -rounding:
                 b, crossed = nearest, True
-        if crossed:
+        if crossed and s.direction * side <= 0:
             b = bisect_section(engine, s, a, b)
             interface.interpolate(engine, b, y)
-            s.section_side = -side
             g_b, r_b = 0.0, rate_at(engine, s, b, y)
-            if s.direction * s.section_side >= 0:
-                log_event(s, b, SECTION_CROSSING, s.section_side, s.mode, y, y)
-                left -= 1
+            log_event(s, b, SECTION_CROSSING, -side, s.mode, y, y)
+            left -= 1
         else:
             width *= 2.0
+        if crossed:
+            s.section_side = -side
         a, g_a, r_a = b, g_b, r_b
 
 
