@@ -7,6 +7,7 @@ share the source of the loop.
 
 An engine has ``n`` equations with ``m`` margins. Its root functions are, in this order, the ``m``
 margins (plus their bias), the ``m`` rates of the margins and one section: ``2 m + 1`` in all.
+A method may leave out rates of guards whose closest approaches are no events and that have no bias.
 `step` takes exactly one internal step of the method, or stops at the first root in it, or in the
 remainder of the last step after a root. Steps do not depend on output times, so a run is the same
 with and without samples.
