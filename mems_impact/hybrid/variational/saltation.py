@@ -259,8 +259,8 @@ def integrate(
         for i in range(into.m):
             into.minima[place, 0, i] = math.inf
             into.minima[place, 1, i] = math.nan
-            # The large bias leaves only roots of rates. A margin and its rate that are both zero would
-            # stop CVODE ("root found very near t").
+            # The large bias leaves only roots of rates. A margin and its rate that are both zero
+            # would stop CVODE ("root found very near t").
             interface.set_bias(engine, i, 1e300)
     if start - end > MAX_BACKWARD_TIME:
         return False
