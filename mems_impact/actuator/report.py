@@ -49,8 +49,9 @@ from mems_impact.actuator.report_page import (
     picture,
     values,
 )
-from mems_impact.actuator.results import COLUMN_UNITS, ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem, kick_speeds, kicked_state
+from mems_impact.actuator.units import COLUMN_UNITS
 from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
 
 __all__ = [
-    "COLUMN_UNITS",
     "SWEEP_COLUMNS",
     "SYMBOLS",
     "ActuatorOrbit",
@@ -51,21 +50,6 @@ __all__ = [
 ]
 
 # --- Tables of actuators
-
-ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
-COLUMN_UNITS = {
-    **dict.fromkeys(["time", "contact", "flight"], "s"),
-    **dict.fromkeys(
-        ["height", "x1", "x2", "step", "displacement", "formula", "closest approach"], "m"
-    ),
-    **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
-    **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
-    **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
-    **dict.fromkeys(["voltage", "node voltage", "left node voltage"], "V"),
-    "load": "N",
-    "power": "W",
-}
-"""The SI unit of every column and statistic that is not dimensionless."""
 
 SYMBOLS = {"amplitude": "$f$"}
 """The paper's symbols of a device without units, where they differ from parameters' names."""

@@ -41,7 +41,6 @@ from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_aut
 from mems_impact.actuator.parameter_base import limits_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, Actuator
 from mems_impact.actuator.results import (
-    COLUMN_UNITS,
     SWEEP_COLUMNS,
     SYMBOLS,
     ActuatorOrbit,
@@ -55,7 +54,7 @@ from mems_impact.actuator.statistics import (
     standstill_period,
 )
 from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit, is_compliant
-from mems_impact.actuator.units import PARAMETER_UNITS, DeviceScales, scaled_fields
+from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed

@@ -1,4 +1,4 @@
-"""Conversion between SI and the scaled units of a device.
+"""Units of a device's parameters and columns, and conversion between SI and scaled units.
 
 The numerics use the scales of the device: mass m2, stiffness k, length d and alpha, with the time
 sqrt(m2/k) and the voltage sqrt(k d^3/alpha). In these units m2 = k = d = alpha = 1, as in the
@@ -15,7 +15,14 @@ from typing import Any, Self
 
 from mems_impact._util.units import Scales
 
-__all__ = ["KNOWN_UNITS", "PARAMETER_UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
+__all__ = [
+    "COLUMN_UNITS",
+    "KNOWN_UNITS",
+    "PARAMETER_UNITS",
+    "DeviceScales",
+    "scaled_fields",
+    "unscaled_fields",
+]
 
 KNOWN_UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
 """SI units of fields and columns, besides products of these and of `DERIVED_UNITS`, such as
@@ -43,6 +50,21 @@ PARAMETER_UNITS = {
     "g": "m/s^2",
 }
 """SI units of the parameters of an `Actuator` that are not dimensionless."""
+
+ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
+COLUMN_UNITS = {
+    **dict.fromkeys(["time", "contact", "flight"], "s"),
+    **dict.fromkeys(
+        ["height", "x1", "x2", "step", "displacement", "formula", "closest approach"], "m"
+    ),
+    **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
+    **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
+    **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
+    **dict.fromkeys(["voltage", "node voltage", "left node voltage"], "V"),
+    "load": "N",
+    "power": "W",
+}
+"""The SI unit of every column and statistic that is not dimensionless."""
 
 
 class _Factors(dict[str, float]):

@@ -14,12 +14,6 @@ from mems_impact import tables as orbit_tables
 from mems_impact._util.progress import parameter_progress
 from mems_impact.analysis.boundary_equilibrium_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
-from mems_impact.analysis.event_functions import (
-    MEASURES,
-    EquilibriumFunction,
-    Events,
-    OrbitFunction,
-)
 from mems_impact.analysis.homoclinic import HomoclinicEnd
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.sliding_type import type_of
@@ -31,6 +25,12 @@ from mems_impact.analysis.special_points import (
     check_kind,
 )
 from mems_impact.analysis.symmetry import Symmetry, symmetry_of_halves
+from mems_impact.analysis.user_test_functions import (
+    MEASURES,
+    EquilibriumFunction,
+    Events,
+    OrbitFunction,
+)
 from mems_impact.continuation.arclength import CLOSED, StepControl
 from mems_impact.continuation.branch_point_curve import BranchPointCurve
 from mems_impact.continuation.branch_switching import (

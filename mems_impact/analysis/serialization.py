@@ -20,7 +20,7 @@ from mems_impact.analysis import (
 )
 from mems_impact.analysis import branch as curve
 from mems_impact.analysis import branch as equilibria
-from mems_impact.analysis.event_functions import EquilibriumFunction, OrbitFunction
+from mems_impact.analysis.user_test_functions import EquilibriumFunction, OrbitFunction
 from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
 from mems_impact.continuation.equilibrium_curve import EquilibriumCurve, EquilibriumCurveEvent

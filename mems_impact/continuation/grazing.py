@@ -1,5 +1,7 @@
 """Grazing on a branch: change of the event sequence, and the normal form of the first impact.
 
+The test functions `ClosestApproachTest` and `ContactSpeedTest` detect it.
+
 An impact at low speed, with the events that it causes, changes the state by a kick proportional to
 the square root of the penetration of the orbit without impact. The sign of the kick's image in the
 margin, xi_k = grad h . M^k kick, determines whether the orbit reaches the stopper again after k

@@ -1,4 +1,7 @@
-"""Detection of the period of a motion, and of divergence."""
+"""Detection of the period of a run from which an orbit is sought, and of divergence.
+
+`hybrid.attractors.recurrence` decides whether the attractors of studies are periodic.
+"""
 
 from __future__ import annotations
 

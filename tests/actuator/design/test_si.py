@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.results import COLUMN_UNITS
-from mems_impact.actuator.units import DeviceScales
+from mems_impact.actuator.units import COLUMN_UNITS, DeviceScales
 from mems_impact.tables import unit_of, with_units
 
 SCALES = DeviceScales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
