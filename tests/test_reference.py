@@ -1,6 +1,8 @@
 """What the reference says of each public name: complete, true to the signature, and run."""
 
+import ast
 import doctest
+import importlib
 import inspect
 import re
 from pathlib import Path
@@ -67,3 +69,23 @@ def test_examples_run(name, tmp_path, monkeypatch):
     failed, tried = doctest.DocTestRunner(optionflags=FLAGS).run(test)
     assert tried > 1
     assert failed == 0
+
+
+def examples_of_helpers():
+    """Return module, name and docstring of functions with examples that are not public."""
+    package = Path(mi.__path__[0])
+    return [
+        (".".join(file.relative_to(package.parent).with_suffix("").parts), part.name, text)
+        for file in sorted(package.rglob("*.py"))
+        for part in ast.parse(file.read_text("utf-8")).body
+        if isinstance(part, ast.FunctionDef) and part.name not in mi.__all__
+        and ">>>" in (text := ast.get_docstring(part) or "")
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("module", "name", "text"), examples_of_helpers())
+def test_examples_of_helpers_run(module, name, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    known = dict(vars(importlib.import_module(module)))
+    test = doctest.DocTestParser().get_doctest(text, known, name, None, None)
+    assert doctest.DocTestRunner(optionflags=FLAGS).run(test).failed == 0

@@ -48,7 +48,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Examples
     --------
     >>> with replacing("table.csv") as temporary:
-    ...     table.to_csv(temporary)
+    ...     _ = temporary.write_text("amplitude,step")
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}-{os.getpid()}{target.suffix}")

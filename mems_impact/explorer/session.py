@@ -59,7 +59,7 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
 
     Examples
     --------
-    >>> told_in("m", 5e-6), told_in("kg", 2e-6), told_in("rad/s", 750.0)
+    >>> best_si_prefix("m", 5e-6), best_si_prefix("kg", 2e-6), best_si_prefix("rad/s", 750.0)
     ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))
     """
     first, rest = unit, ""
