@@ -95,24 +95,24 @@ def command(
 
 def _subject(device: str, changes: dict[str, float], options: Options) -> Subject:
     from mems_impact.actuator.system_files import is_system_name
-    from mems_impact.explorer.session import of_code, of_device
+    from mems_impact.explorer.session import subject_of_code, subject_of_device
 
     if is_system_name(device) and not Path(device).exists():
         refuse_drive(device)
-        return of_code(device, changes, options)
+        return subject_of_code(device, changes, options)
     actuator = actuator_from(device, changes)
     given = click.get_current_context().meta.setdefault(KEY, {})
     drive = drive_from(_usual(given, actuator))
-    return of_device(device, actuator, drive, drive_source=drive_source(), options=options)
+    return subject_of_device(device, actuator, drive, drive_source=drive_source(), options=options)
 
 
 def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
     """Return default values for the required parameters of a sine that are not given."""
-    from mems_impact.explorer.session import usual_sine
+    from mems_impact.explorer.session import typical_sine
 
     if drive_choice() != "sine":
         return {}
     named = {*given, *(EQUIVALENT[name] for name in EQUIVALENT if name in given)}
     if named >= {"amplitude", "omega", "frequency"}:
         return {}
-    return {name: value for name, value in usual_sine(actuator).items() if name not in named}
+    return {name: value for name, value in typical_sine(actuator).items() if name not in named}

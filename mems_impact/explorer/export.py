@@ -30,14 +30,14 @@ PICTURE_DPI = 200
 LINE = 96
 
 
-def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -> str:
+def python_of(subject: Subject, setting: PageSetting, spec: SliderSpec | None) -> str:
     """Return a script that computes and draws run, orbit and diagram of a setting.
 
     Parameters
     ----------
     subject : Subject
     setting : PageSetting
-    dial : SliderSpec or None
+    spec : SliderSpec or None
         Slider of the parameter of the diagram; None for a system without parameters.
     """
     system = setting.system(subject)
@@ -47,16 +47,16 @@ def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -
         arguments.append("initial=mi.kicked_state(actuator)")
     options = _options(subject)
     lines = [
-        *(["import numpy as np", ""] if dial is not None else []),
+        *(["import numpy as np", ""] if spec is not None else []),
         "import mems_impact as mi",
         "",
-        subject.making(system),
+        subject.source(system),
         f"run = mi.simulate(system, {', '.join((*arguments, *options))})",
         "print(run.statistics)",
         'mi.plot_run(run).figure.savefig("run.png", dpi=200)',
     ]
-    if dial is not None:
-        lines += ["", *_sweep(system, setting, dial, options)]
+    if spec is not None:
+        lines += ["", *_sweep(system, setting, spec, options)]
     lines += [
         "",
         "try:",
@@ -97,9 +97,9 @@ def _options(subject: Subject) -> list[str]:
 
 
 def _sweep(
-    system: HybridSystem, setting: PageSetting, dial: SliderSpec, options: list[str]
+    system: HybridSystem, setting: PageSetting, spec: SliderSpec, options: list[str]
 ) -> Iterator[str]:
-    given = sweep_arguments(system, setting, dial, FINE)
+    given = sweep_arguments(system, setting, spec, FINE)
     name, values = given.pop("parameter"), given.pop("values")
     low, high = float(values[0]), float(values[-1])
     more = [f"{key}={value!r}" for key, value in given.items()]

@@ -47,7 +47,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     The server listens on 127.0.0.1. It rejects requests for other host names, which a foreign page
     could map to this machine, and accepts websockets only from its own pages.
     """
-    dials = slider_specs(subject)
+    specs = slider_specs(subject)
     pages: list[Page] = []
 
     def show(document: Document) -> None:
@@ -56,7 +56,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
             name: [value.decode("utf-8", "replace") for value in values]
             for name, values in arguments.items()
         }
-        pages.append(Page(document, subject, dials, query))
+        pages.append(Page(document, subject, specs, query))
 
     try:
         sockets = bind_sockets(port, LOOPBACK)

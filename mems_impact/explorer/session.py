@@ -23,8 +23,8 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
 
 __all__ = [
-    "LONGEST",
-    "SHORTEST",
+    "MAX_LENGTH",
+    "MIN_LENGTH",
     "PageSetting",
     "SliderSpec",
     "Subject",
@@ -32,14 +32,16 @@ __all__ = [
     "allowed_range",
     "best_si_prefix",
     "first_setting",
-    "of_code",
-    "of_device",
     "setting_at",
     "slider_specs",
-    "usual_sine",
+    "subject_of_code",
+    "subject_of_device",
+    "typical_sine",
 ]
 
-# --- SI prefixes
+# --- Display units
+
+ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 
 
 def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
@@ -83,7 +85,7 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
 # --- Subject of a page
 
 EXPLORER_OPTIONS = Options(method="auto")
-TRIED = 60  # forcing periods
+TRIAL_PERIODS = 60  # forcing periods within which an impact is expected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +97,8 @@ class Subject:
     system : System
         The system at the initial parameters.
     title : str
-    making : callable
-        ``making(system)`` returns the Python source that constructs `system`, this one at other
+    source : callable
+        ``source(system)`` returns the Python source that constructs `system`, this one at other
         parameters, under the name ``system``.
     starts : mapping of str to callable
         Initial states by name: ``start(system)`` returns the state, None for the system's own.
@@ -113,7 +115,7 @@ class Subject:
 
     system: HybridSystem
     title: str
-    making: Callable[[HybridSystem], str] = field(repr=False)
+    source: Callable[[HybridSystem], str] = field(repr=False)
     starts: Mapping[str, Callable[[HybridSystem], State | None]] = field(repr=False)
     groups: Mapping[str, tuple[str, ...]]
     meanings: Mapping[str, str] = field(default_factory=dict)
@@ -121,11 +123,11 @@ class Subject:
     options: Options = EXPLORER_OPTIONS
 
 
-def usual_sine(actuator: Actuator) -> dict[str, float]:
-    """Return amplitude and omega, or frequency in SI, of a sine under which a device strikes.
+def typical_sine(actuator: Actuator) -> dict[str, float]:
+    """Return amplitude and omega, or frequency in SI, of a sine that causes impacts.
 
     The paper's working point, f = 0.24 and omega = 0.5 for m2 = k = d = alpha = 1, to two digits;
-    twice or four times the voltage if the device does not strike.
+    twice or four times the voltage if there are no impacts.
     """
     scales = actuator.scales
     omega = scales.out(0.5, "rad/s")
@@ -139,7 +141,9 @@ def usual_sine(actuator: Actuator) -> dict[str, float]:
         }
         system = actuator.under(Sine(**found))
         try:
-            run = simulate(system, TRIED, initial=kicked_state(actuator), options=EXPLORER_OPTIONS)
+            run = simulate(
+                system, TRIAL_PERIODS, initial=kicked_state(actuator), options=EXPLORER_OPTIONS
+            )
         except RunError:
             continue
         if run.statistics["impacts"] > 0:
@@ -147,7 +151,7 @@ def usual_sine(actuator: Actuator) -> dict[str, float]:
     return found
 
 
-def of_device(
+def subject_of_device(
     name: str,
     actuator: Actuator,
     drive: Drive,
@@ -171,11 +175,11 @@ def of_device(
     """
     loaded = load_actuator(name)
 
-    def making(system: HybridSystem) -> str:
+    def source(system: HybridSystem) -> str:
         assert isinstance(system, ActuatorSystem)
         lines = [
             *_imports(system.drive, drive_source),
-            f"actuator = mi.load_actuator({name!r}){_setting(loaded, system.actuator)}",
+            f"actuator = mi.load_actuator({name!r}){_setting_source(loaded, system.actuator)}",
             f"drive = {_drive_source(system.drive, drive_source)}",
             "system = actuator.under(drive)",
         ]
@@ -198,7 +202,7 @@ def of_device(
         title=Path(name).stem,
         groups=groups,
         meanings=PARAMETER_MEANINGS,
-        making=making,
+        source=source,
         starts={"rest": lambda system: None, "kicked": kick},
         sizes={
             each: math.pi if each.endswith("phase") else amplitude
@@ -209,7 +213,7 @@ def of_device(
     )
 
 
-def of_code(
+def subject_of_code(
     name: str, changes: Mapping[str, float] | None = None, options: Options = EXPLORER_OPTIONS
 ) -> Subject:
     """Return the subject of a system defined by Python code.
@@ -225,24 +229,24 @@ def of_code(
     """
     begin = load_system(name)
 
-    def making(system: HybridSystem) -> str:
-        changed = _differing(system.parameters, begin.parameters)
+    def source(system: HybridSystem) -> str:
+        changed = _changed_values(system.parameters, begin.parameters)
         changing = f".changed(**{changed!r})" if changed else ""
         return f"system = mi.load_system({name!r}){changing}"
 
     return Subject(
         system=begin.changed(**changes) if changes else begin,
         title=begin.name or name.rpartition(":")[2],
-        making=making,
+        source=source,
         starts={"given": lambda system: None},
         groups={"parameters": tuple(begin.parameters)},
         options=options,
     )
 
 
-def _setting(loaded: Actuator, actuator: Actuator) -> str:
+def _setting_source(loaded: Actuator, actuator: Actuator) -> str:
     """Return the Python source of the calls that change a loaded device to another."""
-    changed = _differing(_numbers(actuator), _numbers(loaded))
+    changed = _changed_values(_numbers(actuator), _numbers(loaded))
     return f".setting({changed!r})" if changed else ""
 
 
@@ -273,18 +277,15 @@ def _imports(drive: Drive, source: str) -> list[str]:
     return [f"from {kind.__module__} import {kind.__name__}"]
 
 
-def _differing(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, float]:
+def _changed_values(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in here.items() if there.get(name) != value}
 
 
 # --- Sliders
 
-SLIDER_PARTS = (
-    100  # of the way from a value to an end; where the end is not allowed, one of them is
-)
-MIN_SLIDER_STEPS = 500  # of a slider, at least
+SLIDER_PARTS = 100  # parts between a value and an end of a slider, if that end is not allowed
+MIN_SLIDER_STEPS = 500
 ROUND_TRIP_DIGITS = 15  # significant digits that survive a change of the unit
-ANGULAR, TURN = "rad/s", 2.0 * math.pi  # an angular frequency is shown in Hz
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -344,7 +345,9 @@ def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
 
     A parameter that is 0 has a symmetric range.
     """
-    return tuple(_dial(subject, name, value) for name, value in subject.system.parameters.items())
+    return tuple(
+        _slider_spec(subject, name, value) for name, value in subject.system.parameters.items()
+    )
 
 
 def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> tuple[float, float]:
@@ -353,10 +356,10 @@ def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> t
     The system itself decides, since bounds may depend on other parameters.
     """
     value = system.value(name)
-    return _farthest(system, name, value, low), _farthest(system, name, value, high)
+    return _last_allowed(system, name, value, low), _last_allowed(system, name, value, high)
 
 
-def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
+def _slider_spec(subject: Subject, name: str, value: float) -> SliderSpec:
     system = subject.system
     size = subject.sizes.get(name) or abs(float(system.out(name, 1.0)))
     low, high = (min(0.0, 2.0 * value), max(0.0, 2.0 * value)) if value else (-size, size)
@@ -380,7 +383,7 @@ def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
     )
 
 
-def _farthest(system: HybridSystem, name: str, value: float, end: float) -> float:
+def _last_allowed(system: HybridSystem, name: str, value: float, end: float) -> float:
     """Return the last allowed value of a parameter between its value and an end."""
 
     def place(part: int) -> float:
@@ -417,8 +420,8 @@ def _round_step(length: float) -> float:
 
 # --- State and address of a page
 
-SHORTEST, LONGEST = 1.0, 1000.0  # of a run, in forcing periods or units of time
-USUAL = 100.0
+MIN_LENGTH, MAX_LENGTH = 1.0, 1000.0  # of a run, in forcing periods or units of time
+DEFAULT_LENGTH = 100.0  # in the same units
 SETTING_PREFIX = "show."  # of the page's own keys, distinct from parameters
 TIME = "t"
 
@@ -471,11 +474,11 @@ def unit_of_time(system: HybridSystem) -> float:
 def first_setting(subject: Subject) -> PageSetting:
     """Return the default setting of a page."""
     system = subject.system
-    x, y = _plane(system)
+    x, y = _initial_plane(system)
     names = tuple(system.parameters)
     return PageSetting(
         values=system.parameters,
-        length=USUAL,
+        length=DEFAULT_LENGTH,
         # Show a device in motion, not at rest.
         start=tuple(subject.starts)[-1],
         parameter=names[0] if names else "",
@@ -491,7 +494,7 @@ def address_of(subject: Subject, setting: PageSetting) -> str:
 
 
 def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
-    """Return the setting of an address's query; missing values are those of `first`.
+    """Return the setting of an address's query; missing values are those of `first_setting`.
 
     Raises
     ------
@@ -518,12 +521,12 @@ def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSett
     return found
 
 
-def length_word(system: HybridSystem) -> str:
-    """Return the name of the unit of run lengths."""
+def length_name(system: HybridSystem) -> str:
+    """Return the name of a run's length: in periods, or a duration."""
     return "periods" if system.forced else "duration"
 
 
-def planes(system: HybridSystem) -> tuple[str, ...]:
+def plane_axes(system: HybridSystem) -> tuple[str, ...]:
     """Return the possible axes of a phase plane."""
     return (*system.states, TIME)
 
@@ -540,16 +543,16 @@ def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
     """Return by key the field of a setting and its choices; none for the length."""
     system = subject.system
     found = {
-        length_word(system): ("length", ()),
+        length_name(system): ("length", ()),
         "start": ("start", tuple(subject.starts)),
-        "x": ("x", planes(system)),
-        "y": ("y", planes(system)),
+        "x": ("x", plane_axes(system)),
+        "y": ("y", plane_axes(system)),
     }
     names = tuple(system.parameters)
     return {**found, "parameter": ("parameter", names)} if names else found
 
 
-def _plane(system: HybridSystem) -> tuple[str, str]:
+def _initial_plane(system: HybridSystem) -> tuple[str, str]:
     """Return the two states of the initial phase plane."""
     shown = system.displayed_states[0] if system.displayed_states else system.states[0]
     if system.section is not None and system.states[system.section[0]] != shown:
@@ -577,8 +580,8 @@ def _number(name: str, text: str) -> float:
 
 def _length(name: str, text: str) -> float:
     value = _number(name, text)
-    if not SHORTEST <= value <= LONGEST:
-        raise InvalidParameter(name, value, f"between {SHORTEST:g} and {LONGEST:g}")
+    if not MIN_LENGTH <= value <= MAX_LENGTH:
+        raise InvalidParameter(name, value, f"between {MIN_LENGTH:g} and {MAX_LENGTH:g}")
     return value
 
 

@@ -124,10 +124,10 @@ class Asked:
 
 
 def sweep_arguments(
-    system: HybridSystem, setting: PageSetting, dial: SliderSpec, points: int
+    system: HybridSystem, setting: PageSetting, spec: SliderSpec, points: int
 ) -> dict[str, Any]:
     """Return the arguments of `mems_impact.sweep` after the system."""
-    low, high = allowed_range(system, setting.parameter, dial.low, dial.high)
+    low, high = allowed_range(system, setting.parameter, spec.low, spec.high)
     value = system.value(setting.parameter)
     low, high = min(low, value), max(high, value)
     spans: Mapping[str, Any] = {"transient": TRANSIENT, "periods": PERIODS}
@@ -139,7 +139,7 @@ def sweep_arguments(
 
 
 def diagram_of(
-    subject: Subject, asked: Asked, dial: SliderSpec, watch: Watch | None = None
+    subject: Subject, asked: Asked, spec: SliderSpec, watch: Watch | None = None
 ) -> DiagramSnapshot:
     """Sweep the parameter of a setting over its slider.
 
@@ -147,13 +147,13 @@ def diagram_of(
     ----------
     subject : Subject
     asked : Asked
-    dial : SliderSpec
+    spec : SliderSpec
         Slider of the parameter.
     watch : callable, optional
         Called during the sweep; an exception from it ends the sweep.
     """
     system = asked.setting.system(subject)
-    given = sweep_arguments(system, asked.setting, dial, asked.points)
+    given = sweep_arguments(system, asked.setting, spec, asked.points)
     table = mi.sweep(system, **given, options=subject.options, progress=watch or False)
     reasons = table.loc[table["status"] != "ok", "status"]
     failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""

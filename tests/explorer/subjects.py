@@ -3,7 +3,7 @@
 from functools import cache
 
 import mems_impact as mi
-from mems_impact.explorer.session import Subject, of_device, slider_specs
+from mems_impact.explorer.session import Subject, slider_specs, subject_of_device
 from tests.analysis.systems import oscillator
 
 DRIVE = {"amplitude": 0.24, "omega": 0.5}
@@ -11,12 +11,14 @@ DRIVE = {"amplitude": 0.24, "omega": 0.5}
 
 @cache
 def zhao():
-    return of_device("zhao2004", mi.load_actuator("zhao2004"), mi.Sine(**DRIVE))
+    return subject_of_device("zhao2004", mi.load_actuator("zhao2004"), mi.Sine(**DRIVE))
 
 
 @cache
 def mita():
-    return of_device("mita2003", mi.load_actuator("mita2003"), mi.Sine(amplitude=40.0, omega=750.0))
+    return subject_of_device(
+        "mita2003", mi.load_actuator("mita2003"), mi.Sine(amplitude=40.0, omega=750.0)
+    )
 
 
 @cache
@@ -25,11 +27,11 @@ def own():
     return Subject(
         system=system,
         title="own",
-        making=lambda system: "",
+        source=lambda system: "",
         starts={"given": lambda system: None},
         groups={"parameters": tuple(system.parameters)},
     )
 
 
-def dial(subject, name):
+def slider_spec(subject, name):
     return next(each for each in slider_specs(subject) if each.name == name)

@@ -8,9 +8,9 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.system import kicked_state
 from mems_impact.explorer.export import device_file, python_of, run_picture
-from mems_impact.explorer.session import first_setting, of_code, of_device
+from mems_impact.explorer.session import first_setting, subject_of_code, subject_of_device
 from mems_impact.explorer.snapshot import take_snapshot
-from tests.explorer.subjects import dial, mita, zhao
+from tests.explorer.subjects import mita, slider_spec, zhao
 
 OWN = """
 import math
@@ -52,7 +52,7 @@ def test_the_python_makes_the_same_run(subject, start):
     value = first.values["amplitude"] * 0.971
     setting = first.with_value("amplitude", value).with_value("e", 0.71)
     setting = type(setting)(**{**vars(setting), "start": start, "length": 30.0})
-    script = python_of(subject, setting, dial(subject, "amplitude"))
+    script = python_of(subject, setting, slider_spec(subject, "amplitude"))
     assert_same_runs(run_of(script), take_snapshot(subject, setting).run)
 
 
@@ -61,12 +61,12 @@ def test_the_python_has_terms_and_files_of_drives(tmp_path, monkeypatch):
     wave = tmp_path / "wave.toml"
     wave.write_text('[drive]\nkind = "sine"\namplitude = 0.2\nomega = 0.5\n')
     device = mi.load_actuator("zhao2004").setting({"tilt.angle": 0.01, "e": 0.7})
-    subject = of_device(
+    subject = subject_of_device(
         "zhao2004", device, mi.load_drive("wave.toml").varied({"omega": 0.45}),
         drive_source='mi.load_drive("wave.toml")',
     )  # fmt: skip
     names = {"mi": mi}
-    exec(subject.making(subject.system), names)
+    exec(subject.source(subject.system), names)
     assert names["system"] == subject.system
 
 
@@ -75,7 +75,7 @@ def test_the_python_of_an_own_system(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "own.py").write_text(OWN)
-    subject = of_code(source, {"k": 2.0})
+    subject = subject_of_code(source, {"k": 2.0})
     assert subject.system.parameters == {"k": 2.0}
     setting = first_setting(subject).with_value("k", 3.0)
     script = python_of(subject, setting, None)
@@ -91,7 +91,7 @@ def test_the_file_of_the_device_is_read_back(tmp_path):
     saved = tmp_path / "saved.toml"
     for drive in (mi.Sine(amplitude=1.0 / 3.0, omega=750.0, phase=0.1), wave):
         system = device.under(drive)
-        subject = of_device("mita2003", device, drive)
+        subject = subject_of_device("mita2003", device, drive)
         saved.write_text(device_file(subject, system))
         assert mi.load_actuator(saved) == device
         assert mi.load_drive(saved) == drive
@@ -102,7 +102,7 @@ def test_a_measured_voltage_is_in_the_file(tmp_path):
     drive = mi.Sampled(times=times.tolist(), voltages=np.sin(times).tolist(), period=10.0)
     device = mi.load_actuator("zhao2004")
     saved = tmp_path / "saved.toml"
-    saved.write_text(device_file(of_device("zhao2004", device, drive), device.under(drive)))
+    saved.write_text(device_file(subject_of_device("zhao2004", device, drive), device.under(drive)))
     assert mi.load_drive(saved) == drive
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.explorer.background import route_warnings
-from mems_impact.explorer.session import first_setting, of_device
+from mems_impact.explorer.session import first_setting, subject_of_device
 from mems_impact.explorer.snapshot import (
     Asked,
     diagram_of,
@@ -17,7 +17,7 @@ from mems_impact.explorer.snapshot import (
     with_special_points,
 )
 from mems_impact.plotting.trajectories import between, line, spans
-from tests.explorer.subjects import dial, mita, own, zhao
+from tests.explorer.subjects import mita, own, slider_spec, zhao
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_where_there_is_no_orbit_it_is_told():
 
 def test_the_diagram_is_a_sweep_over_the_slider():
     asked = Asked(setting=first_setting(zhao()), points=5)
-    diagram = diagram_of(zhao(), asked, dial(zhao(), "amplitude"))
+    diagram = diagram_of(zhao(), asked, slider_spec(zhao(), "amplitude"))
     assert diagram.state == "v2"
     assert sorted(diagram.table["amplitude"].unique()) == pytest.approx([0, 0.12, 0.24, 0.36, 0.48])
     x, y = diagram.dots("down")
@@ -156,7 +156,7 @@ def test_the_diagram_is_a_sweep_over_the_slider():
 
 def test_the_special_points_of_a_diagram_are_those_of_the_branch():
     asked = Asked(setting=first_setting(zhao()), points=5)
-    diagram = diagram_of(zhao(), asked, dial(zhao(), "amplitude"))
+    diagram = diagram_of(zhao(), asked, slider_spec(zhao(), "amplitude"))
     assert not diagram.continued
     assert diagram.range == (0.0, pytest.approx(0.48))
     found = with_special_points(zhao(), diagram).special_points
@@ -176,7 +176,7 @@ def test_a_motion_without_an_orbit_has_no_special_points(monkeypatch):
     monkeypatch.setattr(mi, "find_orbit", find)
     found = floquet_of(take_snapshot(zhao(), setting))
     assert (found.multipliers.size, found.description) == (0, "the motion does not repeat")
-    diagram = diagram_of(zhao(), Asked(setting=setting, points=3), dial(zhao(), "amplitude"))
+    diagram = diagram_of(zhao(), Asked(setting=setting, points=3), slider_spec(zhao(), "amplitude"))
     found = with_special_points(zhao(), diagram)
     assert found.continued
     assert found.special_points.empty
@@ -199,14 +199,17 @@ def test_what_watches_a_run_ends_it():
 
     with pytest.raises(Enough):
         take_snapshot(zhao(), first_setting(zhao()), watch)
-    asked, along = Asked(setting=first_setting(zhao()), points=2000), dial(zhao(), "amplitude")
+    asked, along = (
+        Asked(setting=first_setting(zhao()), points=2000),
+        slider_spec(zhao(), "amplitude"),
+    )
     with pytest.raises(Enough):
         diagram_of(zhao(), asked, along, watch)
 
 
 def test_a_charge_drive_has_charges_in_its_headlines():
     device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic="10 fF"))
-    subject = of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))
+    subject = subject_of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))
     setting = replace(first_setting(subject), length=2.0)
     (headline,) = (
         each for each in take_snapshot(subject, setting).headlines if each.name == "pull-in charge"

@@ -20,13 +20,13 @@ from bokeh.models import (
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.session import (
-    LONGEST,
-    SHORTEST,
+    MAX_LENGTH,
+    MIN_LENGTH,
     PageSetting,
     SliderSpec,
     Subject,
-    length_word,
-    planes,
+    length_name,
+    plane_axes,
 )
 
 __all__ = ["Controls"]
@@ -54,7 +54,7 @@ class Controls:
     Parameters
     ----------
     subject : Subject
-    dials : tuple of SliderSpec
+    specs : tuple of SliderSpec
     setting : PageSetting
         Initial setting.
     changed : callable
@@ -68,7 +68,7 @@ class Controls:
     def __init__(
         self,
         subject: Subject,
-        dials: tuple[SliderSpec, ...],
+        specs: tuple[SliderSpec, ...],
         setting: PageSetting,
         changed: Callable[[Callable[[PageSetting], PageSetting]], None],
         reset: Callable[[], None],
@@ -78,14 +78,14 @@ class Controls:
         self._updates: list[Callable[[PageSetting], None]] = []
         self._updating = False
         self._system = system = subject.system
-        by_name = {dial.name: dial for dial in dials}
+        by_name = {spec.name: spec for spec in specs}
         parts: list[Any] = []
         for heading, names in subject.groups.items():
             parts.append(_heading(heading))
             parts += [self._parameter(by_name[name], setting) for name in names]
-        planar = list(planes(system))
+        planar = list(plane_axes(system))
         shown = [
-            self._length(setting, length_word(system)),
+            self._length(setting, length_name(system)),
             self._choice("start", "start", list(subject.starts), setting),
             self._choice("x", "phase portrait, x axis", planar, setting),
             self._choice("y", "phase portrait, y axis", planar, setting),
@@ -114,24 +114,24 @@ class Controls:
         if not self._updating:
             self._changed(change)
 
-    def _parameter(self, dial: SliderSpec, setting: PageSetting) -> Any:
+    def _parameter(self, spec: SliderSpec, setting: PageSetting) -> Any:
         def read(setting: PageSetting) -> float:
-            return dial.displayed(setting.values[dial.name])
+            return spec.displayed(setting.values[spec.name])
 
         def changed(setting: PageSetting, new: float | str) -> PageSetting:
-            value = self._system.without_unit(dial.name, new) if isinstance(new, str) else None
+            value = self._system.without_unit(spec.name, new) if isinstance(new, str) else None
             if isinstance(value, str):
-                raise InvalidParameter(dial.name, new, "a number")
-            return setting.with_value(dial.name, dial.value(float(new)) if value is None else value)
+                raise InvalidParameter(spec.name, new, "a number")
+            return setting.with_value(spec.name, spec.value(float(new)) if value is None else value)
 
-        bounds = (each / dial.factor for each in (dial.low, dial.high, dial.step))
-        return self._number(dial.name, dial.title, setting, read, changed, *bounds)
+        bounds = (each / spec.factor for each in (spec.low, spec.high, spec.step))
+        return self._number(spec.name, spec.title, setting, read, changed, *bounds)
 
     def _length(self, setting: PageSetting, word: str) -> Any:
         def changed(setting: PageSetting, new: float | str) -> PageSetting:
             if isinstance(new, str):
                 raise InvalidParameter(word, new, "a number")
-            return replace(setting, length=min(max(new, SHORTEST), LONGEST))
+            return replace(setting, length=min(max(new, MIN_LENGTH), MAX_LENGTH))
 
         return self._number(
             "length", word, setting, lambda setting: setting.length, changed,

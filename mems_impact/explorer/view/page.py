@@ -26,7 +26,7 @@ from mems_impact.explorer.session import (
     Subject,
     address_of,
     first_setting,
-    length_word,
+    length_name,
     setting_at,
 )
 from mems_impact.explorer.snapshot import (
@@ -69,7 +69,7 @@ class Page:
     document : Document
         Bokeh document of one session.
     subject : Subject
-    dials : tuple of SliderSpec
+    specs : tuple of SliderSpec
     query : mapping of str to iterable of str
         Query of the address.
     """
@@ -78,11 +78,11 @@ class Page:
         self,
         document: Document,
         subject: Subject,
-        dials: tuple[SliderSpec, ...],
+        specs: tuple[SliderSpec, ...],
         query: Mapping[str, Iterable[str]],
     ) -> None:
         self.document, self.subject = document, subject
-        self.dials = {dial.name: dial for dial in dials}
+        self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
         self._diagram_asked: Any = None
         self._saved = 0
@@ -91,7 +91,7 @@ class Page:
             self.setting = setting_at(subject, query)
         except InvalidParameter as error:
             self.setting, refused = first_setting(subject), f"The address: {error}"
-        self._draw_first(tuple(dials))
+        self._draw_first(tuple(specs))
         self.message.text = refused
         self.pictures = self._thread(
             partial(take_snapshot, subject), self._show, patience=STALE_RUN_SECONDS
@@ -130,21 +130,21 @@ class Page:
         if what == "picture":
             self.drawings.ask(picture)
         elif what in ("python", "copy"):
-            dial = self.dials.get(picture.setting.parameter)
-            script = python_of(self.subject, picture.setting, dial)
+            spec = self.specs.get(picture.setting.parameter)
+            script = python_of(self.subject, picture.setting, spec)
             self._send("py", script.encode(), copied=what == "copy")
         elif isinstance(picture.system, ActuatorSystem):
             self._send("toml", device_file(self.subject, picture.system).encode())
 
-    def _draw_first(self, dials: tuple[SliderSpec, ...]) -> None:
+    def _draw_first(self, specs: tuple[SliderSpec, ...]) -> None:
         subject, setting = self.subject, self.setting
         actuator = isinstance(subject.system, ActuatorSystem)
         self.multipliers = MultiplierPanel()
-        self.bifurcation = BifurcationPanel(self.dials, self._select) if self.dials else None
+        self.bifurcation = BifurcationPanel(self.specs, self._select) if self.specs else None
         series = TimeSeriesPanel(len(series_shown(subject.system, setting)))
         portrait, device = PortraitPanel(), DevicePanel() if actuator else None
         animation = AnimationPanels(series, portrait, device)
-        self.controls = Controls(subject, dials, setting, self.change, self.reset, self.save)
+        self.controls = Controls(subject, specs, setting, self.change, self.reset, self.save)
         panels: dict[str, Panel | None] = {
             "headlines": HeadlinePanel(),
             "device": device,
@@ -219,9 +219,9 @@ class Page:
         self.document.hold("combine")
         for panel in self.panels.values():
             panel.show(picture)
-        length = f"{setting.length:g} {length_word(picture.system)}"
+        length = f"{setting.length:g} {length_name(picture.system)}"
         if not picture.system.forced:
-            length = f"{length_word(picture.system)} {setting.length:g}"
+            length = f"{length_name(picture.system)} {setting.length:g}"
         self.status.text = (
             f"{length}, {len(picture.run.events)} events, {1e3 * picture.seconds:.0f} ms"
         )
@@ -247,7 +247,7 @@ class Page:
         """Compute a diagram, or the special points of one."""
         if isinstance(asked, DiagramSnapshot):
             return with_special_points(self.subject, asked, watch)
-        return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
+        return diagram_of(self.subject, asked, self.specs[asked.setting.parameter], watch)
 
     def _show_diagram(self, _: Asked | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
         asked = diagram.asked

@@ -135,16 +135,16 @@ class BifurcationPanel:
 
     Parameters
     ----------
-    dials : mapping of str to SliderSpec
+    specs : mapping of str to SliderSpec
         Of the parameters.
     selected : callable
         ``selected(name, value)`` is called with the parameter and its value where the user clicks.
     """
 
     def __init__(
-        self, dials: Mapping[str, SliderSpec], selected: Callable[[str, float], None]
+        self, specs: Mapping[str, SliderSpec], selected: Callable[[str, float], None]
     ) -> None:
-        self._dials, self._selected = dials, selected
+        self._specs, self._selected = specs, selected
         made = self.layout = new_figure(330, title=" ")
         self.up, self.down = source("up", "x", "y"), source("down", "x", "y")
         self.here = source("here", "x", "y")
@@ -188,7 +188,7 @@ class BifurcationPanel:
         if self.diagram is None or not known:  # the axes are those of another parameter
             self.here.data = {"x": [], "y": []}
             return
-        value = self._dials[name].displayed(picture.setting.values[name])
+        value = self._specs[name].displayed(picture.setting.values[name])
         column = picture.section.get(self.diagram.state, np.empty(0))
         self.here.data = {"x": np.full(len(column), value), "y": column / self.state_factor}
         self.place.location = value
@@ -196,19 +196,19 @@ class BifurcationPanel:
     def show_diagram(self, diagram: DiagramSnapshot, picture: RunSnapshot) -> None:
         """Show another diagram with the run."""
         self.diagram = diagram
-        system, dial = picture.system, self._dials[diagram.asked.setting.parameter]
+        system, spec = picture.system, self._specs[diagram.asked.setting.parameter]
         column = diagram.table[diagram.state].to_numpy()
         self.state_factor, told = unit_for(system, diagram.state, column)
         for direction, data in (("up", self.up), ("down", self.down)):
             x, y = diagram.dots(direction)
-            data.data = {"x": x / dial.factor, "y": y / self.state_factor}
+            data.data = {"x": x / spec.factor, "y": y / self.state_factor}
         points = diagram.special_points
         self.special.data = {
-            "x": points[dial.name].to_numpy(float) / dial.factor,
+            "x": points[spec.name].to_numpy(float) / spec.factor,
             "y": points[diagram.state].to_numpy(float) / self.state_factor,
             "label": points["label"].tolist(),
         }
-        self.layout.xaxis.axis_label = dial.title
+        self.layout.xaxis.axis_label = spec.title
         section = system.section
         where = "where periods begin" if system.forced else "maxima"
         if section is not None:
@@ -228,14 +228,14 @@ class BifurcationPanel:
         diagram = self.diagram
         if diagram is None:
             return
-        dial = self._dials[diagram.asked.setting.parameter]
+        spec = self._specs[diagram.asked.setting.parameter]
         low, high = diagram.range
-        value = dial.nearest(event.x, low, high)
+        value = spec.nearest(event.x, low, high)
         near = SNAP * (high - low)
-        for special in diagram.special_points[dial.name]:
-            if (away := abs(special - event.x * dial.factor)) < near:
+        for special in diagram.special_points[spec.name]:
+            if (away := abs(special - event.x * spec.factor)) < near:
                 value, near = float(special), away
-        self._selected(dial.name, value)
+        self._selected(spec.name, value)
 
 
 # --- Cycles: step and speed of the frame, or the section; impacts

@@ -5,18 +5,18 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES
 from mems_impact.explorer.session import allowed_range, best_si_prefix, slider_specs
-from tests.explorer.subjects import dial, mita, own, zhao
+from tests.explorer.subjects import mita, own, slider_spec, zhao
 
 
 @pytest.mark.parametrize("subject", [zhao, mita, own])
 def test_every_parameter_has_a_slider_around_its_value(subject):
     subject = subject()
-    dials = slider_specs(subject)
-    assert [each.name for each in dials] == list(subject.system.parameters)
+    specs = slider_specs(subject)
+    assert [each.name for each in specs] == list(subject.system.parameters)
     assert sorted(name for names in subject.groups.values() for name in names) == sorted(
         subject.system.parameters
     )
-    for each in dials:
+    for each in specs:
         value = subject.system.value(each.name)
         assert each.low <= value <= each.high
         assert 0.0 < each.step < each.high - each.low
@@ -50,37 +50,37 @@ def test_a_device_in_si_has_units_that_fit_its_numbers():
     assert labels["amplitude"] == "amplitude [V]"
     assert labels["c"] == "c [µN s/m]"
     assert labels["e"] == "e"
-    assert dial(mita(), "d").factor == 1e-6
+    assert slider_spec(mita(), "d").factor == 1e-6
 
 
 def test_an_angular_frequency_with_a_unit_is_told_in_hertz():
-    omega = dial(mita(), "omega")
+    omega = slider_spec(mita(), "omega")
     assert omega.title == "frequency omega/2π [Hz]"
     assert omega.displayed(750.0) == pytest.approx(750.0 / (2.0 * math.pi), rel=1e-14)
     assert omega.value(119.366) == pytest.approx(119.366 * 2.0 * math.pi, rel=1e-14)
     steps = omega.step / omega.factor
     assert f"{steps:.9e}"[0] in "125"
     assert f"{steps:.9e}"[1:11] == ".000000000"
-    assert dial(zhao(), "omega").title == "angular frequency omega"  # has no unit
+    assert slider_spec(zhao(), "omega").title == "angular frequency omega"  # has no unit
 
 
 def test_names_stand_beside_symbols():
-    assert dial(mita(), "k").title == "stiffness k [N/m]"
-    assert dial(zhao(), "delta").title == "stopper distance delta"
-    assert dial(zhao(), "amplitude").title == "amplitude"
-    assert dial(own(), "zeta").title == "zeta"
+    assert slider_spec(mita(), "k").title == "stiffness k [N/m]"
+    assert slider_spec(zhao(), "delta").title == "stopper distance delta"
+    assert slider_spec(zhao(), "amplitude").title == "amplitude"
+    assert slider_spec(own(), "zeta").title == "zeta"
     assert set(PARAMETER_NAMES) < set(PARAMETER_MEANINGS)
 
 
 def test_what_is_typed_into_a_field_is_the_parameter():
-    mass = dial(mita(), "m1")
+    mass = slider_spec(mita(), "m1")
     for number in (2.097, 0.3, 7.0):
         assert mass.value(number) == float(f"{number}e-6")
         assert mass.displayed(mass.value(number)) == number
 
 
 def test_a_place_on_the_diagram_is_a_step_of_the_slider():
-    omega = dial(zhao(), "omega")
+    omega = slider_spec(zhao(), "omega")
     value = omega.nearest(0.43217, 0.0, 1.0)
     assert value == pytest.approx(0.43217, abs=0.5 * omega.step)
     assert value / omega.step == pytest.approx(round(value / omega.step))
@@ -118,10 +118,10 @@ def test_a_prefix_is_a_power_of_a_thousand():
         assert math.log10(factor) == pytest.approx(3 * round(math.log10(factor) / 3))
 
 
-def test_dials_of_terms_stand_under_their_name():
-    from mems_impact.explorer.session import of_device
+def test_sliders_of_terms_stand_under_their_name():
+    from mems_impact.explorer.session import subject_of_device
 
     device = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
-    subject = of_device("zhao2004", device, mi.Sine(amplitude=0.2, omega=0.5))
+    subject = subject_of_device("zhao2004", device, mi.Sine(amplitude=0.2, omega=0.5))
     assert subject.groups["tilt"] == ("tilt.angle",)
-    assert dial(subject, "tilt.angle").high == pytest.approx(0.1)
+    assert slider_spec(subject, "tilt.angle").high == pytest.approx(0.1)
