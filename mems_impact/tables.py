@@ -40,30 +40,31 @@ __all__ = [
     "branch",
     "captions",
     "codimension_two",
-    "columns_of",
     "corners",
-    "counted",
     "curve",
     "event_codes",
-    "event_words",
+    "event_names",
     "events",
     "handovers",
+    "impact_changes",
     "impacts",
     "is_shown",
     "name_of",
+    "number_column",
+    "parameter_columns",
     "samples",
     "section",
     "segments",
     "special_points",
     "statistics",
     "sweep",
+    "sweep_columns",
     "sweep_summary",
-    "switches",
     "table",
+    "time_columns",
     "to_xarray",
     "unit_of",
     "verification",
-    "when",
     "with_units",
     "words",
 ]
@@ -207,7 +208,9 @@ def bare(shown: pd.DataFrame) -> pd.DataFrame:
     return result
 
 
-def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) -> dict[str, Any]:
+def time_columns(
+    cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels
+) -> dict[str, Any]:
     """Return the columns of time: period, time within it, and running time.
 
     An autonomous system has the running time only.
@@ -228,13 +231,13 @@ def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
     return pd.Categorical.from_codes(numbers, categories=list(names))
 
 
-def event_words(automaton: Automaton) -> tuple[str, ...]:
+def event_names(automaton: Automaton) -> tuple[str, ...]:
     """Return the names of events in the log, indexed by `event_codes`; the last is the end."""
     return (*(guard.name for guard in automaton.guards), CHATTER_ENDS, DRIVE_SWITCHES, END)
 
 
 def event_codes(log: Events, automaton: Automaton) -> NDArray[np.int64]:
-    """Return the event of each shown row, as an index into `event_words`."""
+    """Return the event of each shown row, as an index into `event_names`."""
     m = len(automaton.guards)
     codes = np.where(log.kind == workspace.ACCUMULATION, m, log.guard)
     return np.where(log.kind == workspace.SWITCH, m + 1, codes)
@@ -351,14 +354,14 @@ def curve(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per orbit of a curve; `rows` with ``values`` of the two `parameters`."""
-    return _table(_values(parameters, rows), rows, labels)
+    return _table(parameter_columns(parameters, rows), rows, labels)
 
 
 def codimension_two(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per point of codimension two; as `curve`, with ``kind``."""
-    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    columns = {"kind": [row["kind"] for row in rows], **parameter_columns(parameters, rows)}
     return _table(columns, rows, labels)
 
 
@@ -368,7 +371,10 @@ def _table(
     return table({}, labels, user_columns={**places, **_measures(rows)}, **captions(labels))
 
 
-def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def parameter_columns(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]
+) -> dict[str, Floats]:
+    """Return one column per parameter, from the ``values`` of each row."""
     return {
         name: np.array([row["values"][i] for row in rows], dtype=float)
         for i, name in enumerate(parameters)
@@ -399,14 +405,11 @@ def events(
 
     Columns: when, what happened, the modes before and after, the state after, and `observed`.
     """
-    automaton, shown = labels.automaton, is_shown(log)
+    shown = is_shown(log)
     log = log[shown]
     columns = {
-        **when(log.cycle, log.time, period, labels),
-        "event": words(event_words(automaton)[:-1], event_codes(log, automaton)),
-        "mode before": words(automaton.modes, log.mode_before),
-        "mode after": words(automaton.modes, log.mode_after),
-        **states(automaton.states, log.after),
+        **_transitions(log, period, labels),
+        **states(labels.automaton.states, log.after),
         **labels.derived_columns(log.cycle, log.time, log.after),
         **{name: values[shown] for name, values in observed.items()},
     }
@@ -415,18 +418,12 @@ def events(
 
 def corners(log: Events, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per transition: when, event, modes, impact, the states before and after."""
-    automaton = labels.automaton
     log = log[is_shown(log)]
-    before, after = (states(automaton.states, y) for y in (log.before, log.after))
-    columns: dict[str, Any] = {
-        **when(log.cycle, log.time, period, labels),
-        "event": words(event_words(automaton)[:-1], event_codes(log, automaton)),
-        "mode before": words(automaton.modes, log.mode_before),
-        "mode after": words(automaton.modes, log.mode_after),
-        "impact": log.impacts(automaton),
+    columns = {
+        **_transitions(log, period, labels),
+        "impact": log.impacts(labels.automaton),
+        **_states_around(log, labels),
     }
-    for name in automaton.states:
-        columns[f"{name} before"], columns[f"{name} after"] = before[name], after[name]
     return table(columns, labels)
 
 
@@ -434,22 +431,40 @@ def impacts(
     hits: Events, period: float, labels: Labels, observed: Mapping[str, Floats]
 ) -> pd.DataFrame:
     """Return one row per impact: when, phase, which guard, states before and after, `observed`."""
-    automaton = labels.automaton
-    before, after = (states(automaton.states, y) for y in (hits.before, hits.after))
-    columns: dict[str, Any] = {
-        **when(hits.cycle, hits.time, period, labels),
+    columns = {
+        **time_columns(hits.cycle, hits.time, period, labels),
         **({"phase": hits.time / period} if labels.forced else {}),
-        "event": words([guard.name for guard in automaton.guards], hits.guard),
+        "event": words([guard.name for guard in labels.automaton.guards], hits.guard),
+        **_states_around(hits, labels),
+        **observed,
     }
-    for name in automaton.states:
-        columns[f"{name} before"], columns[f"{name} after"] = before[name], after[name]
-    return table({**columns, **observed}, labels)
+    return table(columns, labels)
+
+
+def _transitions(log: Events, period: float, labels: Labels) -> dict[str, Any]:
+    """Return when transitions occur, their events and modes."""
+    automaton = labels.automaton
+    return {
+        **time_columns(log.cycle, log.time, period, labels),
+        "event": words(event_names(automaton)[:-1], event_codes(log, automaton)),
+        "mode before": words(automaton.modes, log.mode_before),
+        "mode after": words(automaton.modes, log.mode_after),
+    }
+
+
+def _states_around(log: Events, labels: Labels) -> dict[str, Any]:
+    """Return each state before and after the events."""
+    return {
+        f"{name} {side}": y[:, i]
+        for i, name in enumerate(labels.automaton.states)
+        for side, y in (("before", log.before), ("after", log.after))
+    }
 
 
 def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per crossing of the Poincaré section: when, the state, the direction."""
     columns = {
-        **when(log.cycle, log.time, period, labels),
+        **time_columns(log.cycle, log.time, period, labels),
         **states(labels.automaton.states, log.after),
         "direction": log.guard,
     }
@@ -459,7 +474,7 @@ def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
 def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per change of method: when, the mode, the method from then on."""
     columns = {
-        **when(log.cycle, log.time, period, labels),
+        **time_columns(log.cycle, log.time, period, labels),
         "mode": words(labels.automaton.modes, log.mode_after),
         "method": words(("dop853", "bdf"), (log.guard < 0).astype(np.int64)),
     }
@@ -469,7 +484,7 @@ def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
 def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per sample: when, the state, the mode."""
     columns = {
-        **when(grid.cycle, grid.time, period, labels),
+        **time_columns(grid.cycle, grid.time, period, labels),
         **states(labels.automaton.states, grid.y),
         **labels.derived_columns(grid.cycle, grid.time, grid.y),
         "mode": words(labels.automaton.modes, grid.mode),
@@ -515,14 +530,14 @@ def verification(
     Parameters
     ----------
     matched : sequence of tuple
-        For every event of both runs: its index in `event_words`, and the `differences`.
+        For every event of both runs: its index in `event_names`, and the `differences`.
     alone : sequence of int
-        For every event of one run only: its index in `event_words`.
+        For every event of one run only: its index in `event_names`.
     differences : sequence of str
         Headings of the differences.
     labels : Labels
     """
-    names = event_words(labels.automaton)
+    names = event_names(labels.automaton)
     codes = np.array([code for code, _ in matched], dtype=np.int64)
     values = np.array([found for _, found in matched]).reshape(-1, len(differences))
     kinds = np.union1d(codes, np.array(alone, dtype=np.int64))
@@ -543,12 +558,12 @@ def verification(
 DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
 
 
-def counted(labels: Labels) -> str:
+def number_column(labels: Labels) -> str:
     """Return the column that numbers the crossings at one value: by period, or consecutively."""
     return PERIOD if labels.forced else NUMBER
 
 
-def columns_of(
+def sweep_columns(
     parameter: str,
     points: Sequence[Mapping[str, Any]],
     states: Sequence[str],
@@ -559,7 +574,7 @@ def columns_of(
 
     The parameters are those of `sweep`.
     """
-    count = counted(labels)
+    count = number_column(labels)
     crossings = [len(point["section"].get(count, ())) for point in points]
     repeats = [max(1, k) for k in crossings]
 
@@ -601,16 +616,16 @@ def sweep(
     parameter : str
         Name of the parameter that was swept.
     points : sequence of mapping
-        One for each value, in order: ``value``, ``direction``, ``section`` (the columns `counted`
-        and `states` of the crossings), ``statistics`` by name, and ``status``; in the units of the
-        system.
+        One for each value, in order: ``value``, ``direction``, ``section`` (the columns
+        `number_column` and `states` of the crossings), ``statistics`` by name, and ``status``; in
+        the units of the system.
     states, statistics : sequence of str
         States and statistics with a column.
     labels : Labels
     quantities : mapping of str to tuple, optional
         Other quantities of figures, for ``attrs``: column and axis label.
     """
-    columns = columns_of(parameter, points, states, statistics, labels)
+    columns = sweep_columns(parameter, points, states, statistics, labels)
     shown = {**captions(labels), "states": list(states)}
     if not labels.forced and labels.section is None:
         shown["maxima"] = True
@@ -677,7 +692,7 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     return summary
 
 
-def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
+def impact_changes(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
     """Return where impacts first begin or cease in each direction: direction, value, begins.
 
     Parameters

@@ -23,7 +23,7 @@ from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
-from mems_impact.tables import Labels, table, when, words
+from mems_impact.tables import Labels, parameter_columns, table, time_columns, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,7 @@ def impacts(
     labels : Labels
     """
     columns = {
-        **when(rows.cycle, rows.time, period, labels),
+        **time_columns(rows.cycle, rows.time, period, labels),
         "phase": rows.time / period,
         "stopper": _stopper(rows),
         "v1 before": rows.before[:, V1],
@@ -116,7 +116,7 @@ def blows(
     labels : Labels
     """
     columns = {
-        **when(first.cycle, first.time, period, labels),
+        **time_columns(first.cycle, first.time, period, labels),
         "phase": first.time / period,
         "stopper": _stopper(first),
         "impacts": impacts,
@@ -135,7 +135,7 @@ def chart(
     """Return one row per point of a boundary: boundary, the `parameters`, type, kind."""
     columns = {
         "boundary": [row["boundary"] for row in rows],
-        **_values(parameters, rows),
+        **parameter_columns(parameters, rows),
         "type": [row["type"] for row in rows],
         "kind": [row["kind"] for row in rows],
     }
@@ -147,7 +147,7 @@ def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Label
     columns = {
         "type": [row["type"] for row in rows],
         "grazing": [row["grazing"] for row in rows],
-        **_values((f"{parameter} from", f"{parameter} to"), rows),
+        **parameter_columns((f"{parameter} from", f"{parameter} to"), rows),
         "on": [row["on"] for row in rows],
         "off": [row["off"] for row in rows],
     }
@@ -158,15 +158,8 @@ def chart_points(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per point of codimension two: kind and the `parameters`."""
-    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    columns = {"kind": [row["kind"] for row in rows], **parameter_columns(parameters, rows)}
     return table({}, labels, user_columns=columns)
-
-
-def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {
-        name: np.array([row["values"][i] for row in rows], dtype=float)
-        for i, name in enumerate(parameters)
-    }
 
 
 SWEEP_COLUMNS = (

@@ -16,7 +16,7 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
-from mems_impact.tables import Labels, event_codes, event_words, is_shown, verification, with_units
+from mems_impact.tables import Labels, event_codes, event_names, is_shown, verification, with_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,7 +136,7 @@ class EventLog:
         self.events = trajectory.events[is_shown(trajectory.events)]
         start, final, self.period = trajectory.start, trajectory.final, trajectory.period
         self.start = start.cycle + start.time / self.period
-        self.words = event_words(automaton)
+        self.words = event_names(automaton)
         self.what = np.append(event_codes(self.events, automaton), len(self.words) - 1)
         self.cycle = np.append(self.events.cycle, final.cycle)
         self.time = np.append(self.events.time, final.time)

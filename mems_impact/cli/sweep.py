@@ -136,12 +136,12 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 def _show(table: pd.DataFrame, path: Path) -> None:
     import pandas as pd
 
-    from mems_impact.tables import sweep_summary, switches
+    from mems_impact.tables import impact_changes, sweep_summary
 
     summary = sweep_summary(table)
     parameter = summary.columns[0]
     unit = unit_of(summary, parameter)
-    found = switches(table)
+    found = impact_changes(table)
     add_json_tables(
         {
             "summary": summary,

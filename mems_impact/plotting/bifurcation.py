@@ -37,7 +37,7 @@ from mems_impact.plotting.style import (
     thickness,
 )
 from mems_impact.studies.engine.store import StoredStudy
-from mems_impact.tables import NUMBER, PERIOD, bare, sweep_summary, switches
+from mems_impact.tables import NUMBER, PERIOD, bare, impact_changes, sweep_summary
 
 __all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
 
@@ -564,7 +564,7 @@ def _symbol(table: pd.DataFrame) -> str:
 def draw_switches(ax: Any, table: pd.DataFrame) -> None:
     """Draw a line at the first value at which impacts begin or cease; the legend has the value."""
     parameter = _symbol(table)
-    for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):
+    for direction, value, impacting in sorted(impact_changes(table), key=lambda mark: mark[1]):
         text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
         look = DASHES if impacting else {**DASHES, "linestyle": DOTS}
         ax.axvline(value, color=color(direction), zorder=1, label=text, **look)

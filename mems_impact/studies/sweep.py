@@ -121,7 +121,7 @@ class SweepStudy(Study):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        names = sweep_tables.columns_of(self.parameter, [], *self._table_columns)
+        names = sweep_tables.sweep_columns(self.parameter, [], *self._table_columns)
         return {name: "str" if name in TEXT else "float" for name in names}
 
     @property
@@ -181,7 +181,7 @@ class SweepStudy(Study):
             "mode": state.mode,
             "period": period,
         }
-        return sweep_tables.columns_of(self.parameter, points, *self._table_columns), carried
+        return sweep_tables.sweep_columns(self.parameter, points, *self._table_columns), carried
 
     def place(self, number: int) -> str:
         """Return the name of a point in messages."""
@@ -190,7 +190,7 @@ class SweepStudy(Study):
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return rows of values that could not be computed."""
         points = [{**self._empty(number), "status": reason} for number in range(first, last)]
-        return sweep_tables.columns_of(self.parameter, points, *self._table_columns)
+        return sweep_tables.sweep_columns(self.parameter, points, *self._table_columns)
 
     @property
     def _table_columns(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
@@ -241,7 +241,7 @@ class SweepStudy(Study):
             return start
         numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         point["section"] = {
-            sweep_tables.counted(system): numbers,
+            sweep_tables.number_column(system): numbers,
             **{name: system.out(name, y[:, system.states.index(name)]) for name in self._states},
         }
         point["statistics"] = statistics

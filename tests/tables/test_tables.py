@@ -8,7 +8,7 @@ import mems_impact as mi
 from mems_impact import tables
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Samples
-from mems_impact.tables import bare, event_words, sweep, unit_of, with_units
+from mems_impact.tables import bare, event_names, sweep, unit_of, with_units
 
 FREE, HELD = mi.modes("free", "held")
 PERIOD = 2.0
@@ -180,7 +180,7 @@ def test_sweep_summary(tmp_path):
 
 
 def test_verification_counts_and_takes_the_largest():
-    words = event_words(FORCED.automaton)
+    words = event_names(FORCED.automaton)
     wall, release, chatter = (words.index(name) for name in ("wall", "release", "chatter ends"))
     headings = ["time apart", "impact speed apart", "x apart", "v apart"]
     matched = [
