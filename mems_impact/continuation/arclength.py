@@ -17,7 +17,12 @@ from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunE
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.linear_equations import null_vector
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import ACCEPTED, ZERO_COMPONENT, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import (
+    RESIDUAL_TOLERANCE,
+    ZERO_COMPONENT,
+    Shooting,
+    ShootingEvaluation,
+)
 
 # --- Pseudo-arclength steps
 
@@ -172,7 +177,7 @@ class PredictorStep(Generic[P]):
         if s not in self._found:
             plane = self.start + s * self.along
             found = self._correct(plane, self.along, self.expected(s))
-            if np.linalg.norm(found.unknowns - plane) > abs(s) + ACCEPTED:
+            if np.linalg.norm(found.unknowns - plane) > abs(s) + RESIDUAL_TOLERANCE:
                 raise OrbitError(
                     "the correction of a step converged to a distant point", "take a shorter step"
                 )

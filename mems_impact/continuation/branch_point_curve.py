@@ -37,7 +37,7 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import ACCEPTED, ShootingEvaluation
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, ShootingEvaluation
 
 __all__ = ["BranchPointCurve"]
 
@@ -125,18 +125,18 @@ class BranchPointCurve(CurveProblem):
     def solve(self, guess: Floats) -> ShootingEvaluation:
         """Correct a guess at its value of the second parameter."""
         point = self.corrector(self._near)(guess, np.eye(guess.size)[-1], guess).point
-        if unfolding(point) > ACCEPTED:
+        if unfolding(point) > RESIDUAL_TOLERANCE:
             raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
         return point
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
         """Append an orbit to the curve, unless it is no branch point."""
-        if unfolding(point) <= ACCEPTED:
+        if unfolding(point) <= RESIDUAL_TOLERANCE:
             super().record(point, along)
 
     def end_at(self, point: ShootingEvaluation) -> str:
         """Return the reason for an end where the branch point unfolds."""
-        if unfolding(point) <= ACCEPTED:
+        if unfolding(point) <= RESIDUAL_TOLERANCE:
             return ""
         where = self.family.amount(self.parameters[1], float(self.branch.points[-1].values[1]))
         return (

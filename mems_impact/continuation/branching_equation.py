@@ -29,7 +29,7 @@ from mems_impact.continuation.branch_points import UNFOLDING_RATIO
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import ACCEPTED
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 SECOND_DERIVATIVE_STEP = 1e-4  # difference step along the null vectors
 DEGENERATE_RATIO = 1e-6  # largest ratio of a mixed coefficient that counts as zero
@@ -47,7 +47,7 @@ def branch_direction(step: PredictorStep[P], point: P) -> Floats:
     """Return the direction in which a branch passes a branch point within a step, in the kernel."""
     passed = _whole(point) - step.start
     size = float(np.linalg.norm(passed))
-    along = passed / size if size > ACCEPTED else step.along
+    along = passed / size if size > RESIDUAL_TOLERANCE else step.along
     kernel = np.linalg.svd(_derivatives(point))[2][-2:]
     projected = kernel.T @ (kernel @ along)
     size = float(np.linalg.norm(projected))

@@ -54,7 +54,7 @@ from mems_impact.orbits.equilibrium import (
     differentiate,
     make_equilibrium,
 )
-from mems_impact.orbits.shooting import ACCEPTED
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 __all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curve"]
 
@@ -769,7 +769,7 @@ class _BranchPointCurve(_EquilibriumCurveProblem):
     def solve(self, guess: Floats) -> EquilibriumEvaluation:
         """Correct a guess at its value of the second parameter."""
         point = self.corrector(self._near)(guess, np.eye(guess.size)[-1], guess).point
-        if unfolding(point) > ACCEPTED:
+        if unfolding(point) > RESIDUAL_TOLERANCE:
             raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
         return point
 
@@ -780,12 +780,12 @@ class _BranchPointCurve(_EquilibriumCurveProblem):
 
     def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
         """Append an equilibrium to the curve, unless it is no branch point."""
-        if unfolding(point) <= ACCEPTED:
+        if unfolding(point) <= RESIDUAL_TOLERANCE:
             super().record(point, along)
 
     def end_at(self, point: EquilibriumEvaluation) -> str:
         """Return the reason for an end where the branch point unfolds."""
-        if unfolding(point) <= ACCEPTED:
+        if unfolding(point) <= RESIDUAL_TOLERANCE:
             return ""
         name = self.parameters[1]
         where = self.family.amount(name, self.branch.points[-1].family.values[name])

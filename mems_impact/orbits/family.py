@@ -225,7 +225,7 @@ class ParameterPoint:
             remedy="stay on this side (a sine without bias has half the period)",
         )
 
-    def lasting(self, period: float) -> ParameterPoint:
+    def with_period(self, period: float) -> ParameterPoint:
         """Return the numbers for a limit cycle with a given period."""
         return replace(self, period=period, period_rates=np.zeros_like(self.period_rates))
 

@@ -113,7 +113,7 @@ def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
         return True
     if not 1.0 / RESCALING_RATIO < point.period / shooting.unit < RESCALING_RATIO:
         return False
-    if shooting.phase.crossed(point.arcs[0].slope_start[shooting.free]) < MIN_PHASE_COSINE:
+    if shooting.phase.cosine(point.arcs[0].slope_start[shooting.free]) < MIN_PHASE_COSINE:
         return False
     marks = _event_times(point)
     if not marks.size:

@@ -10,11 +10,13 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.linear_equations import solve_linear
-from mems_impact.orbits.shooting import ACCEPTED, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
-NOISE_RATIO = 0.02  # ratio of two steps below `ACCEPTED` from which they are integration errors
+NOISE_RATIO = (
+    0.02  # ratio of two steps below `RESIDUAL_TOLERANCE` from which they are integration errors
+)
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (
@@ -92,8 +94,8 @@ def newton(
     ``equations(unknowns)`` returns the evaluation, all residuals, and their Jacobian matrix.
 
     The iteration converges if the next step is below `TOLERANCE`, or if steps no longer shrink
-    while no residual exceeds `ACCEPTED`, since they are then at the level of the integration error.
-    So are steps below `ACCEPTED` that no longer shrink quadratically.
+    while no residual exceeds `RESIDUAL_TOLERANCE`: they are then at the level of the integration
+    error. So are steps below `RESIDUAL_TOLERANCE` that no longer shrink quadratically.
     If the matrix is nearly singular, rounding alone may cause steps of any length, so the iteration
     also ends at residuals of the order of rounding.
 
@@ -108,19 +110,19 @@ def newton(
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
         rounding = RESIDUAL_ROUNDING * (np.abs(matrix) @ np.abs(unknowns))
-        if np.all(np.abs(residual) <= np.minimum(rounding, ACCEPTED)):
+        if np.all(np.abs(residual) <= np.minimum(rounding, RESIDUAL_TOLERANCE)):
             return Solution(unknowns, point, min(needed, iteration))
         try:
             change = solve_linear(matrix, -residual)
         except np.linalg.LinAlgError:
             change = np.asarray(np.linalg.lstsq(matrix, -residual)[0], dtype=float)
-            if np.abs(matrix @ change + residual).max() > ACCEPTED:
+            if np.abs(matrix @ change + residual).max() > RESIDUAL_TOLERANCE:
                 break  # no step reduces the residual
         size = float(np.abs(change).max())
-        if size < ACCEPTED:
+        if size < RESIDUAL_TOLERANCE:
             needed = min(needed, iteration)
-        slow = size >= (NOISE_RATIO * previous if previous < ACCEPTED else previous)
-        stalled = slow and float(np.abs(residual).max()) < ACCEPTED
+        slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
+        stalled = slow and float(np.abs(residual).max()) < RESIDUAL_TOLERANCE
         if size < TOLERANCE or stalled:
             return Solution(unknowns, point, min(needed, iteration))
         if not size <= MAX_STEP_NORM:

@@ -19,11 +19,11 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory, run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.orbits.shooting import ACCEPTED
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 # --- Divergence
 
-MAX_STATE_RATIO = ACCEPTED / float(np.finfo(float).eps)
+MAX_STATE_RATIO = RESIDUAL_TOLERANCE / float(np.finfo(float).eps)
 """Magnitude of a state beyond which rounding exceeds the allowed residual."""
 DIVERGED = "the motion has diverged"
 UNBOUNDED_REMEDY = (

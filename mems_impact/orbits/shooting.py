@@ -4,6 +4,12 @@ The unknowns are the states at the starts of all segments and the times of all e
 time adds the margin of its guard as an equation, so the equations are regular at a grazing; beyond
 it their solution is an orbit that penetrates the guard. `defects` tests admissibility separately.
 
+Unknowns and equations are ordered in blocks, for N segments and f free components of the state:
+
+- unknowns: the N f components of the states, segment by segment; the times of the events;
+- equations, segment by segment: the margin of the event at the end, if it has one; the f components
+  of the next state.
+
 For an autonomous system the period is the last unknown, and a phase condition the last equation.
 """
 
@@ -13,7 +19,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,7 +77,8 @@ class UnknownLayout:
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Return starts and ends of the segments, and their derivatives by the parameters.
 
-        The derivatives are nonzero only for ends that are not unknowns.
+        Shapes (N,), (N,), (N, k), (N, k). The derivatives are nonzero only for ends that are not
+        unknowns.
         """
         count = len(self.codes)
         ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
@@ -86,17 +93,18 @@ class UnknownLayout:
         start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
         return starts, ends, start_rates, end_rates
 
-    def passage(
+    def segment_times(
         self, setting: ParameterPoint, starts: Floats, ends: Floats
     ) -> tuple[Floats, Floats | None]:
-        """Return times and motions for `propagate_segments`."""
-        rooms, looked = np.full(ends.size, math.inf), ends
+        """Return times and motions, the arguments of `Variational.traverse`."""
+        rooms, margin_times = np.full(ends.size, math.inf), ends
         if not setting.switches.size:
-            return np.stack([starts, ends, rooms, looked], axis=1), None
+            return np.stack([starts, ends, rooms, margin_times], axis=1), None
         rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
-        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # just before a switch
+        # Just before a switch.
+        margin_times = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)
         motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
-        return np.stack([starts, ends, rooms, looked], axis=1), np.array(motions)
+        return np.stack([starts, ends, rooms, margin_times], axis=1), np.array(motions)
 
 
 # --- Phase condition of limit cycles
@@ -135,7 +143,7 @@ class Phase:
         normal = flow / speed
         return cls(tuple(normal.tolist()), float(normal @ y), unit)
 
-    def crossed(self, flow: Floats) -> float:
+    def cosine(self, flow: Floats) -> float:
         """Return the cosine between the flow and the normal of the plane; 0 for zero flow."""
         speed = float(np.linalg.norm(flow))
         return float(np.array(self.normal) @ flow) / speed if speed > 0.0 else 0.0
@@ -155,9 +163,10 @@ def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
 
 TOUCHING_RATE = 1e-9  # rate of a guard at its event that counts as zero
 KICK_RTOL = 1e-11  # ratio to the flow below which a difference of flows is zero there
-ACCEPTED = 1e-8  # largest residual that is attributed to integration errors
+RESIDUAL_TOLERANCE = 1e-8  # largest residual that is attributed to integration errors
 CONSERVATION_STEP = 1e-3  # relative difference step in the search for conserved sums
 ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
+MIN_MARGIN_RATE = 1e-14  # of saltation matrices, which are unbounded at zero rate
 TIME_SCALE_RATIO = 1.5  # ratio of time scales from which the step bounds are recomputed
 
 
@@ -205,6 +214,19 @@ class ShootingEvaluation:
     def period(self) -> float:
         """Period of the forcing at these values, or of the limit cycle."""
         return self.setting.period
+
+
+class Sensitivities(NamedTuple):
+    """Derivatives of the states of N segments.
+
+    Attributes
+    ----------
+    by_unknown : float array, shape (N, n, unknowns)
+    by_parameter : float array, shape (N, n, k)
+    """
+
+    by_unknown: Floats
+    by_parameter: Floats
 
 
 class Shooting:
@@ -278,7 +300,7 @@ class Shooting:
         Components that are zero up to rounding are set to zero, since one that the orbit does not
         determine, such as the velocity of a stuck frame, keeps its initial value.
         """
-        states = np.where(np.abs(guess.states) < ACCEPTED, 0.0, guess.states)
+        states = np.where(np.abs(guess.states) < RESIDUAL_TOLERANCE, 0.0, guess.states)
         times = guess.times[self.events if self.phase is None else [*self.events, -1]]
         return np.concatenate([states[:, self.free].ravel(), times / self.unit])
 
@@ -342,45 +364,31 @@ class Shooting:
         """
         setting, layout, free = self.setting(values), self.layout, self.free
         if self.phase is not None:
-            setting = setting.lasting(self.unit * float(unknowns[-1]))
+            setting = setting.with_period(self.unit * float(unknowns[-1]))
         k, scales = len(self.active), setting.scales
         states, times = self.unpack(unknowns)
         starts, ends, start_rates, end_rates = layout.instants(setting, times)
         arcs, events = self.variational(setting).traverse(
-            layout.codes, states, *layout.passage(setting, starts, ends)
+            layout.codes, states, *layout.segment_times(setting, starts, ends)
         )
-        # Derivatives of the states at the ends, then of those after the events, by all unknowns
-        # and by the parameters. A later start shortens the arc.
-        by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])
-        by_end = arcs.slope_end[:, :, None]
-        end = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
-        end[layout.own_state_block] += arcs.by_state
-        end_by_parameter = (
-            arcs.by_parameter[:, :, :k] * scales
-            + by_start * start_rates[:, None]
-            + by_end * end_rates[:, None]
-        )
-        jump, by_time = events.jump_by_state, events.jump_by_time[:, :, None]
-        after = jump @ end + by_time * layout.by_end[:, None]
-        after_by_parameter = (
-            jump @ end_by_parameter
-            + events.jump_by_parameter[:, :, :k] * scales
-            + by_time * end_rates[:, None]
-        )
-
+        end = self._sensitivities_at_end(arcs, scales, start_rates, end_rates)
+        after = self._sensitivities_after(events, end, scales, end_rates)
+        # The next state is the state after the event.
         residual, by_parameter = np.zeros(unknowns.size), np.zeros((unknowns.size, k))
         jacobian = layout.identity.copy()
         rows = layout.state_rows
         residual[rows] = np.roll(states, -1, axis=0)[:, free] - events.after[:, free]
-        jacobian[rows] -= after[:, free]
-        by_parameter[rows] = -after_by_parameter[:, free]
-        rows, of, guards = layout.guard_rows, self.events, layout.guards
-        gradient = events.margin_by_state[of, guards][:, None]
-        residual[rows] = events.margins[of, guards]
-        jacobian[rows] = (gradient @ end[of])[:, 0]
-        jacobian[rows] += events.margin_by_time[of, guards][:, None] * layout.by_end[of]
-        by_parameter[rows] = (gradient @ end_by_parameter[of])[:, 0]
-        by_parameter[rows] += events.margin_by_parameter[of, guards, :k] * scales
+        jacobian[rows] -= after.by_unknown[:, free]
+        by_parameter[rows] = -after.by_parameter[:, free]
+        # The margin of the guard is zero at its event.
+        rows, ended, guards = layout.guard_rows, self.events, layout.guards
+        gradient = events.margin_by_state[ended, guards][:, None]
+        residual[rows] = events.margins[ended, guards]
+        jacobian[rows] = (gradient @ end.by_unknown[ended])[:, 0]
+        jacobian[rows] += events.margin_by_time[ended, guards][:, None] * layout.by_end[ended]
+        by_parameter[rows] = (gradient @ end.by_parameter[ended])[:, 0]
+        by_parameter[rows] += events.margin_by_parameter[ended, guards, :k] * scales
+        # A pinned sum keeps its value; it replaces an equation that holds anyway.
         for c, factors in self.pinned.items():
             row = layout.state_rows[-1, c]
             level = float(np.array(factors) @ states[0, free])
@@ -390,7 +398,7 @@ class Shooting:
         if self.phase is not None:
             start, normal = states[0, free], np.array(self.phase.normal)
             residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
-        happened = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
+        has_event = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
         return ShootingEvaluation(
             unknowns=unknowns,
             setting=setting,
@@ -400,12 +408,40 @@ class Shooting:
             arcs=tuple(map(Arc._make, zip(*arcs, strict=True))),
             events=tuple(
                 Event._make(parts) if event else None
-                for event, parts in zip(happened, zip(*events, strict=True), strict=True)
+                for event, parts in zip(has_event, zip(*events, strict=True), strict=True)
             ),
             starts=starts,
             ends=ends,
-            end_by_unknown=end,
-            end_by_parameter=end_by_parameter,
+            end_by_unknown=end.by_unknown,
+            end_by_parameter=end.by_parameter,
+        )
+
+    def _sensitivities_at_end(
+        self, arcs: Arc, scales: Floats, start_rates: Floats, end_rates: Floats
+    ) -> Sensitivities:
+        """Return the sensitivities of the states at the ends, before the events."""
+        layout, free, k = self.layout, self.free, len(self.active)
+        by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])  # a later start: shorter arc
+        by_end = arcs.slope_end[:, :, None]
+        by_unknown = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
+        by_unknown[layout.own_state_block] += arcs.by_state
+        by_parameter = (
+            arcs.by_parameter[:, :, :k] * scales
+            + by_start * start_rates[:, None]
+            + by_end * end_rates[:, None]
+        )
+        return Sensitivities(by_unknown, by_parameter)
+
+    def _sensitivities_after(
+        self, events: Event, end: Sensitivities, scales: Floats, end_rates: Floats
+    ) -> Sensitivities:
+        """Return the sensitivities of the states after the events, from those before."""
+        jump, by_time = events.jump_by_state, events.jump_by_time[:, :, None]
+        return Sensitivities(
+            jump @ end.by_unknown + by_time * self.layout.by_end[:, None],
+            jump @ end.by_parameter
+            + events.jump_by_parameter[:, :, : len(self.active)] * scales
+            + by_time * end_rates[:, None],
         )
 
     def problem(self, point: ShootingEvaluation) -> Problem:
@@ -444,8 +480,7 @@ class Shooting:
                 if guard != NONE:
                     gradient = event.margin_by_state[guard]
                     rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
-                    # At zero rate the matrix is unbounded.
-                    rate = np.copysign(max(abs(rate), 1e-14), rate)
+                    rate = np.copysign(max(abs(rate), MIN_MARGIN_RATE), rate)
                     saltation = jump + np.outer(self.kick(i, point), gradient) / rate
                 moved = saltation @ moved
             total = moved[free] @ total
@@ -483,13 +518,13 @@ class Shooting:
 
         places = qr(sums, mode="r", pivoting=True)[1][: len(sums)]
         sums = np.asarray(np.linalg.solve(sums[:, places], sums), dtype=float)
-        sums[np.abs(sums) < ACCEPTED] = 0.0
+        sums[np.abs(sums) < RESIDUAL_TOLERANCE] = 0.0
         states, _ = self.unpack(point.unknowns)
         pairs = zip(point.arcs, point.events, strict=True)
         ends = [arc.end if event is None else event.after for arc, event in pairs]
         gained = np.sum(ends - states, axis=0)
         for c, factors in zip(places.tolist(), sums, strict=True):
-            if abs(float(factors @ gained[self.free])) > ACCEPTED:
+            if abs(float(factors @ gained[self.free])) > RESIDUAL_TOLERANCE:
                 raise OrbitError(
                     reason=f"{self.automaton.states[self.free[c]]} does not return to its value at "
                     "the start",
@@ -504,7 +539,7 @@ class Shooting:
         is independent of the state, and zero for a limit cycle.
         """
         whole = self.monodromy(point) - np.eye(len(self.free))
-        if not np.isfinite(whole).all() or not len(_kernel(whole)):
+        if not np.isfinite(whole).all() or not len(_left_null_space(whole)):
             return np.zeros((0, len(self.free)))
         columns, (states, _) = [whole.T], self.unpack(point.unknowns)
         for segment, time, state in zip(self.segments, point.starts, states, strict=True):
@@ -515,7 +550,7 @@ class Shooting:
             columns.append((np.array(beside) - here) / away)
             if self.phase is not None:
                 columns.append(here[None])
-        return _kernel(np.vstack(columns).T)
+        return _left_null_space(np.vstack(columns).T)
 
     def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:
         """Return the flow of the free components at a state projected onto its mode's manifold."""
@@ -525,10 +560,10 @@ class Shooting:
         return automaton.slope_at(mode, time, y, p)[self.free]
 
 
-def _kernel(matrix: Floats) -> Floats:
-    """Return the left null space of a matrix, shape (k, rows)."""
+def _left_null_space(matrix: Floats) -> Floats:
+    """Return a basis of the left null space of a matrix, shape (dimension, rows)."""
     vectors, sizes, _ = np.linalg.svd(matrix)
-    return np.asarray(vectors[:, sizes < ACCEPTED].T)
+    return np.asarray(vectors[:, sizes < RESIDUAL_TOLERANCE].T)
 
 
 # --- Gradients of test functions by the unknowns and the active parameters, shape (unknowns + k,)

@@ -89,7 +89,7 @@ class TangentOrbit:
         unknowns = before.unknowns + step * self._rate
         setting = shooting.setting(np.array([value]))
         if shooting.phase is not None:
-            setting = setting.lasting(shooting.unit * float(unknowns[-1]))
+            setting = setting.with_period(shooting.unit * float(unknowns[-1]))
         starts, ends, _, _ = shooting.layout.instants(setting, shooting.unpack(unknowns)[1])
         moved = [self._moved(i, step) for i in range(len(before.arcs))]
         point = replace(
