@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
 
-__all__ = ["MIN_PIECE_PERIODS", "Piece", "PiecewiseDrive", "fold", "warn_of_one_force"]
+__all__ = ["MIN_PIECE_PERIODS", "Piece", "PiecewiseDrive", "fold"]
 
 MIN_PIECE_PERIODS = 1e-14  # of a period: shorter parts have no duration
 
@@ -76,62 +75,62 @@ def piecewise_rate(t: float, q: NDArray[np.float64]) -> float:
     return q[i + 2] + x * (2.0 * q[i + 3] + x * 3.0 * q[i + 4])
 
 
-class Assembled(NamedTuple):
-    """Parameter array and switching times of a piecewise waveform."""
+class WaveformArrays(NamedTuple):
+    """The array q of a piecewise waveform, and its switching times in (0, period]."""
 
     q: NDArray[np.float64]
     switches: tuple[float, ...]
 
 
-def assembled(
+def waveform_arrays(
     pieces: Sequence[Piece], period: float, lead: float, *, mirrored: bool = False
-) -> Assembled:
+) -> WaveformArrays:
     """Return the waveform of `pieces` (ascending, the first at 0), advanced by the time `lead`.
 
     The switching times are exactly the starts of the pieces: the value at a switch is the one after
     it, and the value at the previous floating-point number is the one before it. A `mirrored`
     waveform has the negative pieces in every second period.
     """
-    rest = math.fmod(lead, period)
-    rest = rest + period if rest < 0.0 else rest
-    sign = -1.0 if mirrored and round((lead - rest) / period) % 2 else 1.0
+    shift = math.fmod(lead, period)
+    shift = shift + period if shift < 0.0 else shift
+    sign = -1.0 if mirrored and round((lead - shift) / period) % 2 else 1.0
     wrapped = -sign if mirrored else sign
     ends = [piece.start for piece in pieces[1:]] + [period]
-    turned: list[Piece] = []
+    advanced: list[Piece] = []
     for piece, end in zip(pieces, ends, strict=True):
-        start = piece.start - rest
+        start = piece.start - shift
         if start >= 0.0:
-            turned.append(_times(piece, sign)._replace(start=start))
+            advanced.append(_scaled(piece, sign)._replace(start=start))
             continue
         start += period
         if start < period:
-            turned.append(_times(piece, wrapped)._replace(start=start))
-            if rest < end:  # the piece contains the start of the period
-                turned.append(_later(piece, rest - piece.start, sign))
+            advanced.append(_scaled(piece, wrapped)._replace(start=start))
+            if shift < end:  # the piece contains the start of the period
+                advanced.append(_shifted(piece, shift - piece.start, sign))
         else:  # just before the start of the period by rounding
-            turned.append(_times(piece, sign)._replace(start=0.0))
-    turned.sort(key=lambda piece: piece.start)
-    switches = [piece.start for piece in turned if piece.switch and piece.start > 0.0]
-    if turned[0].switch:
+            advanced.append(_scaled(piece, sign)._replace(start=0.0))
+    advanced.sort(key=lambda piece: piece.start)
+    switches = [piece.start for piece in advanced if piece.switch and piece.start > 0.0]
+    if advanced[0].switch:
         switches.append(period)
     if mirrored:
-        later = (_times(piece, -1.0) for piece in turned)
-        turned += [piece._replace(start=period + piece.start) for piece in later]
-    rows = [piece[:WIDTH] for piece in turned]
-    turn = 2.0 * period if mirrored else period
-    q = np.concatenate([[turn, len(rows)], np.ravel(rows)]).astype(np.float64)
-    return Assembled(q, tuple(switches))
+        later = (_scaled(piece, -1.0) for piece in advanced)
+        advanced += [piece._replace(start=period + piece.start) for piece in later]
+    rows = [piece[:WIDTH] for piece in advanced]
+    voltage_period = 2.0 * period if mirrored else period
+    q = np.concatenate([[voltage_period, len(rows)], np.ravel(rows)]).astype(np.float64)
+    return WaveformArrays(q, tuple(switches))
 
 
-def _times(piece: Piece, factor: float) -> Piece:
+def _scaled(piece: Piece, factor: float) -> Piece:
     """Return a piece multiplied by a factor."""
     start, c0, c1, c2, c3, switch = piece
     return Piece(start, factor * c0, factor * c1, factor * c2, factor * c3, switch)
 
 
-def _later(piece: Piece, x: float, sign: float) -> Piece:
+def _shifted(piece: Piece, x: float, sign: float) -> Piece:
     """Return the same polynomial by powers of the time since `x` after its start, as start 0."""
-    _, c0, c1, c2, c3, _ = _times(piece, sign)
+    _, c0, c1, c2, c3, _ = _scaled(piece, sign)
     return Piece(
         0.0,
         c0 + x * (c1 + x * (c2 + x * c3)),
@@ -140,16 +139,6 @@ def _later(piece: Piece, x: float, sign: float) -> Piece:
         c3,
         switch=False,
     )
-
-
-def warn_of_one_force(wave: str, amplitude: float, low: float, flank: float) -> None:
-    """Warn if a waveform between two voltages exerts a constant force, except on its flanks."""
-    if amplitude > 0.0 and abs(low) == amplitude and (low == amplitude or flank == 0.0):
-        warnings.warn(
-            f"the force of {wave} is constant: it depends on the square of the voltage, and "
-            f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, such as 0",
-            stacklevel=3,
-        )
 
 
 class PiecewiseDrive(Drive):
@@ -179,17 +168,17 @@ class PiecewiseDrive(Drive):
     @property
     def switches(self) -> tuple[float, ...]:
         """Times in (0, period] at which the voltage or its rate jumps."""
-        return _of(self).switches
+        return _arrays_of(self).switches
 
     def parameters(self) -> NDArray[np.float64]:
         """Return the array (period, n, then start and four coefficients of each of n pieces).
 
         The period is that of the voltage.
         """
-        return _of(self).q.copy()
+        return _arrays_of(self).q.copy()
 
 
 @lru_cache(maxsize=16)
-def _of(drive: PiecewiseDrive) -> Assembled:
+def _arrays_of(drive: PiecewiseDrive) -> WaveformArrays:
     pieces, mirrored = drive.pieces(), drive.changes_sign
-    return assembled(pieces, drive.period, drive.lead, mirrored=mirrored)
+    return waveform_arrays(pieces, drive.period, drive.lead, mirrored=mirrored)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Self
 
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
-from mems_impact.actuator.drives.piecewise import (
-    MIN_PIECE_PERIODS,
-    Piece,
-    PiecewiseDrive,
-    warn_of_one_force,
-)
+from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Pulse", "pulse"]
+__all__ = ["Pulse", "pulse", "warn_of_constant_force"]
 
 
 class Pulse(PiecewiseDrive):
@@ -88,7 +84,7 @@ class Pulse(PiecewiseDrive):
         if not self.width + self.fall <= self.period + slack:
             rest = shown(self.period - self.width)
             raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {rest}")
-        warn_of_one_force("these pulses", self.amplitude, self.low, max(self.rise, self.fall))
+        warn_of_constant_force("these pulses", self.amplitude, self.low, max(self.rise, self.fall))
         return self
 
     @property
@@ -118,3 +114,13 @@ def pulse(
     if width + fall < period - slack:
         pieces.append(Piece(width + fall if fall > slack else width, low))
     return pieces
+
+
+def warn_of_constant_force(wave: str, amplitude: float, low: float, flank: float) -> None:
+    """Warn if a waveform between two voltages exerts a constant force, except on its flanks."""
+    if amplitude > 0.0 and abs(low) == amplitude and (low == amplitude or flank == 0.0):
+        warnings.warn(
+            f"the force of {wave} is constant: it depends on the square of the voltage, and "
+            f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, such as 0",
+            stacklevel=3,
+        )

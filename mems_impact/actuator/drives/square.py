@@ -9,13 +9,8 @@ from annotated_types import Gt, Lt
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
-from mems_impact.actuator.drives.piecewise import (
-    MIN_PIECE_PERIODS,
-    Piece,
-    PiecewiseDrive,
-    warn_of_one_force,
-)
-from mems_impact.actuator.drives.pulse import pulse
+from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
+from mems_impact.actuator.drives.pulse import pulse, warn_of_constant_force
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -95,7 +90,7 @@ class Square(PiecewiseDrive):
         if not self.rise <= longest + MIN_PIECE_PERIODS * turn:
             allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
-        warn_of_one_force("this square wave", self.amplitude, self.low, self.rise)
+        warn_of_constant_force("this square wave", self.amplitude, self.low, self.rise)
         return self
 
     @property
