@@ -20,8 +20,7 @@ TEMPLATES = {
 }
 """By kind: template, which is the default name of the file, and a first command for it."""
 
-
-GIVEN = {
+OPTION_QUANTITIES = {
     **QUANTITIES,
     "friction": Entry("", "coefficient of friction, or two: static, dynamic"),
 }
@@ -32,7 +31,7 @@ def _option_of(name: str) -> str:
 
 
 def _quantity_option(name: str) -> Callable[[Any], Any]:
-    unit, meaning, _ = GIVEN[name]
+    unit, meaning, _ = OPTION_QUANTITIES[name]
     text = f"{meaning[0].upper()}{meaning[1:]}{f' [{unit}]' if unit else ''}."
     return click.option(_option_of(name), name, metavar="QUANTITY", help=text)
 
@@ -53,7 +52,7 @@ class NewCommand(click.Command):
 @click.command(cls=NewCommand, short_help="Write a file of a device or a system.")
 @click.argument("kind", type=click.Choice(list(TEMPLATES)))
 @click.argument("file", type=click.Path(), required=False)
-@apply_decorators(*map(_quantity_option, GIVEN))
+@apply_decorators(*map(_quantity_option, OPTION_QUANTITIES))
 def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     """Write FILE: the device of a data sheet, or a commented template of a device or a system.
 
@@ -80,7 +79,7 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
         raise click.UsageError(f"{path}: the name must end in {ending}")
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
     if given:
-        text = _design(text, given)
+        text = _with_design(text, given)
     text = text.replace("FILE", str(path)).replace('name = "mine"', f"name = {_toml(path.stem)}")
     try:
         with open(path, "x", encoding="utf-8") as new:
@@ -94,8 +93,14 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")
 
 
-def _design(template: str, given: dict[str, str]) -> str:
-    """Return the template of a device with the table [design] of a data sheet, checked."""
+def _with_design(template: str, given: dict[str, str]) -> str:
+    """Return the template of a device with the table [design] of a data sheet.
+
+    Raises
+    ------
+    InvalidParameter
+        If the quantities determine no device.
+    """
     from mems_impact.actuator.parameters import Actuator
 
     values: dict[str, Any] = {name: _value(text) for name, text in given.items()}

@@ -284,7 +284,7 @@ class HopfCondition(ScalarCondition):
         left = np.conj(left_vectors[:, int(np.argmin(np.abs(lefts - 1j * omega)))])
         left = left / np.conj(np.conj(left) @ right)
         size = max(1.0, float(np.abs(point.unknowns).max()))
-        forms = MultilinearForms(self.equations.rates_beside(point), size)
+        forms = MultilinearForms(self.equations.rates_near(point), size)
         return lyapunov_coefficient(forms, point.jacobian, right, left, omega)
 
 

@@ -205,8 +205,7 @@ class Junction:
         self.event, self.shooting, self.point = event, orbit.shooting, orbit.point
         self.automaton, self.m = self.shooting.automaton, self.shooting.m
         self.parameters = np.asarray(orbit.problem.parameters, dtype=float)
-        variational = self.shooting.variational(self.point.setting)
-        self.step = DIFFERENCE_STEP * variational.time_scale
+        self.time_scale = self.shooting.variational(self.point.setting).time_scale
         segments, count = self.shooting.segments, len(self.shooting.segments)
         short = self.point.ends - self.point.starts < MAX_VANISHING_LENGTH
         self.passed: tuple[int, ...] = ()
@@ -278,7 +277,7 @@ class Junction:
         def lower(s: float) -> Any:
             return self.derivative(field, surface, order - 1, t + s, y + s * slope)
 
-        return float(sixth_order_difference(lower, self.step))
+        return float(sixth_order_difference(lower, DIFFERENCE_STEP * self.time_scale))
 
     def gradient(self, surface: tuple[int, int]) -> Floats:
         """Return the derivative of a height by the state."""
@@ -304,7 +303,7 @@ class Junction:
             -1, ends[0].size
         )
         largest = np.abs(np.vstack([states, ends])).max(axis=0)
-        moved = self.step / DIFFERENCE_STEP * np.abs(slopes).max(axis=0)
+        moved = self.time_scale * np.abs(slopes).max(axis=0)
         found = np.maximum(largest, 0.1 * moved)
         return np.asarray(np.where(found > 0.0, found, 1.0))
 
@@ -325,21 +324,21 @@ class Junction:
     def transitions(self) -> frozenset[tuple[int, int, int]]:
         """Mode, guard and mode after it, of the transitions at the point and around it."""
         monitor = self.event.monitor
-        begin = {self.before, self.after, *self.passed}
+        reached = {self.before, self.after, *self.passed}
         if isinstance(monitor, ModeChoiceTest) and monitor.mode != NONE:
-            begin.add(monitor.mode)
-        known: set[int] = set()
+            reached.add(monitor.mode)
+        done: set[int] = set()
         found: set[tuple[int, int, int]] = set()
-        while begin - known:
-            mode = min(begin - known)
-            known.add(mode)
+        while reached - done:
+            mode = min(reached - done)
+            done.add(mode)
             margins, _ = self.automaton.margins_at(mode, self.time, self.state, self.parameters)
             for j, guard in enumerate(self.automaton.guards):
                 if guard.records or guard.impact or abs(margins[j]) > SURFACE_MARGIN:
                     continue
-                led = {self._led(mode, j, y) for y in self.nearby()} - {mode, NONE}
-                found |= {(mode, j, into) for into in led}
-                begin |= led
+                after = {self._mode_after(mode, j, y) for y in self.nearby()} - {mode, NONE}
+                found |= {(mode, j, into) for into in after}
+                reached |= after
         return frozenset(found)
 
     def slides(self, mode: int, surface: tuple[int, int], modes: Iterable[int]) -> bool:
@@ -365,32 +364,33 @@ class Junction:
             for mode, j, into in sorted(self.transitions)
             if self.slides(into, (j, mode), modes)
         ]
-        # A mode that slides is not one that reaches the surface, as a held body's own limit.
         found: list[Surface] = []
         for mode, j, _ in pairs:
-            if any(mode in surface.free and j in surface.guards for surface in found):
-                continue
-            sliding = {into for one, guard, into in pairs if (one, guard) == (mode, j)}
-            normal = self.gradient((j, mode))
-            free: dict[int, int] = {}
-            reach: set[int] = set()
-            for one, guard, into in pairs:
-                if into not in sliding or one in sliding:
-                    continue
-                other = self.gradient((guard, one))
-                cosine = float(normal @ other) / float(
-                    np.linalg.norm(normal) * np.linalg.norm(other)
-                )
-                if abs(cosine) > 1.0 - RATE_TOLERANCE:
-                    free[one] = 1 if cosine > 0.0 else -1
-                    reach.add(guard)
-            for one, guard, into in self.transitions:
-                if one in sliding and into not in sliding and guard not in reach:
-                    if into not in free:
-                        free[into] = self._side((j, mode), one, into)
-                    reach.add(guard)
-            found.append(Surface(j, mode, frozenset(sliding), free, frozenset(reach)))
+            if not any(mode in surface.free and j in surface.guards for surface in found):
+                found.append(self._surface(mode, j, pairs))
         return tuple(found)
+
+    def _surface(self, mode: int, guard: int, pairs: list[tuple[int, int, int]]) -> Surface:
+        """Return the surface of a guard in a mode, from the transitions that lead to sliding."""
+        sliding = {into for one, j, into in pairs if (one, j) == (mode, guard)}
+        normal = self.gradient((guard, mode))
+        free: dict[int, int] = {}
+        guards: set[int] = set()
+        # A mode that slides is not one that reaches the surface, as a held body's own limit.
+        for one, j, into in pairs:
+            if into not in sliding or one in sliding:
+                continue
+            other = self.gradient((j, one))
+            cosine = float(normal @ other) / float(np.linalg.norm(normal) * np.linalg.norm(other))
+            if abs(cosine) > 1.0 - RATE_TOLERANCE:
+                free[one] = 1 if cosine > 0.0 else -1
+                guards.add(j)
+        for one, j, into in self.transitions:
+            if one in sliding and into not in sliding and j not in guards:
+                if into not in free:
+                    free[into] = self._side((guard, mode), one, into)
+                guards.add(j)
+        return Surface(guard, mode, frozenset(sliding), free, frozenset(guards))
 
     def _side(self, surface: tuple[int, int], sliding: int, mode: int) -> int:
         """Return the side to which a mode departs from sliding."""
@@ -408,19 +408,19 @@ class Junction:
         switches = 2 * self.m in self.codes
         impacts = any(self.automaton.guards[j].impact for j in self.guards)
         if switches:
-            return self._of(BORDER_COLLISION)
+            return self._classified(BORDER_COLLISION)
         if not impacts:
             for surface in self.surfaces:
                 if self.guards <= surface.guards:
                     return self._sliding(surface)
         if len(self.guards) > 1 and not self._parallel():
-            return self._of(CORNER_COLLISION)
+            return self._classified(CORNER_COLLISION)
         touched = isinstance(self.event.monitor, TOUCH_TESTS) and not impacts
         if touched and self.before == self.after:
-            return self._of(SURFACE_GRAZING)
+            return self._classified(SURFACE_GRAZING)
         raise self._undecided("no mode slides on its surface")
 
-    def _of(self, kind: str, tangency: Tangency | None = None) -> Discontinuity:
+    def _classified(self, kind: str, tangency: Tangency | None = None) -> Discontinuity:
         return Discontinuity(
             type=kind,
             guards=tuple(sorted(self.guards)),
@@ -475,7 +475,7 @@ class Junction:
             if kind == CROSSING_SLIDING and sides[0] == sides[1]:
                 raise self._undecided("both lie on one side of the surface")
             tangent = self.after
-        return self._of(kind, self._tangency(surface, kind, tangent))
+        return self._classified(kind, self._tangency(surface, kind, tangent))
 
     def _is_tangent(self, mode: int, surface: Surface) -> bool:
         """Return whether the field of a mode is tangent to a surface."""
@@ -483,10 +483,10 @@ class Junction:
         first, second = (
             abs(self.derivative(mode, place, order, self.time, self.state)) for order in (1, 2)
         )
-        return first <= TANGENT_TOLERANCE * second * self.step / DIFFERENCE_STEP
+        return first <= TANGENT_TOLERANCE * second * self.time_scale
 
-    def _opposite(self, surface: Surface, side: int) -> list[int]:
-        """Return a mode of the field opposite to a side, which the orbit does not reach."""
+    def _opposite(self, surface: Surface, side: int) -> int:
+        """Return a mode of the field opposite to a side, outside the transitions; NONE if none."""
         normal = self.gradient((surface.guard, surface.mode))
         for mode in range(len(self.automaton.modes)):
             place = surface.guard, mode
@@ -496,12 +496,12 @@ class Junction:
                 continue
             if side * float(normal @ self.gradient(place)) >= 0.0:
                 continue
-            led = {self._led(mode, surface.guard, y) for y in self.nearby()}
-            if led & surface.sliding:
-                return [mode]
-        return []
+            after = {self._mode_after(mode, surface.guard, y) for y in self.nearby()}
+            if after & surface.sliding:
+                return mode
+        return NONE
 
-    def _led(self, mode: int, guard: int, y: Floats) -> int:
+    def _mode_after(self, mode: int, guard: int, y: Floats) -> int:
         """Return the mode after an event at a state; NONE if it has none."""
         try:
             into, _ = self.automaton.state_after(mode, guard, self.time, y, self.parameters)
@@ -529,31 +529,34 @@ class Junction:
         place, side = (surface.guard, surface.mode), surface.free[tangent]
         others = [mode for mode, other in surface.free.items() if other == -side]
         if self.before in others:
-            others = [self.before]
-        others = others or self._opposite(surface, side)
+            beyond = self.before
+        else:
+            beyond = others[0] if others else self._opposite(surface, side)
 
         def along(mode: int, order: int) -> float:
             return side * self.derivative(mode, place, order, self.time, self.state)
 
         first, second, third = (along(tangent, order) for order in (1, 2, 3))
-        other = along(others[0], 1) if others else float("nan")
+        other = along(beyond, 1) if beyond != NONE else float("nan")
         sliding = next(
             (m for m in (self.before, self.after, *self.passed) if m in surface.sliding),
             min(surface.sliding),
         )
-        unit = self.step / DIFFERENCE_STEP
         expected = EXPECTED_TANGENCIES[kind]
         shape = "visible" if second > 0.0 else "invisible"
-        if abs(first) > TANGENT_TOLERANCE * max(abs(other) if others else 0.0, abs(second) * unit):
+        rate = max(abs(other) if beyond != NONE else 0.0, abs(second) * self.time_scale)
+        if abs(first) > TANGENT_TOLERANCE * rate:
             shape = ""  # with static above dynamic friction
-        elif kind == ADDING_SLIDING and abs(second) < CUBIC_TOLERANCE * abs(third) * unit:
+        elif (
+            kind == ADDING_SLIDING and abs(second) < CUBIC_TOLERANCE * abs(third) * self.time_scale
+        ):
             shape = "cubic"
         if shape not in ("", expected):
             raise self._undecided(f"the tangency is {shape}, not {expected}")
         return Tangency(
             guard=surface.guard,
             tangent=tangent,
-            other=others[0] if others else NONE,
+            other=beyond,
             sliding=sliding,
             rates=(first, other),
             second=second,

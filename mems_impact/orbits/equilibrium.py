@@ -113,8 +113,8 @@ class EquilibriumEquations:
             ) from error
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
-    def rates_beside(self, balance: EquilibriumEvaluation) -> Callable[[Floats], Floats]:
-        """Return the time derivatives of the unknowns as a function of a deviation."""
+    def rates_near(self, balance: EquilibriumEvaluation) -> Callable[[Floats], Floats]:
+        """Return the time derivatives of the unknowns as a function of a deviation, shape (f,)."""
         parameters = self._parameters(balance.values)
         return lambda deviation: self._rates(balance.unknowns + deviation, parameters)
 
@@ -129,6 +129,36 @@ class EquilibriumEquations:
         y, p = self.state(balance.unknowns), self._parameters(balance.values)
         return self.automaton.state_after(self.mode, guard, 0.0, y, p)[0]
 
+    def projected(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:
+        """Return an evaluation whose unknowns satisfy the constraints of the mode to rounding."""
+        unknowns = self._projected(balance.unknowns, self._parameters(balance.values))
+        return replace(balance, unknowns=unknowns)
+
+    def linearization(self, balance: EquilibriumEvaluation) -> tuple[Floats, int]:
+        """Return the derivative of the flow, shape (d, d), and its structural nullity.
+
+        In a mode with a constraint manifold of dimension d the derivative is that in its tangent
+        space; otherwise d is f.
+        """
+        # Structural zeros determine the nullity, since at a fold an eigenvalue is small as well.
+        matrix = balance.jacobian
+        zero = matrix == 0.0
+        if self.mode in self.automaton.constrained:
+            parameters, u = self._parameters(balance.values), balance.unknowns
+            vectors = self._tangent_space(u, parameters)
+            # These components are coordinates of the manifold.
+            places = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
+            matrix, zero = self._tangential_derivative(u, parameters, vectors, places)
+            # Entries that contact forces cancel are zero up to rounding. An entry that is zero by
+            # coincidence, as at a fold, is nonzero at a nearby state.
+            away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
+                np.arange(u.size)
+            )
+            vectors = self._tangent_space(away, parameters)
+            zero &= self._tangential_derivative(away, parameters, vectors, places)[1]
+        rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
+        return matrix, len(matrix) - rank
+
     def _parameter_rates(self, values: Floats, count: int) -> Floats:
         """Return the derivatives of the parameter array by the active parameters."""
         there = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
@@ -140,14 +170,14 @@ class EquilibriumEquations:
         return np.asarray(self.family.numbers(**changes).parameters, dtype=float)
 
     def _rates(self, unknowns: Floats, parameters: Floats) -> Floats:
-        held = self._held(unknowns, parameters)
-        return self._flow(held, parameters) + (held - unknowns)
+        projected = self._projected(unknowns, parameters)
+        return self._flow(projected, parameters) + (projected - unknowns)
 
     def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
         slope = self.automaton.slope_at(self.mode, 0.0, self.state(unknowns), parameters)
         return slope[list(self.free)]
 
-    def _held(self, unknowns: Floats, parameters: Floats) -> Floats:
+    def _projected(self, unknowns: Floats, parameters: Floats) -> Floats:
         """Return the unknowns projected onto the constraint manifold of the mode."""
         automaton = self.automaton
         if self.mode not in automaton.constrained:
@@ -156,47 +186,18 @@ class EquilibriumEquations:
         _, y = automaton.state_after(self.mode, code, 0.0, y, parameters)
         return y[list(self.free)]
 
-    def held(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:
-        """Return an evaluation whose unknowns satisfy the constraints of the mode to rounding."""
-        unknowns = self._held(balance.unknowns, self._parameters(balance.values))
-        return replace(balance, unknowns=unknowns)
-
-    def linearised(self, balance: EquilibriumEvaluation) -> tuple[Floats, int]:
-        """Return the derivative of the flow and its structural nullity.
-
-        In a mode with a constraint manifold the derivative is that in its tangent space.
-        """
-        # Structural zeros determine the nullity, since at a fold an eigenvalue is small as well.
-        matrix = balance.jacobian
-        zero = matrix == 0.0
-        if self.mode in self.automaton.constrained:
-            parameters, u = self._parameters(balance.values), balance.unknowns
-            vectors = self._tangent(u, parameters)
-            # These components are coordinates of the manifold.
-            places = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
-            matrix, zero = self._along(u, parameters, vectors, places)
-            # Entries that contact forces cancel are zero up to rounding. An entry that is zero by
-            # coincidence, as at a fold, is nonzero at a nearby state.
-            away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
-                np.arange(u.size)
-            )
-            vectors = self._tangent(away, parameters)
-            zero &= self._along(away, parameters, vectors, places)[1]
-        rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
-        return matrix, len(matrix) - rank
-
-    def _tangent(self, unknowns: Floats, parameters: Floats) -> Floats:
+    def _tangent_space(self, unknowns: Floats, parameters: Floats) -> Floats:
         """Return vectors that span the tangent space of the manifold, shape (f, d)."""
-        projection = differentiate(lambda u: self._held(u, parameters), unknowns)
+        projection = differentiate(lambda u: self._projected(u, parameters), unknowns)
         return np.linalg.svd(projection)[0][:, : round(float(np.trace(projection)))]
 
-    def _along(
+    def _tangential_derivative(
         self, unknowns: Floats, parameters: Floats, vectors: Floats, places: NDArray[np.int64]
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the derivative on the manifold, and which of its entries are rounding."""
         basis = vectors @ np.linalg.inv(vectors[places])
-        held = self._held(unknowns, parameters)
-        rows = differentiate(lambda u: self._flow(u, parameters), held)[places]
+        projected = self._projected(unknowns, parameters)
+        rows = differentiate(lambda u: self._flow(u, parameters), projected)[places]
         matrix = rows @ basis
         sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
         return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes
@@ -283,7 +284,7 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> EquilibriumSta
         reason=f"no equilibrium of mode {family.automaton.modes[mode]!r} near the guess",
         remedy="take another guess",
     )
-    return make_equilibrium(equations, equations.held(found))
+    return make_equilibrium(equations, equations.projected(found))
 
 
 def make_equilibrium(
@@ -291,7 +292,7 @@ def make_equilibrium(
 ) -> EquilibriumState:
     """Return the equilibrium of solved equations, with stability and admissibility."""
     changes = dict(zip(equations.active, balance.values.tolist(), strict=True))
-    matrix, neutral = equations.linearised(balance)
+    matrix, neutral = equations.linearization(balance)
     eigenvalues = np.linalg.eigvals(matrix).astype(complex)
     eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][neutral:]
     return EquilibriumState(
