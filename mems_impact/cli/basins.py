@@ -93,14 +93,14 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
         few = found.attractors[shown]
         few.attrs = found.attractors.attrs
-        show_table("attractors", few, 5)
+        show_table("attractors", few, digits=5)
         if options["follow"] is not None:
             followed = run_saving_partial(
                 lambda: _follow(found, options, given),
                 lambda table: files.tables({"followed": table}),
             )
             files.tables({"followed": followed.table, "branches": followed.branches})
-            show_table("branches", followed.branches, 6)
+            show_table("branches", followed.branches, digits=6)
         files.show()
 
 

@@ -107,9 +107,9 @@ def command(
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
             warn(note)
-        show_table("voltages", _voltages(chart, crises), 6)
-        show_table("types", chart.types, 9)
-        show_table("points", chart.special_table, 12)
+        show_table("voltages", _voltages(chart, crises), digits=6)
+        show_table("types", chart.types, digits=9)
+        show_table("points", chart.special_table, digits=12)
         files.show()
 
 

@@ -111,4 +111,4 @@ def show_closing(found: mi.Closing) -> None:
         show("\nFirst impacts:")
         rows = found.table.head(FIRST_ROWS)
         rows.attrs = found.table.attrs
-        show_table("impacts", rows, 6)
+        show_table("impacts", rows, digits=6)

@@ -136,7 +136,7 @@ def command(
             SHOWN_SPECIAL_POINTS
         )
         few.attrs = special.attrs
-        show_table("points", few, 10)
+        show_table("points", few, digits=10)
         files.show()
 
 

@@ -112,8 +112,8 @@ def command(
             {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
         )
         show(filled(f"{found.verdict}: {found.note}") + "\n")
-        show_table("parameters", found.parameters, 6)
-        show_table("residuals", found.residuals, 6)
+        show_table("parameters", found.parameters, digits=6)
+        show_table("residuals", found.residuals, digits=6)
         names = map(parameter_named, free)
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in names}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())

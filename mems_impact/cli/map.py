@@ -161,7 +161,7 @@ def _show(table: pd.DataFrame) -> None:
     """Show number and range of the points of each kind, and why points failed."""
     from mems_impact.studies.attractor_study import map_summary
 
-    show_table("summary", map_summary(table), 6)
+    show_table("summary", map_summary(table), digits=6)
     failed = table[table["status"] != "ok"]
     x, y = table.columns[:2]
     rows = zip(failed[x], failed[y], failed["status"], strict=True)

@@ -141,7 +141,7 @@ def command(
         if isinstance(found, mi.ParetoFront):
             files.tables(_found(found))
             files.draw(lambda: mi.plot_pareto(found).figure)
-            show_table("front", found.table, 6)
+            show_table("front", found.table, digits=6)
         else:
             margins = found.margins
             rows = with_unit_column(margins, "parameter", _units(found))
@@ -177,7 +177,7 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
         named=system.scales.named,
     )
     show("\nMargins to the next bifurcations:")
-    show_table("margins", with_units_in(margins, "parameter", _units(best)), 6)
+    show_table("margins", with_units_in(margins, "parameter", _units(best)), digits=6)
 
 
 def _held(best: mi.Optimum) -> str:

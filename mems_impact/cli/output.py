@@ -173,7 +173,7 @@ def _is_code(line: str) -> bool:
     return line.lstrip().startswith((">>>", "..."))
 
 
-def show_table(name: str, table: pd.DataFrame, digits: int, *, empty: str = "") -> None:
+def show_table(name: str, table: pd.DataFrame, *, digits: int, empty: str = "") -> None:
     """Show a table, units in its headings, as wide as the terminal; `empty` if it has no rows."""
     if as_json():
         add_json_tables({name: table})

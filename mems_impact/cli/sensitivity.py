@@ -110,7 +110,7 @@ def command(
         _show(found, quantity)
         if tolerances:
             deviations = tables["deviations"].iloc[:, :4]
-            show_table("deviations", with_units_in(deviations, "quantity", _units(found)), 6)
+            show_table("deviations", with_units_in(deviations, "quantity", _units(found)), digits=6)
         files.show()
 
 
@@ -126,7 +126,7 @@ def _show(found: mi.Sensitivity, quantity: str) -> None:
     named = found.system.scales.named
     units = {name: found.system.unit(name) if named else "" for name in found.parameters}
     shown = shown[["parameter", "at", "derivative", "elasticity"]]
-    show_table("table", with_units_in(shown, "parameter", units), 6)
+    show_table("table", with_units_in(shown, "parameter", units), digits=6)
 
 
 def _units(found: mi.Sensitivity) -> dict[str, str]:

@@ -83,7 +83,7 @@ def _show(study: mi.StoredStudy) -> None:
         show("")
         ranges, units = _ranges(study.table), study.table.attrs.get("units", {})
         add_json_tables({"ranges": with_unit_column(ranges, "column", units)})
-        show_table("ranges", with_units_in(ranges, "column", units), 6)
+        show_table("ranges", with_units_in(ranges, "column", units), digits=6)
 
 
 def _cut(reason: str) -> str:

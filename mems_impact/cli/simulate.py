@@ -132,7 +132,7 @@ def command(
         if verification is not None:
             add_json_values({"agrees": OutputValue(verification.agrees)})
             show("Comparison with an independent method:")
-            show_table("verification", verification.table, 2)
+            show_table("verification", verification.table, digits=2)
             show(filled(verification.verdict) + "\n")
         files.show()
     if verification is not None and not verification.agrees:
@@ -161,14 +161,14 @@ def _show(run: mi.Run) -> None:
         show("No impact.\n")
         return
     show(f"First of {len(impacts)} impacts:")
-    show_table("impacts", impacts.head(FIRST_ROWS), 6)
+    show_table("impacts", impacts.head(FIRST_ROWS), digits=6)
     if not isinstance(run, ActuatorRun):
         return
     if len(run.blows) == len(impacts):
         show("Each impact is a blow of its own.\n")
     else:
         show(f"First of the {len(run.blows)} blows into which the impacts are grouped:")
-        show_table("blows", run.blows.head(FIRST_ROWS), 6)
+        show_table("blows", run.blows.head(FIRST_ROWS), digits=6)
 
 
 def _tables(run: mi.Run) -> dict[str, pd.DataFrame]:

@@ -152,7 +152,7 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     rows = _shown_rows(summary, {direction: value for direction, value, _ in found})
     shown = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
     shown.attrs = summary.attrs
-    show_table("summary", shown, 6)
+    show_table("summary", shown, digits=6)
     if len(rows) < len(summary):
         show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {path}")
     for direction, chain in summary.groupby("direction", sort=False):

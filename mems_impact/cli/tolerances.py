@@ -80,10 +80,10 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.draw(lambda: mi.plot_tolerance_analysis(found).figure)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
-        show_table("quantiles", with_units_in(seen, "quantity", units), 5)
-        show_table("yields", with_units_in(found.yields, "quantity", units), 5)
+        show_table("quantiles", with_units_in(seen, "quantity", units), digits=5)
+        show_table("yields", with_units_in(found.yields, "quantity", units), digits=5)
         if found.indices is not None:
-            show_table("indices", with_units_in(found.indices, "quantity", units), 5)
+            show_table("indices", with_units_in(found.indices, "quantity", units), digits=5)
         files.show()
 
 
