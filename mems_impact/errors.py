@@ -673,15 +673,15 @@ class StudyInterrupted(Interrupted):
 
 
 class ChartInterrupted(Interrupted):
-    """Ctrl-C interrupted a chart; the exception holds the boundaries so far.
+    """Ctrl-C interrupted a chart; the exception holds the parts so far.
 
     Parameters
     ----------
     chart : object
-        The chart with the finished boundaries and the finished part of the next one.
+        The chart with the finished parts, and of a crisis its finished frequencies.
     done, total : int
-        Number of finished boundaries, and of all boundaries; `total` is 0 if the types of the
-        range, and thus the number of boundaries, were not yet known.
+        Number of finished parts, and of all: boundaries, or frequencies if the frame slips first;
+        `total` is 0 if the types of the range, and thus the number of parts, were not yet known.
 
     See Also
     --------
@@ -707,9 +707,8 @@ class ChartInterrupted(Interrupted):
     total: int
 
     def __init__(self, chart: object, done: int, total: int) -> None:
-        super().__init__(
-            f"{done} of {total or 'all'} boundaries", chart=chart, done=done, total=total
-        )
+        after = f"{done} of {total} parts" if total else "0 parts"
+        super().__init__(after, chart=chart, done=done, total=total)
 
 
 class DiagramInterrupted(Interrupted):

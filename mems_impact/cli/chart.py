@@ -100,8 +100,9 @@ def command(
                 progress=say if progress else False,
             )
         except mi.ChartInterrupted as interruption:
-            if interruption.total > 0 and isinstance(interruption.chart, mi.OperatingChart):
-                files.tables(_tables(interruption.chart))
+            partial = interruption.chart
+            if isinstance(partial, mi.OperatingChart) and partial.pieces:
+                files.tables(_tables(partial))
             raise
         files.tables(_tables(chart))
         files.draw(lambda: mi.plot_chart(chart).figure)

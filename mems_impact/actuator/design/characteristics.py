@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
+    from mems_impact._util.progress import Watch
     from mems_impact.analysis.branch import Branch
     from mems_impact.analysis.orbit import Orbit
     from mems_impact.analysis.special_points import SpecialPoint
@@ -567,11 +568,12 @@ def period_one_window(
 
 
 def lasts_until(
-    orbit: Orbit, stop: float, transient: int
+    orbit: Orbit, stop: float, transient: int, watch: Watch | None = None
 ) -> tuple[float, str, SpecialPoint | None]:
     """Return the end of the window between `orbit` and an amplitude, and its kind.
 
-    The third value is the special point at the end, if there is one.
+    The third value is the special point at the end, if there is one. `watch` is called with each
+    amplitude; an exception that it raises ends the search.
     """
     from mems_impact.analysis.branch import continue_orbit
     from mems_impact.analysis.orbit import find_orbit
@@ -579,7 +581,9 @@ def lasts_until(
     value, kind = math.nan, ""
     ends: list[SpecialPoint] = []
     for _ in range(JUMPS):
-        branch = continue_orbit(orbit, "amplitude", stop=stop, stop_at=STABILITY_LOSS_LABELS)
+        branch = continue_orbit(
+            orbit, "amplitude", stop, stop_at=STABILITY_LOSS_LABELS, progress=watch or False
+        )
         value, kind = end_of(branch, stop)
         ends = [special for special in branch.special_points if special.value == value]
         if kind == "bound" or any(special.label in STABILITY_LOSS_LABELS for special in ends):

@@ -363,7 +363,7 @@ def onset(
         else:
             break
     high = low + step
-    special = _ending(system.changed(amplitude=low), state, high)
+    special = _ending(system.changed(amplitude=low), state, high, watch)
     if special is not None:
         above = (1.0 + IMPACT_OFFSET_RATIO) * special.value
         strikes, _, beyond = trial(above, special.orbit.state)
@@ -377,7 +377,7 @@ def onset(
         return not strikes
 
     low, high = bisect(rests, low, high, THRESHOLD_RTOL * low)
-    special = _ending(system.changed(amplitude=low), state, high)
+    special = _ending(system.changed(amplitude=low), state, high, watch)
     if special is not None:
         return special.value, special.kind, special, there
     return high, JUMP, None, there
@@ -395,12 +395,16 @@ def _search_step(clearance: float) -> float:
     return max(step, MAX_AMPLITUDE_STEP)
 
 
-def _ending(system: ActuatorSystem, state: State, high: float) -> SpecialPoint | None:
+def _ending(
+    system: ActuatorSystem, state: State, high: float, watch: Watch | None
+) -> SpecialPoint | None:
     """Return the grazing or fold below `high` in which the orbit without impacts ends, if any."""
     try:
         orbit: Any = find_orbit(system, guess=state)
         if orbit.stable and orbit.admissible:
-            branch = continue_orbit(orbit, "amplitude", high, stop_at=STABILITY_LOSS_LABELS)
+            branch = continue_orbit(
+                orbit, "amplitude", high, stop_at=STABILITY_LOSS_LABELS, progress=watch or False
+            )
             amplitude, kind = end_of(branch, high)
             if kind in (GRAZING, FOLD):
                 return next(each for each in branch.special_points if each.value == amplitude)
@@ -410,7 +414,7 @@ def _ending(system: ActuatorSystem, state: State, high: float) -> SpecialPoint |
 
 
 def steady(
-    system: ActuatorSystem, on: float, most: float, state: State
+    system: ActuatorSystem, on: float, most: float, state: State, watch: Watch | None
 ) -> list[tuple[str, float, str, SpecialPoint | None]]:
     """Return the ends of the window of a period-1 orbit with impacts: boundary, amplitude.
 
@@ -424,6 +428,8 @@ def steady(
         Smallest and largest amplitude of the search.
     state : State
         Of the motion with impacts.
+    watch : callable or None
+        As for `onset`.
     """
     amplitude, orbit = on * (1.0 + IMPACT_OFFSET_RATIO), None
     while orbit is None and amplitude < most:
@@ -443,7 +449,7 @@ def steady(
         return []
     found = []
     for boundary, stop in ((STEADY_FROM, MIN_AMPLITUDE_RATIO * on), (STEADY_TO, most)):
-        value, kind, special = lasts_until(orbit, stop, TRANSIENT_PERIODS)
+        value, kind, special = lasts_until(orbit, stop, TRANSIENT_PERIODS, watch)
         if kind != "bound":
             found.append((boundary, value, kind if special is not None else JUMP, special))
     return found
@@ -677,17 +683,24 @@ class ChartBuilder:
                 if crises:
                     off = min(on, switching_off(here, on, state, periods, watch))
                     yield OFF, self._place(omega, off, CRISIS, None)
-                for side, end, what, special in steady(here, on, most, state):
+                for side, end, what, special in steady(here, on, most, state, watch):
                     yield side, self._place(omega, end, what, special)
             except OrbitError as error:
                 self.notes.append(f"at {self._at(omega)}: {error}")
 
         self.report(f"slip and impacts, at {len(omegas)} frequencies")
-        with stoppable_threads(workers) as (threads, watch):
-            for column in threads.map(lambda omega: [*one(omega)], omegas):
-                for side, place in column:
-                    found.setdefault(side, []).append(place)
-                self.done += 1
+        try:
+            with stoppable_threads(workers) as (threads, watch):
+                for column in threads.map(lambda omega: [*one(omega)], omegas):
+                    for side, place in column:
+                        found.setdefault(side, []).append(place)
+                    self.done += 1
+        except KeyboardInterrupt:
+            for side, places in found.items():
+                for kind in dict.fromkeys(place.kind for place in places):
+                    kept = [place.point for place in places if place.kind == kind]
+                    self.pieces.append((side, None, kind, kept))
+            raise
         for side, places in found.items():
             self.report(f"the curves of {side}")
             for kind, points in self._joined_by_curves(places):

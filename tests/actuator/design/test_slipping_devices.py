@@ -8,7 +8,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.design import operating_chart
 from mems_impact.actuator.report_page import amount
-from tests.actuator.slipping import LIGHT, SLIPPING, random_device
+from tests.actuator.slipping import LIGHT, PULLED, SLIPPING, random_device
 
 pytestmark = pytest.mark.slow
 SEEDS = range(8)
@@ -185,3 +185,33 @@ def test_a_frame_that_slips_far_below_pull_in():
         linear = math.sqrt(2.0 * holding * device.d**2 / (device.alpha * transmitted))
         found = slip.loc[np.isclose(slip["frequency"], frequency), "amplitude"]
         assert found.iloc[0] == pytest.approx(linear, rel=2e-3)
+
+
+def test_an_interrupted_chart_keeps_the_finished_frequencies(monkeypatch):
+    onset, begun = operating_chart.onset, []
+
+    def interrupted(*arguments):
+        begun.append(arguments)
+        if len(begun) == 3:
+            raise KeyboardInterrupt
+        return onset(*arguments)
+
+    monkeypatch.setattr(operating_chart, "onset", interrupted)
+    with pytest.raises(mi.ChartInterrupted, match="after 2 of 3 parts") as caught:
+        mi.operating_chart(SLIPPING, frequency=(470, 500), crises=3, periods=300, workers=1)
+    table = caught.value.chart.table
+    assert set(table["boundary"]) == {"slip", "on", "off", "steady from", "steady to"}
+    assert table["frequency"].unique() == pytest.approx([470, 485])
+
+
+def test_windows_of_equal_impacts_heed_interruptions():
+    class Stopped(Exception):
+        pass
+
+    def watch(amplitude):
+        raise Stopped
+
+    system = SLIPPING.under(PULLED)
+    orbit = mi.find_orbit(system, guess=mi.kicked_state(SLIPPING), transient=300)
+    with pytest.raises(Stopped):
+        operating_chart.steady(system, 50.0, 90.0, orbit.state, watch)
