@@ -24,6 +24,7 @@ OPTIONS = mi.Options(method="auto")  # of maps by default
 EQUAL = mi.RecurrenceOptions(
     periods=PERIODS, exponents="none"
 )  # as the loop, which has none either
+BRIEF = mi.RecurrenceOptions(chaos_persistence=1)
 FASTER, POINTS, SHARE = 3, 250, 0.975
 WORKERS = 2
 
@@ -79,7 +80,8 @@ def _beside_a_loop(size: int, rounds: int) -> Iterator[Row]:
     """CPU seconds on one core."""
     jobs: dict[str, Callable[[], object]] = {
         "map": partial(_map, size, EQUAL, workers=1),
-        "map with exponents": partial(_map, size, workers=1),
+        "map with exponents": partial(_map, size, BRIEF, workers=1),
+        "map with exponents, chaos followed further": partial(_map, size, workers=1),
         "plain loop": partial(_loop, size),
     }
     seconds = in_turn(jobs, rounds, time.process_time)
