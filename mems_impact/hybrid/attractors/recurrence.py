@@ -250,6 +250,9 @@ SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is
 # a share of their number suffices.
 FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
 WINDOW_SHARE = 0.25  # length of a window relative to the number of returns before it
+# Share of the first window in the logarithm of the decrease over two windows. It is 4/9 for a
+# geometric sequence, 1/2 for a power of time; the turns of a spiral disturb it.
+MIN_FALL_SHARE, MAX_FALL_SHARE = 0.2, 0.7
 # Longest duration of an approach, in multiples of the planned length of the motion.
 LONGEST_EXTENSION = 64.0
 
@@ -564,7 +567,9 @@ def extend_approach(s: Any, w: Any) -> bool:
     """Extend a motion that approaches an orbit, if it will converge within a bounded time.
 
     The rate of the approach is that of the largest differences in windows, which also contain the
-    turns of a spiral. Only `repeats_after` decides whether the motion is periodic.
+    turns of a spiral. They must decrease twice, at similar rates: those of chaotic motions vary,
+    and decrease over two windows in most cases. Only `repeats_after` decides whether the motion is
+    periodic.
     """
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
@@ -573,12 +578,16 @@ def extend_approach(s: Any, w: Any) -> bool:
     span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
     arrives = math.inf
     for after in range(1, w.longest + 1):
-        latest, third = (
+        latest, second, third = (
             scratch_row(w, LARGEST_DISTANCES + 1)[after - 1],
+            scratch_row(w, LARGEST_DISTANCES + 2)[after - 1],
             scratch_row(w, LARGEST_DISTANCES + 3)[after - 1],
         )
-        if 0.0 < latest < third < math.inf:
-            rate = math.log(third / latest) / span
+        if not 0.0 < latest < second < third < math.inf:
+            continue
+        fall = math.log(third / latest)
+        if MIN_FALL_SHARE < math.log(third / second) / fall < MAX_FALL_SHARE:
+            rate = fall / span
             left = -math.expm1(-rate * after)  # relative decrease from one difference to the next
             steps = math.log(latest / (w.tolerance * left)) / rate
             arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
