@@ -403,9 +403,7 @@ def basins(
     True
     """
     starts = _starts(system, x, y, box, (samples, sampling, seed))
-    start = system.initial if initial is None else initial
-    if not isinstance(start, State):
-        start = system.state_from(start)
+    start = system.initial if initial is None else system.state_from(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):

@@ -1043,7 +1043,7 @@ def bifurcation_diagram(
     runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
     first = [system.start_of("up"), system.start_of("down")]
     if initial is not None:
-        first.append(initial if isinstance(initial, State) else system.state_from(initial))
+        first.append(system.state_from(initial))
     first = [each for i, each in enumerate(first) if each not in first[:i]]
     for state in first:
         system.hybrid_state(state, system.problem(runs))

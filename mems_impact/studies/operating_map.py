@@ -245,9 +245,7 @@ def operating_map(
     names = tuple(system.parameters)
     across, up = axis("x", x, names, system), axis("y", y, names, system)
     check_apart(across, up, system)
-    start = initial
-    if start is not None and not isinstance(start, State):
-        start = system.state_from(start)
+    start = None if initial is None else system.state_from(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.hybrid_state(start, system.problem(options))

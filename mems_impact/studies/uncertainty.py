@@ -422,9 +422,7 @@ def tolerance_analysis(
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
         raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
-    start = initial
-    if start is not None and not isinstance(start, State):
-        start = system.state_from(start)
+    start = None if initial is None else system.state_from(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.hybrid_state(start, system.problem(options))

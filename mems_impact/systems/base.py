@@ -271,8 +271,19 @@ class HybridSystem(Result, ABC):
         units = self.units
         return quantities(field or name, values, unit_of(name, units) if units else None)
 
-    def state_from(self, components: Mapping[str, Any]) -> State:
-        """Return the state with components of these names, which may be texts with units."""
+    def state_from(self, components: State | Mapping[str, Any], field: str = "initial") -> State:
+        """Return the state with components of these names, which may be texts with units.
+
+        Raises
+        ------
+        InvalidParameter
+            If `components`, named `field` in the error, is neither a state nor a mapping.
+        """
+        if isinstance(components, State):
+            return components
+        if not isinstance(components, Mapping):
+            allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
+            raise InvalidParameter(field, components, allowed)
         known = (*self.states, "time")
         return state_from(
             {
@@ -357,13 +368,7 @@ class HybridSystem(Result, ABC):
         InvalidParameter
             If the state has unknown components, an unknown mode, or a time beyond the period.
         """
-        if state is None:
-            state = self.initial
-        elif not isinstance(state, State):
-            if not isinstance(state, Mapping):
-                allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
-                raise InvalidParameter(field, state, allowed)
-            state = self.state_from(state)
+        state = self.initial if state is None else self.state_from(state, field)
         self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)

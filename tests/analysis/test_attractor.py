@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from decimal import Decimal, localcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
 from mems_impact.hybrid.attractors import mapper
+from mems_impact.hybrid.attractors import recurrence as returns
 from mems_impact.hybrid.problem import create_engine
 from mems_impact.hybrid.variational import lyapunov
 from tests.analysis import oscillators
@@ -187,6 +189,29 @@ def test_a_slow_approach_is_no_orbit_yet():
     assert off.max() < 5.0 * tolerance * 0.5
     multiplier = math.exp(-2.0 * math.pi * 0.004 / 0.8)
     assert found.returns > math.log(tolerance) / math.log(multiplier)
+
+
+@pytest.mark.parametrize(
+    ("differences", "extended"),
+    [
+        ((0.1, 0.08, 0.06), True),  # as of a geometric sequence
+        ((0.1, 0.098, 0.06), False),  # of chaotic motions, by chance
+        ((0.1, 0.061, 0.06), False),
+        ((0.1, 0.11, 0.06), False),
+        ((0.1, 0.1, 0.1), False),
+    ],
+)
+def test_a_regular_approach_is_continued(differences, extended):
+    memory = np.zeros((returns.RING, 1))
+    first = returns.LARGEST_DISTANCES
+    memory[first + 3 : first : -1, 0] = differences  # the latest window comes first
+    s = SimpleNamespace(end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
+    w = SimpleNamespace(
+        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
+        returns=400, transient=300.0, length=100.0, tolerance=1e-6,
+    )  # fmt: skip
+    assert returns.extend_approach(s, w) == extended
+    assert (s.end_cycle > 400) == extended
 
 
 def test_chaos_is_told_by_the_exponent():

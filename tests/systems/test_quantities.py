@@ -56,6 +56,23 @@ def test_initial_states():
         SI.hybrid_state({"x2": "1 V"}, problem)
 
 
+@pytest.mark.parametrize(
+    "study",
+    [
+        lambda **given: mi.operating_map(
+            SI, x=("amplitude", [1.0]), y=("frequency", [9.0]), **given
+        ),
+        lambda **given: mi.basins(SI, x=("x2", [0.0]), y=("v2", [0.0]), **given),
+        lambda **given: mi.tolerance_analysis(SI, over={"k": "1 %"}, samples=8, **given),
+        lambda **given: mi.bifurcation_diagram(SI, "amplitude", 9.0, 10.0, **given),
+        lambda **given: mi.simulate(SI, **given),
+    ],
+)
+def test_an_initial_state_is_no_sequence(study):
+    with pytest.raises(mi.InvalidParameter, match=r"initial = \(0.0, 0.1\): must be a State\(x1="):
+        study(initial=(0.0, 0.1))
+
+
 def test_tolerances_and_distributions():
     sizes = deviations({"delta": "0.1 um", "k": "5 %", "e": 0.1}, SI)
     assert sizes == pytest.approx({"delta": 1e-7, "k": 0.05 * MITA.k, "e": 0.1})

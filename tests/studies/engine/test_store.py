@@ -288,10 +288,10 @@ def test_a_second_study_in_one_process_is_refused(store):
 
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS])
 def test_a_file_system_without_locks(store, monkeypatch, caplog, number):
-    def refuse(_):
+    def refuse(file, operation):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("filelock._unix.lock_fd_nonblocking", refuse)
+    monkeypatch.setattr("fcntl.flock", refuse)
     assert bits(run_study(STUDY, store=store)) == bits(run_study(STUDY))
     assert f"lock: cannot be locked ({os.strerror(number).lower()})" in caplog.text
     assert sorted(path.name for path in store.iterdir()) == ["lock", "points", "study.json"]
