@@ -68,6 +68,7 @@ __all__ = [
 # --- Operating charts
 
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
+MIN_GAP = 0.11  # distance of points that no curve joins, relative to the range of frequencies
 MIN_BOUNDARY_GAP = 0.03  # visible distance of boundaries, relative to the height of the axes
 INSET = (0.42, 0.28)  # width and height, relative to the axes
 TITLE = 0.07  # height of its title
@@ -99,8 +100,9 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
 
     Crosses are simulated values, other points are continued. The types of the paper are shaded,
     and the points of codimension two between them marked. For a device whose frame slips before
-    the block impacts, a solid line is the onset of slip, and dashed lines bound the voltages with
-    equal impacts in every forcing period. An inset shows the difference of boundaries that are too
+    the block impacts, a solid line is the onset of slip, and dashed lines bound the lowest voltages
+    with equal impacts in every forcing period; lines are straight between dots, at which alone the
+    voltage was computed. An inset shows the difference of boundaries that are too
     close to be distinguished.
 
     Parameters
@@ -148,6 +150,8 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     for name, rows in boundaries.items():
         if len(rows):
             ax.plot(rows[omega], rows[amplitude], label=name, **boundary_line(name))
+    if len(slips):
+        _mark_isolated(ax, table[table["boundary"] != "off"], omega, amplitude)
     simulated = table[table["kind"] == "crisis"]
     # The curves already end at the special points.
     simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]
@@ -179,6 +183,18 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     mark_points(ax, marks)
     _inset(ax, boundaries)
     return ax
+
+
+def _mark_isolated(ax: Any, table: pd.DataFrame, omega: str, amplitude: str) -> None:
+    """Mark the points between which no curve was computed, so that the line is straight."""
+    least = MIN_GAP * np.ptp(table[omega])
+    for _, rows in table.sort_values(omega).groupby("boundary"):
+        wide = np.diff(rows[omega]) > least
+        shown = rows[np.append(wide, False) | np.append(False, wide)]
+        ax.plot(
+            shown[omega], shown[amplitude], linestyle="none", marker="o", markersize=2.5,
+            color=color("guide"), zorder=3, clip_on=False,
+        )  # fmt: skip
 
 
 def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:

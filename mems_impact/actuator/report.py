@@ -77,9 +77,9 @@ DRIFT_TIMES, MOST_DRIFT = 5.0, 1000
 NEVER_AT_REST = 0.999  # share of time in which the frame slips
 LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
 SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of the orbit
-COUNTS = {"voltages": 41, "crises": 2, "samples": 64}
-QUICK = {"voltages": 13, "crises": 0, "samples": 16}
-"""Voltages of the sweep, frequencies at which the chart is simulated, sampled devices."""
+COUNTS = {"voltages": 41, "crises": 2, "slips": 7, "samples": 64}
+QUICK = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
+"""Voltages of the sweep, simulated frequencies of the chart (if the frame slips), devices."""
 RESONANCES = {
     1: ", around the resonance",
     2: ", around half the resonance, where the force, with twice the frequency, excites it",
@@ -347,9 +347,9 @@ class ReportMaker:
         """Return on- and off-voltages over the frequency."""
         from mems_impact.actuator.plots import plot_chart
 
-        # Without crises, a frame that slips is simulated at nine frequencies.
+        # The frame may slip if the regime is unknown; such a chart has no other points.
         slips = self._sheet.regime in (SLIPS, "")
-        crises = COUNTS["crises"] if slips else self.counts["crises"]
+        crises = self.counts["slips" if slips else "crises"]
         chart = operating_chart(self.actuator, self.drive, crises=crises, workers=1)
         low, high = chart.frequencies
         unit = "Hz" if self.si else ""
@@ -366,7 +366,8 @@ class ReportMaker:
         if any(boundary == "slip" for boundary, *_ in chart.pieces):
             blocks.append(
                 "The frame slips above the solid line. The dashed lines bound the lowest voltages "
-                "with equal impacts in every cycle; far above them there may be others."
+                "with equal impacts in every cycle; far above them there may be others. From dot "
+                "to dot a line is straight, not computed."
             )
         if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")

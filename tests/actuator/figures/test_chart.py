@@ -66,6 +66,22 @@ def test_an_inset_tells_what_the_eye_does_not_part_and_lies_on_no_axis(tmp_path)
     assert box.y1 < ax.bbox.y1
 
 
+def test_points_that_no_curve_joins_are_marked():
+    dense = [0.1 + 0.005 * i for i in range(21)]
+    omega = [*dense, 0.25, 0.3]
+    found = chart()
+    found.table = pd.concat(
+        pd.DataFrame({"boundary": name, "omega": omega, "amplitude": level, "kind": "fold"})
+        for name, level in (("slip", 1.0), ("on", 2.0))
+    )
+    found.types = found.types.iloc[:0]
+    found.special_table = found.special_table.iloc[:0]
+    dots = [line for line in mi.plot_chart(found).lines if line.get_marker() == "o"]
+    for line, level in zip(dots, (2.0, 1.0), strict=True):
+        assert line.get_xdata() == pytest.approx([0.2, 0.25, 0.3])
+        assert set(line.get_ydata()) == {level}
+
+
 def test_a_boundary_that_is_not_computed_has_no_entry_in_the_legend():
     found = chart()
     found.table = found.table[found.table["boundary"] == "on"]
