@@ -20,8 +20,8 @@ Watch = Callable[[float], None]
 _log = logging.getLogger("mems_impact")
 
 QUIET_SECONDS = 1.0  # s before a bar appears
-SOON = 3.0  # s before the first line, and the least time between two lines
-SELDOM = 30.0  # s after which a line is due
+MIN_LINE_SECONDS = 3.0  # s before the first line, and the least time between two lines
+MAX_LINE_SECONDS = 30.0  # s after which a line is due
 UPDATE_SHARE = 0.1  # share of the work after which a line is due
 
 
@@ -140,11 +140,11 @@ class ProgressLog:
         """Write a line if one is due, with the note at its end."""
         now = time.monotonic()
         since = now - self.last_line
-        due = since >= SELDOM
+        due = since >= MAX_LINE_SECONDS
         if self.total is not None:
-            due |= since >= SOON and done - self.share >= UPDATE_SHARE * self.total
+            due |= since >= MIN_LINE_SECONDS and done - self.share >= UPDATE_SHARE * self.total
             due |= done == self.total and self.last_line > -math.inf
-        if now - self.begin < SOON or not due:
+        if now - self.begin < MIN_LINE_SECONDS or not due:
             return
         self.last_line, self.share = now, done
         _say(self.line(done, now - self.begin, note))

@@ -70,7 +70,7 @@ __all__ = ["report"]
 
 OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
 """Lengths of transient and measurement, in free oscillations of the block."""
-FEWEST, MOST = 4, {"transient": 300, "periods": 60}
+MIN_PERIODS, MAX_PERIODS = 4, {"transient": 300, "periods": 60}
 """Forcing periods of transient and measurement."""
 DRIFT_TIMES, MOST_DRIFT = 5.0, 1000
 """Transient of a frame that never rests: times in which friction stops it, and most periods."""
@@ -78,7 +78,7 @@ NEVER_AT_REST = 0.999  # share of time in which the frame slips
 LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
 SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of the orbit
 COUNTS = {"voltages": 41, "crises": 2, "slips": 7, "samples": 64}
-QUICK = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
+QUICK_COUNTS = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
 """Voltages of the sweep, simulated frequencies of the chart (if the frame slips), devices."""
 RESONANCES = {
     1: ", around the resonance",
@@ -88,7 +88,7 @@ RESONANCES = {
 SWEEP_RANGE = (0.4, 1.3)  # of the drive's amplitude
 BELOW_PULL_IN = 0.8  # of the static pull-in voltage, at which the sweep begins at most
 SHOWN_VOLTAGES = 9  # rows of the table
-SLOW = 20.0  # resonance over the frequency of the drive that is chosen if none is given
+RESONANCE_RATIO = 20.0  # resonance over the frequency of the drive that is chosen if none is given
 OVERDRIVE = 1.2  # amplitude of that drive over the static pull-in voltage
 WEAR = {"wear": (1e-13, "m^2/N"), "area": (1e-8, "m^2"), "depth": (1e-7, "m")}
 """Assumed wear rate (of polysilicon), contact area (of a foot of 0.1 mm) and depth; SI units."""
@@ -257,8 +257,8 @@ class ReportMaker:
         if self.chosen:
             blocks.append(
                 f"No drive was given. The report takes a sine at {OVERDRIVE:g} times the static "
-                f"pull-in voltage (of a comb drive, the voltage of contact), with 1/{SLOW:g} of "
-                "the resonance frequency."
+                "pull-in voltage (of a comb drive, the voltage of contact), with "
+                f"1/{RESONANCE_RATIO:g} of the resonance frequency."
             )
         rows = {"waveform": type(self.drive).__name__}
         for name in self.drive.names:
@@ -740,7 +740,7 @@ def report(
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     chosen = drive is None
     system = ActuatorSystem(actuator, _drive_for(actuator) if drive is None else drive)
-    counts = dict(QUICK if quick else COUNTS)
+    counts = dict(QUICK_COUNTS if quick else COUNTS)
     if samples is not None:
         counts["samples"] = whole("samples", samples, 1)
     whole("seed", seed, 0)
@@ -748,7 +748,7 @@ def report(
     lengths = {
         name: whole(name, given, 1)
         if given is not None
-        else max(FEWEST, min(MOST[name], math.ceil(OSCILLATIONS[name] / per_period)))
+        else max(MIN_PERIODS, min(MAX_PERIODS[name], math.ceil(OSCILLATIONS[name] / per_period)))
         for name, given in (("transient", transient), ("periods", periods))
     }
     numbers = {}
@@ -835,7 +835,8 @@ def _drive_for(actuator: Actuator) -> Drive:
     if not voltage > 0.0:
         problem = "give one: the block is on the stopper without voltage"
         raise InvalidParameter("drive", None, "", problem=problem)
-    return Sine(amplitude=OVERDRIVE * voltage, omega=math.sqrt(actuator.k / actuator.m2) / SLOW)
+    resonance = math.sqrt(actuator.k / actuator.m2)
+    return Sine(amplitude=OVERDRIVE * voltage, omega=resonance / RESONANCE_RATIO)
 
 
 def _in_hertz(system: ActuatorSystem) -> Drive:

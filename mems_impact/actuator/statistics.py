@@ -298,7 +298,7 @@ class Accumulator(StatisticsAccumulator):
 # --- Standstill
 
 MAX_PERIODICITY = 12  # forcing periods; motions of period 1, 2, 3, 4, 6 and 12 are recognised
-NEAR = 1e-6
+STILL_RTOL = 1e-6
 
 
 def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | None:
@@ -315,8 +315,8 @@ def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | Non
         The actuator in scaled units.
     """
     grid = trajectory.samples(per_period=1)
-    near = np.array([1.0, (actuator.k / actuator.m2) ** 0.5] * 2) * NEAR * actuator.delta
-    own = NEAR * np.abs(grid.y[:, len(STATES) :]).max(axis=0, initial=0.0)  # states of terms
+    near = np.array([1.0, (actuator.k / actuator.m2) ** 0.5] * 2) * STILL_RTOL * actuator.delta
+    own = STILL_RTOL * np.abs(grid.y[:, len(STATES) :]).max(axis=0, initial=0.0)  # states of terms
     apart = np.abs(grid.y[MAX_PERIODICITY:] - grid.y[:-MAX_PERIODICITY])
     same = (apart <= np.concatenate([near, own])).all(axis=1)
     running = (

@@ -30,11 +30,11 @@ __all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
 
 # --- Systems in Python code
 
-WHAT = (
+FORM = (
     'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that '
     "returns one"
 )
-SYSTEM_REQUEST = CodeRequest(field="system", what=WHAT, kind="command line", reader="load_system")
+SYSTEM_REQUEST = CodeRequest(field="system", what=FORM, kind="command line", reader="load_system")
 
 
 def load_system(name: str) -> HybridSystem:
@@ -80,11 +80,11 @@ def load_system(name: str) -> HybridSystem:
     if isinstance(name, str) and not colon:
         return _plugin_system(name)
     if not place or not attribute.isidentifier():
-        raise InvalidParameter("system", name, f"a {WHAT}")
+        raise InvalidParameter("system", name, f"a {FORM}")
     if place.endswith(".py"):
         path = Path(place)
         if not path.is_file():
-            raise InvalidFile(place, "no such file", f"give a {WHAT}")
+            raise InvalidFile(place, "no such file", f"give a {FORM}")
         module = execute_code(path, SYSTEM_REQUEST)
     else:
         module = _imported(place)
@@ -109,9 +109,9 @@ def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSyst
             found = found()
         except Exception as error:
             reason = f"{name}() fails ({type(error).__name__}: {error})"
-            raise InvalidFile(place, reason, f"give a {WHAT}") from None
+            raise InvalidFile(place, reason, f"give a {FORM}") from None
     if not isinstance(found, HybridSystem):
-        raise InvalidFile(place, f"holds no system {name}", f"give a {WHAT}")
+        raise InvalidFile(place, f"holds no system {name}", f"give a {FORM}")
     return found
 
 
@@ -119,7 +119,7 @@ def _plugin_system(name: str) -> HybridSystem:
     found = plugins.plugin(plugins.SYSTEMS, name, _is_system_or_function, "a System or a function")
     if found is None:
         known = ", ".join(system_names())
-        raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {WHAT}")
+        raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {FORM}")
     return made_system(found, name, name)
 
 
@@ -135,7 +135,7 @@ def _imported(name: str) -> Any:
         return import_module(name)
     except (Exception, SystemExit) as error:
         reason = f"cannot be imported ({type(error).__name__}: {error})"
-        raise InvalidFile(name, reason, f"give a {WHAT}") from None
+        raise InvalidFile(name, reason, f"give a {FORM}") from None
     finally:
         sys.path.remove(here)
 

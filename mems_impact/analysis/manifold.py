@@ -47,7 +47,7 @@ STRAIGHTNESS = 1e-8  # distance of the first segment from the manifold, relative
 JUMP_STEP = 1e-9  # step of the parameter within which a change beyond the distance is a jump
 LARGEST_STEP = 0.5  # of the parameter: half an application of the map
 GROWTH, SHRINKAGE = 1.6, 0.5  # factors of the step along the curve
-EASY = 0.5  # part of the limits within which the step grows
+EASY_SHARE = 0.5  # part of the limits within which the step grows
 
 COUNTS = ("point", "half", "piece")
 LENGTH_REACHED = "length"
@@ -148,7 +148,7 @@ def _grown(image: _Image, control: _Control) -> _Half:
         previous += step
         if apart > control.distance:
             new, apart, step = new._replace(begins=True), 0.0, 4.0 * JUMP_STEP
-        elif apart < EASY * control.distance and bend < EASY * control.angle:
+        elif apart < EASY_SHARE * control.distance and bend < EASY_SHARE * control.angle:
             step = min(step * GROWTH, LARGEST_STEP)
         points.append(new)
         travelled += apart
@@ -358,7 +358,7 @@ class _SearchCircle:
         size, angle, reached = min(found) if not begins else max(found, key=lambda each: each[2])
         place = self._on_circle(angle)
         self._append(place, reached)
-        if size < EASY * self.control.angle:
+        if size < EASY_SHARE * self.control.angle:
             self.radius = min(self.radius * GROWTH, self.control.distance)
         return True
 

@@ -26,7 +26,8 @@ __all__ = ["simulate"]
 # --- Runs until standstill
 
 UNTIL_STILL = "still"
-FIRST, MORE = 64, 4  # periods of the first attempt, and how many times as long the next one is
+FIRST_PERIODS = 64  # of the first attempt
+LENGTH_FACTOR = 4  # of the next attempt
 
 
 def run_until_standstill(
@@ -49,14 +50,14 @@ def run_until_standstill(
     most : float
         Largest number of periods.
     """
-    length = min(float(FIRST), most)
+    length = min(float(FIRST_PERIODS), most)
     while True:
         after = still(attempt(length).trajectory)
         if after is not None:
             return replace(run(after), ended=UNTIL_STILL)
         if length >= most:
             return run(most)
-        length = min(MORE * length, most)
+        length = min(LENGTH_FACTOR * length, most)
 
 
 # --- Simulation

@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 __all__ = ["Verification", "compare", "other_family"]
 
-TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
+TOLERANCE_FACTOR, MIN_RTOL, MIN_ATOL = 0.01, 1e-13, 1e-15
 MORE_STEPS = 10  # times as many steps are allowed for the more precise run
 
 # Bound on the accumulated local errors of `rtol` between two events, in the system's units; and the
 # largest difference that counts as agreement.
-EXPECTED, MOST_EXPECTED = 100.0, 1e-4
+EXPECTED_FACTOR, MAX_EXPECTED = 100.0, 1e-4
 # The comparison ends where differences exceed those of the first periods by this factor and are
 # larger than an agreement.
 SENSITIVE, FIRST_PERIODS = 1e3, 3.0
 # Between two events differences grow at most by this factor (a chaotic motion doubles them), times
-# the number of periods between; an event whose guard is approached slower than `SLOW` multiplies
-# its own difference by up to SLOW / speed in addition.
-GROWTH, SLOW = 100.0, 0.1
+# the number of periods between; an event whose guard is approached slower than `SLOW_RATE`
+# multiplies its own difference by up to SLOW_RATE / speed in addition.
+GROWTH, SLOW_RATE = 100.0, 0.1
 GRADIENT_STEP = 1e-6  # of the states, of the differences of a margin
 # A block that misses a stopper by a distance y would have struck it at speed sqrt(2 a y), with an
 # acceleration a of order 1: one run alone may have such an event.
@@ -102,8 +102,8 @@ def other_family(options: Options, *, stiff: bool = False) -> Options:
     return replace(
         options,
         method=second if options.method in ("dop853", "auto") else first,
-        rtol=min(options.rtol, max(TIGHTER * options.rtol, TIGHTEST_RTOL)),
-        atol=min(options.atol, max(TIGHTER * options.atol, TIGHTEST_ATOL)),
+        rtol=min(options.rtol, max(TOLERANCE_FACTOR * options.rtol, MIN_RTOL)),
+        atol=min(options.atol, max(TOLERANCE_FACTOR * options.atol, MIN_ATOL)),
         max_steps=MORE_STEPS * options.max_steps,
     )
 
@@ -236,7 +236,7 @@ class EventMatcher:
 
     def __init__(self, run: EventLog, other: EventLog, rtol: float) -> None:
         self.run, self.other, self.until = run, other, run.start
-        self.expected = min(EXPECTED * rtol, MOST_EXPECTED)
+        self.expected = min(EXPECTED_FACTOR * rtol, MAX_EXPECTED)
         self.apart = self.first = self.expected
         self.matched: list[tuple[int, Floats]] = []  # the name of the event, and its `_differences`
         self.alone: list[int] = []  # events that only one run has
@@ -261,7 +261,7 @@ class EventMatcher:
             i, j = self._leave_out((i, j), found)
             differences = self._differences(i, j)
             size = self._size(differences, i, j)
-            if size > max(SENSITIVE * self.first, MOST_EXPECTED):
+            if size > max(SENSITIVE * self.first, MAX_EXPECTED):
                 return True, self.until, (
                     f"agree until period {self.until:.4g}; beyond, the motion is too sensitive: "
                     f"event by event, differences have grown from {self.first:.0e} to {size:.0e}"
@@ -332,5 +332,5 @@ class EventMatcher:
         """Return the largest of `differences`, without the amplification by a slow approach."""
         speed = max(self.run.approach[i], self.other.approach[j])
         # The instant of a graze differs by the square root of a difference.
-        speed = min(SLOW, max(speed, math.sqrt(self.apart)))
-        return speed / SLOW * float(np.nanmax(differences))
+        speed = min(SLOW_RATE, max(speed, math.sqrt(self.apart)))
+        return speed / SLOW_RATE * float(np.nanmax(differences))

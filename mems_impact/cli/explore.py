@@ -31,18 +31,18 @@ if TYPE_CHECKING:
     from mems_impact.explorer.session import Subject
     from mems_impact.integrators.options import Options
 
-USUAL, USUAL_PORT = "zhao2004", 5006
+DEFAULT_DEVICE, DEFAULT_PORT = "zhao2004", 5006
 
 
 @click.command(short_help="Explore a device or a system in the browser.")
-@device_argument(default=USUAL)
+@device_argument(default=DEFAULT_DEVICE)
 @changes_option
 @drive_options
 @study_integrator_options
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
-    default=USUAL_PORT,
+    default=DEFAULT_PORT,
     show_default=True,
     help="Port of the page, which only this machine can reach; 0: any free port.",
 )

@@ -30,7 +30,7 @@ __all__ = ["NONSMOOTH_FOLD", "PERSISTENCE", "BoundaryCrossing", "boundary_crossi
 
 PERSISTENCE, NONSMOOTH_FOLD = "persistence", "nonsmooth fold"
 MEETING_TOLERANCE = 1e-6  # of flow and margins at which a branch of another mode meets the point
-REACH = 1e-4  # distance from the point at which transitions lead to other modes, relative to it
+PROBE_DISTANCE = 1e-4  # from the point, relative to it, at which transitions change the mode
 MIN_REGULARITY = 1e-7  # least singular value of a Jacobian, relative to the largest
 
 
@@ -120,7 +120,7 @@ def _meeting(
 
 def _reached(equations: EquilibriumEquations, own: EquilibriumEvaluation, guard: int) -> set[int]:
     """Return the modes to which transitions lead from states around the point."""
-    size = REACH * max(1.0, float(np.abs(own.unknowns).max(initial=0.0)))
+    size = PROBE_DISTANCE * max(1.0, float(np.abs(own.unknowns).max(initial=0.0)))
     found = set()
     for shift in (0.0, size, -size):
         for unit in np.eye(own.unknowns.size):

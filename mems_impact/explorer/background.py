@@ -112,7 +112,7 @@ class LatestOnlyWorker(Generic[Asked]):
 
 # --- Warnings of each thread
 
-TOLD = (
+ROUTED_WARNINGS = (
     DiscontinuityWarning,
     ScaleWarning,
     StartWarning,
@@ -130,13 +130,13 @@ def route_warnings() -> Iterator[None]:
     Python's recorder of warnings is global, but several pages compute pictures concurrently.
     """
     with warnings.catch_warnings():
-        for kind in TOLD:
+        for kind in ROUTED_WARNINGS:
             warnings.simplefilter("always", kind)
         shown = warnings.showwarning
 
         def show(message: Any, category: Any, *rest: Any, **more: Any) -> None:
             messages = getattr(_here, "messages", None)
-            if messages is not None and issubclass(category, TOLD):
+            if messages is not None and issubclass(category, ROUTED_WARNINGS):
                 messages.append(str(message))
             else:
                 shown(message, category, *rest, **more)

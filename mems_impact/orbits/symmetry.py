@@ -25,7 +25,7 @@ PERTURBATION = 0.1  # of the points of comparison, in sizes of the states
 UNKNOWN_SIZE_RATIO = 1e-6  # size of a state, relative to the largest, below which it is unknown
 POINTS = 5  # of comparison per segment
 RTOL, ATOL = 1e-9, 1e-12  # of flow, margins and states, compared with their images
-ABSENT = 1e300  # stands for a margin that does not apply
+NO_MARGIN = 1e300  # stands for a margin that does not apply
 
 
 class Instant(NamedTuple):
@@ -163,10 +163,10 @@ def _functions(problem: Problem, at: Instant) -> tuple[Floats, Floats]:
     automaton, p, y = problem.automaton, np.asarray(problem.parameters, dtype=float), at.y
     if at.mode in automaton.constrained:
         _, y = automaton.state_after(at.mode, automaton.projection_code, at.time, y, p)
-    margins, _ = automaton.margins_at(at.mode, at.time, y, p, ABSENT)
+    margins, _ = automaton.margins_at(at.mode, at.time, y, p, NO_MARGIN)
     return automaton.slope_at(at.mode, at.time, y, p), margins
 
 
 def _close(one: Floats, other: Floats) -> bool:
-    size = float(np.abs(one[one < ABSENT]).max(initial=0.0))
+    size = float(np.abs(one[one < NO_MARGIN]).max(initial=0.0))
     return bool(np.allclose(one, other, rtol=RTOL, atol=(ATOL + RTOL) * size))

@@ -218,7 +218,7 @@ FPS = 25
 FRAMES_PER_PERIOD = 40  # frames a forcing period
 MOVIE_DPI = {".mp4": 240, ".gif": 170, ".html": 150}
 MEGABYTES = 500.0  # largest size of a page; matplotlib's default omits frames beyond 20
-COLORS, APART = 64, 12  # of a GIF: number of colours, and their least distance of 255
+COLORS, COLOR_DISTANCE = 64, 12  # of a GIF: number of colours, and their least distance of 255
 NO_FFMPEG = (
     "needs ffmpeg, which is not installed: pip install imageio-ffmpeg, or take .gif or .html"
 )
@@ -457,7 +457,8 @@ def _palette(picture: Any) -> list[tuple[int, int, int]]:
     chosen: list[tuple[int, int, int]] = []
     counted = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
     for _, paint in counted:
-        if all(max(abs(a - b) for a, b in zip(paint, c, strict=True)) >= APART for c in chosen):
+        distances = (max(abs(a - b) for a, b in zip(paint, c, strict=True)) for c in chosen)
+        if all(distance >= COLOR_DISTANCE for distance in distances):
             chosen.append(paint)
         if len(chosen) == COLORS:
             break

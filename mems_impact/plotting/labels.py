@@ -52,13 +52,13 @@ SIDES = tuple(
 PAD = 1.5  # pt, about a label
 DOT = 4.0  # pt, smallest visible dot in a legend
 PANEL_LETTER = "panel letter"  # identifier of such texts
-COMPACT = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
+COMPACT_SPACES = {"handlelength": 1.4, "handletextpad": 0.4, "columnspacing": 0.8}
 """Spaces of a legend, in sizes of its text, that would have too many rows otherwise."""
 ROW_HEIGHT = 1.05  # of a row of a legend, in sizes of its text
 LEGEND_SHARE = 0.1  # height of a legend at most, as a part of the figure, where it can be
 DOT_COST = 0.05  # of a dot of a cloud under a text, where a point of a line costs 1
-TAKEN, OUTSIDE = 1e4, 1e5  # costs of a place on another text, or outside the axes
-NEARER = 100.0  # cost of a place nearer to another point than to its own
+OVERLAP_COST, OUTSIDE_COST = 1e4, 1e5  # costs of a place on another text, or outside the axes
+NEARER_COST = 100.0  # cost of a place nearer to another point than to its own
 
 
 class Mark(NamedTuple):
@@ -211,7 +211,7 @@ def label_points(
             box = np.concatenate([low, low + extent])
             gaps = np.hypot(*np.maximum(np.maximum(low - points, points - low - extent), 0.0).T)
             nearer = np.delete(gaps, own).min(initial=np.inf) < gaps[own] + scale
-            price = _price(box, taken, lines, frame) + 3.0 * far + NEARER * float(nearer)
+            price = _price(box, taken, lines, frame) + 3.0 * far + NEARER_COST * float(nearer)
             if price < cost:
                 best, cost, away = box, price, shift
         taken.append(best)
@@ -261,9 +261,9 @@ def _dense(ax: Any) -> Floats:
 
 def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -> float:
     """Return the cost of a text in `box`."""
-    price = OUTSIDE * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
+    price = OUTSIDE_COST * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
     for other in taken:
-        price += TAKEN * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
+        price += OVERLAP_COST * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
     places = lines[:, :2]
     return price + float(lines[((places > box[:2]) & (places < box[2:])).all(axis=1), 2].sum())
 
@@ -393,7 +393,7 @@ def legend_above(
         "handletextpad": float(rcParams["legend.handletextpad"]),
         "columnspacing": float(rcParams["legend.columnspacing"]),
     }
-    compact = {name: min(own[name], COMPACT[name]) for name in own}
+    compact = {name: min(own[name], COMPACT_SPACES[name]) for name in own}
     if not any(_has_line(artist) for artist in shown):
         compact["handlelength"] = 1.0
     for look in (own, compact):

@@ -33,7 +33,7 @@ __all__ = ["plot_basins", "plot_map"]
 # Further attractors, with small shares, have one grey.
 MAP_COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
 TWO_ROWS = 5  # attractors whose legend has at most two rows
-OTHER_COLOR, LOST = "0.6", "white"
+OTHER_COLOR, FAILED_COLOR = "0.6", "white"
 MARKERS = "os^Dv<>"
 
 
@@ -138,7 +138,7 @@ def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
             MAP_COLORS[i] if own else OTHER_COLOR,
             MARKERS[i % len(MARKERS)] if own else ".",
         )
-    return {**styles, FAILED: (LOST, "")}
+    return {**styles, FAILED: (FAILED_COLOR, "")}
 
 
 def _look(colors: list[str]) -> dict[str, Any]:
@@ -202,7 +202,8 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
         )
     lost = float((basins.table[ATTRACTOR] == FAILED).mean())
     if lost:
-        handles.append(Patch(facecolor=LOST, edgecolor="black", label=f"failed  {lost:.1%}"))
+        label = f"failed  {lost:.1%}"
+        handles.append(Patch(facecolor=FAILED_COLOR, edgecolor="black", label=label))
     legend_above(ax, handles)
 
 
@@ -231,7 +232,7 @@ MOTIONS = {
 SWITCHING = ("on", "off")
 """Boundaries of a chart that are drawn as in the chart."""
 AND_MORE = " and more"
-SILENT = "no impacts"  # what a legend calls `OFF`: its boundary may be that of another attractor
+NO_IMPACTS = "no impacts"  # of a legend, for `OFF`, which may border on another attractor
 OTHER_PAINT = Paint("#009e73", "++", "#004d38")
 
 
@@ -357,7 +358,7 @@ def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> lis
 def _entry(kind: str, first: bool) -> str:
     """Return what a legend calls a kind of motion; after the `first` period numbers are enough."""
     if kind == OFF:
-        return SILENT
+        return NO_IMPACTS
     if not period_of(kind):
         return kind
     number = kind.removeprefix("period ")

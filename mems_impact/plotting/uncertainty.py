@@ -109,7 +109,7 @@ def _better(sense: str) -> str:
 
 # --- Tolerance analyses
 
-OUTSIDE = "0.85"  # values out of specification
+OUTSIDE_COLOR = "0.85"  # values out of specification
 PALE = "#72b2dd"  # a blue with visible lines on it
 MAX_HISTOGRAMS = 4  # most quantities by default
 
@@ -226,7 +226,7 @@ def _histogram(ax: Any, analysis: Spread, name: str) -> None:
     bins = np.linspace(*ends, count + 1)
     fine = (values >= low) & (values <= high)
     _, _, (_, outside) = ax.hist(
-        [values[fine], values[~fine]], bins, color=[color("motion"), OUTSIDE], stacked=True
+        [values[fine], values[~fine]], bins, color=[color("motion"), OUTSIDE_COLOR], stacked=True
     )
     for bar in outside:
         bar.set(hatch="////", edgecolor="0.5", linewidth=0.0)

@@ -32,8 +32,8 @@ __all__ = [
 
 # --- Warnings about poor scaling
 
-RESOLVED = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
-FASTEST = 1e-4  # smallest mean step, relative to the assumed time scale
+MIN_STATE_TOLERANCES = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
+MIN_STEP_RATIO = 1e-4  # smallest mean step, relative to the assumed time scale
 SAMPLES_BETWEEN_EVENTS = 64  # between events
 ORDER_ONE = (1e-5, 1e5)  # magnitudes of times and parameters that suit finite differences
 
@@ -69,7 +69,7 @@ def warn_if_badly_scaled_run(
     timed : bool
         Whether the system defines a period or a time scale.
     """
-    limit = RESOLVED * options.atol
+    limit = MIN_STATE_TOLERANCES * options.atol
     sizes = np.maximum(largest.sizes, np.abs(trajectory.final.y))
     if ((sizes > 0.0) & (sizes < limit)).any():
         # A speed may be zero at all events, if they are turning points.
@@ -86,7 +86,7 @@ def warn_if_badly_scaled_run(
         stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
         what = f"{stay}, poorly resolved by atol = {options.atol:g}"
         _warn(what, small)
-    elif not timed and 0.0 < step < FASTEST:
+    elif not timed and 0.0 < step < MIN_STEP_RATIO:
         step = decade(step)
         what = (
             f"steps are below {step:.0e}, although the system is assumed to have a time scale of 1"

@@ -141,10 +141,10 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
 
 PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # relative to the time scale: intervals searched for a jump
 STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps of a run
-BEYOND = 8.0  # of the interval, within which a guard declares a jump
+DECLARED_RATIO = 8.0  # of the interval, within which a guard declares a jump
 MIN_JUMP_RATIO = 1e-6  # smallest jump, relative to the slope
 JUMP_BISECTIONS = 60  # of the enclosing interval, unless rounding ends the bisection before
-LASTS = 0.5  # of the difference that remains for a jump; almost nothing remains for a steep slope
+JUMP_REMAINDER = 0.5  # of the difference, for a jump; for a steep slope almost nothing remains
 JUMP_ROUNDING_RATIO = 0.1  # of the difference that rounding of state and time may cause
 
 
@@ -174,7 +174,8 @@ def warn_of_discontinuity(
     time = math.fmod(at.time, numbers.period) if system.forced else 0.0
     switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
     stop = next((switch for switch in switches if switch > time), math.inf)
-    stretches = [part * length for part in STEPS_AHEAD if time + BEYOND * part * length < stop]
+    lengths = (part * length for part in STEPS_AHEAD)
+    stretches = [each for each in lengths if time + DECLARED_RATIO * each < stop]
     values = zip(system.states, at.y.tolist(), strict=True)
     y = [float(system.out(name, value)) for name, value in values]
     place = EvaluationPoint(at.mode, float(system.out("time", time)), y)
@@ -223,7 +224,7 @@ def warn_of_jump(
         )
 
     for whole in stretches:
-        end, beyond = ahead(whole), ahead(BEYOND * whole)
+        end, beyond = ahead(whole), ahead(DECLARED_RATIO * whole)
         enclosed = _enclosed(checked, ahead, whole)
         if enclosed is None:
             continue
@@ -245,7 +246,7 @@ def _enclosed(
     """
     low, high = ahead(0.0), ahead(whole)
     before, after = checked.flow(low), checked.flow(high)
-    least = LASTS * _size(before, after)
+    least = JUMP_REMAINDER * _size(before, after)
     if least <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
         return None
     first, last = 0.0, whole
@@ -636,7 +637,7 @@ INSTANT = 100  # times that one guard may fire in one instant
 SHORT_FLIGHT_RATIO = 1e-2  # of the time scale: ever shorter flights below it end a chatter sequence
 CHATTER_FLIGHTS = 3  # flights
 ZERO = 1e-9  # of the change of a margin within the time scale: a smaller margin is zero
-FALLING = 1e-3  # of the rate before a transition: a larger negative rate after it is falling
+FALL_RATIO = 1e-3  # of the rate before a transition: a larger negative rate after it is falling
 EVENT_WIDTH = 2.0**-50  # part of a step within which an event is located
 SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
 JUMP_PROBES = 4  # points at which a jump is sought
@@ -881,7 +882,7 @@ class DryRun:
         slope = self.checked.flow(at)
         rate, error = rate_of(self.checked, i, at, slope, self.clock.unit)
         low = self.checked.margin(i, at) <= ZERO * abs(before) * self.clock.unit
-        return low and rate < -FALLING * abs(before) - error
+        return low and rate < -FALL_RATIO * abs(before) - error
 
     def still_falling(self, i: int, kind: str, at: EvaluationPoint) -> FunctionError:
         """Return the message about a transition that leaves its guard firing."""
@@ -1042,7 +1043,7 @@ def check_parted(
 
 # --- Side of the guards at the start of a run
 
-CLEARLY = 1e3  # number of tolerances below zero of a negative margin
+MARGIN_TOLERANCES = 1e3  # number of tolerances below zero of a negative margin
 
 
 def check_start_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
@@ -1071,16 +1072,16 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
             aside, _ = automaton.margins_at(start.mode, start.time, y, p)
             room += np.abs(aside - margins)
         for i in plain:
-            if not margins[i] < -CLEARLY * room[i]:
+            if not margins[i] < -MARGIN_TOLERANCES * room[i]:
                 continue
             _, y = automaton.state_after(start.mode, i, start.time, start.y, p)
-            if not (np.abs(y - start.y) > CLEARLY * sizes).any():
+            if not (np.abs(y - start.y) > MARGIN_TOLERANCES * sizes).any():
                 continue
             moved = ", ".join(
                 f"{system.label(state)} from {system.out(state, a):.6g} to "
                 f"{system.out(state, b):.6g}"
                 for state, a, b, size in zip(system.states, start.y, y, sizes, strict=True)
-                if abs(b - a) > CLEARLY * size
+                if abs(b - a) > MARGIN_TOLERANCES * size
             )
             name = automaton.guards[i].name
             message = (

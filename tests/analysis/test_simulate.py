@@ -350,7 +350,7 @@ def test_progress():
 
 
 def test_progress_without_a_terminal_is_lines(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "SOON", 0.0)
+    monkeypatch.setattr(progress, "MIN_LINE_SECONDS", 0.0)
     mi.simulate(ZHAO, DRIVE, 5, progress=True)
     out, err = capsys.readouterr()
     assert out == ""

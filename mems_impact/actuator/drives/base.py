@@ -25,7 +25,7 @@ from mems_impact.systems.state import is_number
 __all__ = ["Drive", "Waveform"]
 
 GOLDEN_PHASE = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
-FEWEST, MOST = 16, 10_000  # times between two switches at which the sign of a voltage is checked
+MIN_CHECKS, MAX_CHECKS = 16, 10_000  # of the sign of a voltage, between two switches
 
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
@@ -401,7 +401,8 @@ def _signs(drive: Drive) -> Signs:
     q, period = drive.parameters(), drive.period
     times: list[float] = []
     for begin, end in pairwise((0.0, *drive.switches, period)):
-        count = min(max(FEWEST, round(FEWEST * (end - begin) / drive.time_scale)), MOST)
+        count = max(MIN_CHECKS, round(MIN_CHECKS * (end - begin) / drive.time_scale))
+        count = min(count, MAX_CHECKS)
         times += [begin + (end - begin) * (i + GOLDEN_PHASE) / count for i in range(count)]
     waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
     rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]

@@ -22,7 +22,7 @@ from mems_impact.hybrid.pickling import portable, same_function
 __all__ = ["Custom"]
 
 WAVEFORM_KIND = "a plain Python function of t and q"
-NAMED = "a table of finite numbers by name"
+VALUES_FORM = "a table of finite numbers by name"
 TIMES_KIND = "ascending times in (0, period]"
 PROBE_COUNT = 24  # times at which rate and period are checked
 WAVEFORM_RTOL = 1e-6  # of the largest value
@@ -39,9 +39,9 @@ def _pairs(value: Any) -> tuple[tuple[str, float], ...]:
     try:
         pairs = tuple((name, float(number)) for name, number in dict(value).items())
     except (TypeError, ValueError):
-        raise ValueError(NAMED) from None
+        raise ValueError(VALUES_FORM) from None
     if not all(isinstance(name, str) and math.isfinite(number) for name, number in pairs):
-        raise ValueError(NAMED)
+        raise ValueError(VALUES_FORM)
     return pairs
 
 
@@ -112,7 +112,7 @@ class Custom(Drive):
     rate: Function
     period: Positive
     values: Annotated[
-        tuple[tuple[str, float], ...], BeforeValidator(_pairs), Field(description=NAMED)
+        tuple[tuple[str, float], ...], BeforeValidator(_pairs), Field(description=VALUES_FORM)
     ] = ()
     switches: Annotated[
         tuple[float, ...], BeforeValidator(_times), Field(description=TIMES_KIND)

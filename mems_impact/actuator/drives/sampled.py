@@ -21,7 +21,7 @@ __all__ = ["Sampled"]
 
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
 MIN_SAMPLE_SPACING = 1e-9  # of the record: closer samples coincide
-BEND = 0.25  # of the range of the voltage
+BEND_RATIO = 0.25  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
 
@@ -190,7 +190,7 @@ class Sampled(PiecewiseDrive):
         if spread == 0.0:
             return np.zeros(secants.size, dtype=bool)
         turns = np.abs(secants - np.roll(secants, 1)) * LONGEST_STEP * self.period
-        stretches = np.floor(np.cumsum(turns) / (BEND * spread))
+        stretches = np.floor(np.cumsum(turns) / (BEND_RATIO * spread))
         bends: NDArray[np.bool_] = np.diff(stretches, prepend=0.0) > 0.0
         return bends
 

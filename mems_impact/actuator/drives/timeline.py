@@ -19,7 +19,7 @@ from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, pi
 
 __all__ = ["TimelineSegment", "array_of", "repeated", "retime", "with_offset"]
 
-FOREVER = 1e300
+NO_END = 1e300
 NO_VOLTAGE = -1.0  # as `last`: no voltage
 STRETCH_NUMBERS = 3  # numbers per segment, stored in q like the pieces of `piecewise`
 
@@ -73,7 +73,7 @@ def repeated(drive: Drive, length: float) -> list[TimelineSegment]:
     if drive.changes_sign:
         period, switches = 2.0 * period, (*switches, *(period + time for time in switches))
     if not switches:
-        return [TimelineSegment(0.0, 0.0, FOREVER)]
+        return [TimelineSegment(0.0, 0.0, NO_END)]
     # At the switch that closes a period, the next one begins.
     begins = [0.0 if time == period else time for time in switches]
     stretches = []

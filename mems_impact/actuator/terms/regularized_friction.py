@@ -14,7 +14,7 @@ from mems_impact.integrators.options import Options
 
 __all__ = ["RegularizedFriction"]
 
-RESOLVED = (
+WIDTH_TOLERANCES = (
     1e3  # absolute tolerances in a width: loads of a thousandth of friction still have a sign
 )
 
@@ -62,10 +62,10 @@ class RegularizedFriction(Term):
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
         """Raise InvalidParameter if the frame would creep at less than the absolute tolerance."""
         inner = scales.into(self.width, "m/s")
-        if inner < RESOLVED * options.atol:
-            least = float(scales.out(RESOLVED * options.atol, "m/s"))
+        if inner < WIDTH_TOLERANCES * options.atol:
+            least = float(scales.out(WIDTH_TOLERANCES * options.atol, "m/s"))
             amount = f"{least:.3g}{' m/s' * scales.named}"
-            atol = 10.0 ** math.floor(math.log10(inner / RESOLVED))
+            atol = 10.0 ** math.floor(math.log10(inner / WIDTH_TOLERANCES))
             allowed = (
                 f">= {amount} at atol = {shown(options.atol)}, at which slower creep cannot be "
                 f"distinguished from rest; take Options(atol={atol:.0e}) for this width"

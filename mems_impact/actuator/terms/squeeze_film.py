@@ -27,7 +27,7 @@ __all__ = ["SqueezeFilm"]
 
 MOST_MODES = 4
 MAX_PRESSURE_RATIO = 0.2  # relative excess of the mean pressure up to which the flow is linear
-THIN = 880.0  # Knudsen number up to which the fit of the effective viscosity is valid
+MAX_KNUDSEN = 880.0  # Knudsen number up to which the fit of the effective viscosity is valid
 EXCESS = "the excess of the squeeze film's mean pressure, by the ambient one,"
 EMPTY = 1.0 - 1e-9  # no gas is left; a trial step may go beyond
 FOURTH = math.pi**4 / 96.0  # sum of l^-4 over odd l
@@ -149,7 +149,7 @@ class SqueezeFilm(Term):
         def knudsen(y, p):  # type: ignore[no-untyped-def]
             return p[path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both else y[X2])))
 
-        rarefied = Limit("the Knudsen number of the squeeze film", knudsen, THIN)
+        rarefied = Limit("the Knudsen number of the squeeze film", knudsen, MAX_KNUDSEN)
         return TermContribution(
             force=total_of([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),

@@ -14,7 +14,7 @@ from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermC
 
 __all__ = ["Tilt"]
 
-UPRIGHT = 0.5 * math.pi
+MAX_ANGLE = 0.5 * math.pi
 
 
 class Tilt(Term):
@@ -45,7 +45,7 @@ class Tilt(Term):
     >>> uphill = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
     """
 
-    angle: Annotated[Number, Field(gt=-UPRIGHT, lt=UPRIGHT)]
+    angle: Annotated[Number, Field(gt=-MAX_ANGLE, lt=MAX_ANGLE)]
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:

@@ -125,7 +125,7 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
 
 
 LABEL_PADDING = 0.2  # of the range of the states, for labels
-SNAP = 0.012  # part of the range within which a click means a special point
+CLICK_DISTANCE = 0.012  # part of the range within which a click means a special point
 
 
 class BifurcationPanel:
@@ -231,7 +231,7 @@ class BifurcationPanel:
         spec = self._specs[diagram.asked.setting.parameter]
         low, high = diagram.range
         value = spec.nearest(event.x, low, high)
-        near = SNAP * (high - low)
+        near = CLICK_DISTANCE * (high - low)
         for special in diagram.special_points[spec.name]:
             if (away := abs(special - event.x * spec.factor)) < near:
                 value, near = float(special), away
@@ -306,8 +306,8 @@ FRAME_THICKNESS_GAPS = 0.22  # thickness of the frame
 TEETH = 7  # of the spring
 TICKS = 24  # of the ground
 CENTER_DISTANCE = 0.5
-EVERY = 2  # samples per animation frame
-WALKED = 0.4  # displayed displacement of the frame per period, in gaps
+FRAME_STRIDE = 2  # samples per animation frame
+SHOWN_STEP = 0.4  # displayed displacement of the frame per period, in gaps
 
 
 class DevicePanel:
@@ -389,11 +389,11 @@ class DevicePanel:
         """Return what the browser plays: block, walk of the ground, charges, x1."""
         system, frames = picture.system, picture.motion.frames
         assert isinstance(system, ActuatorSystem)
-        gap, x1 = system.actuator.d, frames["x1"][::EVERY]
+        gap, x1 = system.actuator.d, frames["x1"][::FRAME_STRIDE]
         largest = max(float(np.abs(each).max()) for each in picture.voltages) or 1.0
-        charges = [(each[::EVERY] / largest) ** 2 for each in picture.voltages]
+        charges = [(each[::FRAME_STRIDE] / largest) ** 2 for each in picture.voltages]
         return {
-            "block": frames["x2"][::EVERY] / gap,
+            "block": frames["x2"][::FRAME_STRIDE] / gap,
             "walk": (x1 - x1[0]) / gap,
             "x1": x1 / self.x1_factor,
             "right": charges[0],
@@ -410,8 +410,8 @@ def magnified(picture: RunSnapshot) -> float:
     walked = abs(x1[-1] - x1[0]) / system.actuator.d / periods
     if not walked > 1e-12:
         return 1.0
-    power = 10.0 ** math.floor(math.log10(WALKED / walked))
-    return max(1.0, power * max(m for m in (1.0, 2.0, 5.0) if m * power <= WALKED / walked))
+    power = 10.0 ** math.floor(math.log10(SHOWN_STEP / walked))
+    return max(1.0, power * max(m for m in (1.0, 2.0, 5.0) if m * power <= SHOWN_STEP / walked))
 
 
 def _moving(called: str, **columns: list[Any]) -> ColumnDataSource:
@@ -425,8 +425,8 @@ def _tooth(place: int) -> float:
 
 # --- Floquet multipliers
 
-LEAST, MOST = 1.3, 50.0  # how far the axes go
-SEARCHING = "searching for the orbit …"
+MIN_END, MAX_END = 1.3, 50.0  # how far the axes go
+SEARCH_TITLE = "searching for the orbit …"
 TITLE_CHARACTERS = 64  # of a line of the title, in characters
 
 
@@ -434,7 +434,7 @@ class MultiplierPanel:
     """Multipliers in the complex plane; the orbit is stable if all are inside the unit circle."""
 
     def __init__(self) -> None:
-        made = self.layout = new_figure(330, match_aspect=True, title=SEARCHING)
+        made = self.layout = new_figure(330, match_aspect=True, title=SEARCH_TITLE)
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
         self.data = source("multipliers", "re", "im", "color")
@@ -443,7 +443,7 @@ class MultiplierPanel:
             muted_alpha=STALE_ALPHA,
         )  # fmt: skip
         # The aspect is kept for ranges that follow data.
-        self.corners = ColumnDataSource({"re": [-LEAST, LEAST], "im": [-LEAST, LEAST]})
+        self.corners = ColumnDataSource({"re": [-MIN_END, MIN_END], "im": [-MIN_END, MIN_END]})
         corners = made.scatter("re", "im", source=self.corners, alpha=0.0)
         for axis in (made.x_range, made.y_range):
             axis.update(renderers=[corners], range_padding=0.0)
@@ -452,7 +452,7 @@ class MultiplierPanel:
 
     def show(self, picture: RunSnapshot) -> None:
         """Show that the orbit of another run is searched for; pale dots are of the former."""
-        self.layout.title.text = SEARCHING
+        self.layout.title.text = SEARCH_TITLE
         self.dots.muted = True
 
     def show_orbit(self, floquet: Floquet) -> None:
@@ -462,7 +462,7 @@ class MultiplierPanel:
         self.data.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
         self.dots.muted = False
         largest = float(np.abs(values).max()) if values.size else 0.0
-        end = min(MOST, max(LEAST, 1.15 * largest))
+        end = min(MAX_END, max(MIN_END, 1.15 * largest))
         self.corners.data = {"re": [-end, end], "im": [-end, end]}
         told = floquet.description
         self.layout.title.text = (
@@ -618,12 +618,12 @@ class AnimationPanels:
         """Play another run."""
         frames, setting = picture.motion.frames, picture.setting
         scales = {**self._portrait.factors, TIME: picture.unit}
-        data = {"t": frames["t"][::EVERY] / picture.unit}
+        data = {"t": frames["t"][::FRAME_STRIDE] / picture.unit}
         names = series_shown(picture.system, setting)
         for place, name in enumerate(names[: len(self._series.figures)]):
-            data[f"series {place}"] = frames[name][::EVERY] / self._series.factors[name]
+            data[f"series {place}"] = frames[name][::FRAME_STRIDE] / self._series.factors[name]
         for axis, name in (("x", setting.x), ("y", setting.y)):
-            data[axis] = frames[name][::EVERY] / scales[name]
+            data[axis] = frames[name][::FRAME_STRIDE] / scales[name]
         if self._device is not None:
             data |= self._device.frames(picture)
         self.layout.data = data

@@ -372,7 +372,7 @@ def damaged(path: Path, error: Exception | None = None) -> InvalidFile:
 # Incremented with every change of the format; other formats are rejected.
 STORE_FORMAT = 2
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
-ANOTHER = "give another directory for this one"
+DIRECTORY_REMEDY = "give another directory for this one"
 MAX_IDENTITY_CHARACTERS = 2000  # per entry of the identity in the metadata of a chunk
 
 
@@ -522,7 +522,7 @@ def _check_same(place: Path, manifest: Mapping[str, Any], study: Study) -> None:
         or difference({name: manifest[name] for name in form}, form)
     )
     if differing:
-        raise InvalidFile(place, f"holds another study: {differing}", ANOTHER)
+        raise InvalidFile(place, f"holds another study: {differing}", DIRECTORY_REMEDY)
 
 
 def _check_empty(place: Path) -> None:

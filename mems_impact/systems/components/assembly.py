@@ -46,7 +46,7 @@ __all__ = ["assemble"]
 
 # --- Source code of the flow and of the selection of modes
 
-LESS = "0.999999999"  # relative difference of motions that differ
+MOTION_RATIO = "0.999999999"  # relative difference of motions that differ
 
 
 class FlowWriter:
@@ -304,7 +304,7 @@ class FlowWriter:
             "        x = slopes(candidate, t, y, p)",
             "        motion = 0.0",
             *indented(indented([line for lines in motion for line in lines])),
-            f"        if moved < most or best < 0 or motion < {LESS} * least:",
+            f"        if moved < most or best < 0 or motion < {MOTION_RATIO} * least:",
             "            best, most, least = candidate, moved, motion",
         ]
         lines = [*self.digits("mode", "last")]

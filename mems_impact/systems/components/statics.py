@@ -174,7 +174,7 @@ def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
 # --- Source code of holding contacts
 
 _Contact = tuple[CodeNames, Contact, ContactSides]
-FAR = 2  # in place of a direction: not at rest
+MOVING = 2  # in place of a direction: not at rest
 
 
 class Holding:
@@ -301,7 +301,7 @@ class Holding:
             each = (f"{sign} if {words.mode} == {mode} else " for mode, sign in part.moves.items())
             lines.append(f"way{i} = {''.join(each)}0")
             # A moving contact is not part of a ring at rest.
-            lines += [f"if way{i} != 0 and not {part.rests(words)}:", f"    way{i} = {FAR}"]
+            lines += [f"if way{i} != 0 and not {part.rests(words)}:", f"    way{i} = {MOVING}"]
         for ring, turn in itertools.product(rings, (1, -1)):
             ways = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
             rubs = [way for i, way in ways.items() if not self.contacts[i][1].pushes]
