@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 import numpy as np
 
 from mems_impact import tables as orbit_tables
+from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import parameter_progress
 from mems_impact.analysis.boundary_equilibrium_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
@@ -502,9 +503,9 @@ def switch_branch(
         raise InvalidParameter("bounds", (low, high), allowed)
     if special.kind != BRANCH_POINT:
         if isinstance(special, EquilibriumPoint):
-            orbit, side = switch_at_hopf(special.equilibrium.found, parameter)
+            orbit, away = switch_at_hopf(special.equilibrium.found, parameter)
         else:
-            orbit, side = switch_at_period_doubling(special.found.orbit, parameter)
+            orbit, away = switch_at_period_doubling(special.found.orbit, parameter)
     elif isinstance(special, EquilibriumPoint):
         own = steps or EQUILIBRIUM_STEPS
         return _crossing_equilibria(special, (low, high), own, events, stop_at, progress)
@@ -517,7 +518,7 @@ def switch_branch(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
 
-        def followed(side: float, steps: StepControl) -> Branch:
+        def followed(side: float | Floats, steps: StepControl) -> Branch:
             found = follow(
                 orbit,
                 parameter,
@@ -534,7 +535,7 @@ def switch_branch(
 
         steps = steps or BRANCH_STEPS
         if special.kind != BRANCH_POINT:
-            return followed(side, steps)
+            return followed(away, steps)
         return _both_sides(followed, first, steps)
 
 

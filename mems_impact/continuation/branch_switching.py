@@ -31,7 +31,7 @@ from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 # --- Period doublings
 
 SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the doubling orbit, in the space of unknowns
-MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter that determines the side
+MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
 
 
 def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
@@ -48,8 +48,8 @@ def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
     return OrbitGuess(segments[:-1] + segments, np.vstack([states, states[1:]]), times)
 
 
-def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
-    """Return an orbit of twice the period next to `orbit`, and its side of the parameter.
+def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, Floats]:
+    """Return an orbit of twice the period next to `orbit`, and the way to it.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
     -------
     orbit : PeriodicOrbit
         The first orbit of the bifurcating branch.
-    side : float
-        1 if the parameter increases along that branch, else -1: the `direction` of continuation.
+    away : float array, shape (unknowns + 1,)
+        From the point to that orbit: the `direction` of continuation.
 
     Raises
     ------
@@ -84,8 +84,10 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
 
 def first_orbit_on_branch(
     shooting: Shooting, start: Floats, away: Floats, distances: Sequence[float]
-) -> tuple[PeriodicOrbit, float]:
-    """Return an orbit of the branch that leaves a point, and the sign of its parameter change.
+) -> tuple[PeriodicOrbit, Floats]:
+    """Return an orbit of the branch that leaves a point, and the way to it.
+
+    All orbits may have the parameter of the point, as those of piecewise linear maps have.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def first_orbit_on_branch(
         If the correction fails at the first distance.
     """
     value = float(start[-1])
-    found, change = None, 0.0
+    found, onward = None, away
     for distance in distances:
         try:
             first = correct(shooting, start + distance * away, away).point
@@ -114,11 +116,11 @@ def first_orbit_on_branch(
         farther = make_orbit(shooting, first)
         if found is not None and found.admissible and not farther.admissible:
             break
-        found, change = farther, float(first.values[0] - value)
-        if abs(change) > MIN_PARAMETER_CHANGE * abs(value):
+        found, onward = farther, np.append(first.unknowns, first.values) - start
+        if abs(onward[-1]) > MIN_PARAMETER_CHANGE * abs(value):
             break
     assert found is not None
-    return found, math.copysign(1.0, change)
+    return found, onward
 
 
 # --- Branch points
@@ -174,8 +176,8 @@ def switch_equilibrium(
 AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, relative to the state if above 1
 
 
-def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, float]:
-    """Return a small limit cycle next to a Hopf point, and its side of the parameter.
+def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, Floats]:
+    """Return a small limit cycle next to a Hopf point, and the way to it.
 
     Parameters
     ----------
@@ -187,8 +189,8 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     -------
     orbit : PeriodicOrbit
         The first limit cycle of the bifurcating branch.
-    side : float
-        1 if the parameter increases along that branch, else -1: the `direction` of continuation.
+    away : float array, shape (unknowns + 1,)
+        From the point to that orbit: the `direction` of continuation.
 
     Raises
     ------

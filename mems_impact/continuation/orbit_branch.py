@@ -241,7 +241,7 @@ def follow(
     *,
     low: float,
     high: float,
-    direction: float = 1.0,
+    direction: float | Floats = 1.0,
     steps: StepControl | None = None,
     reconnecting: bool = True,
     functions: Sequence[FunctionTest] = (),
@@ -257,8 +257,9 @@ def follow(
         A parameter of the orbit's family.
     low, high : float
         Bounds of the parameter.
-    direction : float
-        Sign of the first step in the parameter; the branch is continued in this direction only.
+    direction : float or float array
+        Sign of the first step in the parameter, or a change of unknowns and parameter to follow;
+        the branch is continued in this direction only.
     steps : StepControl, optional
     reconnecting : bool
         Whether to continue with the changed signature where a margin is touched. Otherwise the
@@ -292,7 +293,7 @@ def points_of(
     *,
     low: float,
     high: float,
-    direction: float = 1.0,
+    direction: float | Floats = 1.0,
     steps: StepControl | None = None,
     reconnecting: bool = True,
     functions: Sequence[FunctionTest] = (),
@@ -313,9 +314,10 @@ def points_of(
     except CONTINUATION_ERRORS as error:
         branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
         return
-    along = tangent(point)
-    if direction < 0.0:
-        along = -along
+    if np.ndim(direction):
+        along = tangent(point, np.asarray(direction))
+    else:
+        along = float(np.sign(direction)) * tangent(point)
     steps = steps or StepControl()
     try:
         problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)

@@ -39,7 +39,7 @@ def period_two(doubling):
 
 
 def test_the_period_doubles(doubling):
-    orbit, side = switch_at_period_doubling(doubling.orbit, "amplitude")
+    orbit, away = switch_at_period_doubling(doubling.orbit, "amplitude")
     assert orbit.periods == 2
     assert orbit.admissible
     assert check_closed(orbit) < 1e-8
@@ -47,7 +47,7 @@ def test_the_period_doubles(doubling):
     assert len(speeds) == 2
     assert abs(speeds[0] - speeds[1]) > 1e-5
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-3  # (-1)^2, hardly moved
-    assert side == math.copysign(1.0, orbit.family.values["amplitude"] - doubling.value)
+    assert away[-1] == orbit.family.values["amplitude"] - doubling.value
 
 
 def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
@@ -166,3 +166,51 @@ def test_a_branch_between_two_doublings_of_another_ends_at_either():
     doublings = [value for label, value in labels[0] if label == "PD"]
     for fold in (value for label, value in labels[0] if label == "CF"):
         assert min(abs(fold - each) for each in doublings) < 1e-6
+
+
+ON, OFF = mi.modes("on", "off")
+
+
+def _current(mode, t, y, p):
+    return (p.E - p.r * y.i,) if mode == ON else (p.E - p.V - p.r * y.i,)
+
+
+def _below_peak(mode, t, y, p):
+    return 2.0 - y.i
+
+
+def _switch_off(mode, t, y, p):
+    return OFF, (y.i,)
+
+
+def _clock(mode, t, y, p):
+    return ON, (y.i,)
+
+
+def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others():
+    """A boost converter with a fixed output voltage and controlled peak current is linear.
+
+    The orbits that double share one voltage, up to one whose current is at its peak at the clock.
+    """
+    boost = mi.System(
+        states=("i",),
+        flow=_current,
+        period=0.1,
+        switches=(0.1,),
+        switch_transition=_clock,
+        parameters={"E": 10.0, "V": 15.0, "r": 0.3},
+        guards=[mi.Guard("peak", _below_peak, _switch_off, modes=(ON,))],
+        initial=mi.State(i=1.0, mode=ON),
+    )
+    branch = mi.continue_orbit(mi.find_orbit(boost, transient=100), "V", 25.0)
+    (doubling,) = branch.special_points
+    rise, decay = 10.0 - 0.3 * 2.0, math.exp(0.3 * 0.1)
+    assert doubling.value == pytest.approx(rise * (1.0 + decay), abs=1e-9)
+    twice = mi.switch_branch(doubling, bounds=(12.0, 25.0))
+    collision, again = twice.special_points
+    assert collision.kind == "peak"
+    assert collision.value == pytest.approx(doubling.value, abs=1e-8)
+    # Beyond it the current reaches its peak in every second period only.
+    assert again.label == "PD"
+    assert again.value == pytest.approx(rise * (1.0 + decay**2), abs=1e-8)
+    assert twice.ended == "V reached its bound"
