@@ -19,6 +19,7 @@ MAX_STEPS = 14
 GROWTH = 2.0  # factor by which errors grow where rounding takes over
 LINE_POINTS = 4  # on either side, of polynomials along a line
 LARGEST_LINE_RATIO = 0.4  # of the size of the states, of the line
+JACOBIAN_RTOL = 1e-13  # error of a Jacobian, relative to its largest entry
 ROUNDING = 1e-12  # relative error that a derivative has at least
 PLAIN_STEP_RATIOS = (2e-4, 1e-5)  # of the size of the states, of a single difference
 
@@ -79,7 +80,14 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
         share = STEP_RATIO**2
         new = [(b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True)]
         if extrapolated:
-            errors = [float(np.abs(a - b).max()) for a, b in zip(extrapolated, new, strict=True)]
+            # Rounding errors may agree by chance: a linear map has derivatives of that size.
+            rounding = JACOBIAN_RTOL * float(np.abs(here).max()) / (h / STEP_RATIO)
+            errors = [
+                max(float(np.abs(a - b).max()), least)
+                for a, b, least in zip(
+                    extrapolated, new, (rounding, rounding * STEP_RATIO / h), strict=True
+                )
+            ]
             if all(error > GROWTH * kept[0] for error, kept in zip(errors, best, strict=True)):
                 break  # rounding grows from here on
             best = [

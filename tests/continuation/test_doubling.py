@@ -187,22 +187,22 @@ def _clock(mode, t, y, p):
     return ON, (y.i,)
 
 
-def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others():
-    """A boost converter with a fixed output voltage and controlled peak current is linear.
+# A boost converter with a fixed output voltage and controlled peak current: a linear map.
+BOOST = mi.System(
+    states=("i",),
+    flow=_current,
+    period=0.1,
+    switches=(0.1,),
+    switch_transition=_clock,
+    parameters={"E": 10.0, "V": 15.0, "r": 0.3},
+    guards=[mi.Guard("peak", _below_peak, _switch_off, modes=(ON,))],
+    initial=mi.State(i=1.0, mode=ON),
+)
 
-    The orbits that double share one voltage, up to one whose current is at its peak at the clock.
-    """
-    boost = mi.System(
-        states=("i",),
-        flow=_current,
-        period=0.1,
-        switches=(0.1,),
-        switch_transition=_clock,
-        parameters={"E": 10.0, "V": 15.0, "r": 0.3},
-        guards=[mi.Guard("peak", _below_peak, _switch_off, modes=(ON,))],
-        initial=mi.State(i=1.0, mode=ON),
-    )
-    branch = mi.continue_orbit(mi.find_orbit(boost, transient=100), "V", 25.0)
+
+def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others():
+    """The orbits that double share one voltage, up to one with its peak current at the clock."""
+    branch = mi.continue_orbit(mi.find_orbit(BOOST, transient=100), "V", 25.0)
     (doubling,) = branch.special_points
     rise, decay = 10.0 - 0.3 * 2.0, math.exp(0.3 * 0.1)
     assert doubling.value == pytest.approx(rise * (1.0 + decay), abs=1e-9)
@@ -214,3 +214,12 @@ def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others
     assert again.label == "PD"
     assert again.value == pytest.approx(rise * (1.0 + decay**2), abs=1e-8)
     assert twice.ended == "V reached its bound"
+
+
+def test_the_doubling_of_a_linear_map_is_neither_super_nor_subcritical():
+    """Rounding errors of its derivatives may agree by chance."""
+    boost = BOOST.changed(E=20.0, V=24.0, r=1.0)
+    branch = mi.continue_orbit(mi.find_orbit(boost, transient=100), "V", 60.0)
+    (doubling,) = branch.special_points
+    assert doubling.label == "PD"
+    assert doubling.criticality == ""
