@@ -4,7 +4,7 @@ Where the actuator walks: an operating map
 
 The actuator of Zhao et al. under :math:`V = f \cos\omega t`: at which amplitude and frequency does
 it walk, how long is its step, and where is its motion chaotic? Every point of the map is a run
-that starts with a kick against a stopper and lasts until the motion is recognised as periodic.
+that starts with a kick against a stopper and lasts until the motion is recognized as periodic.
 The curves over the map are computed independently: `operating_chart` continues grazings and folds
 of periodic orbits, as in Fig. 7 of the paper.
 """

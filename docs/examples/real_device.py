@@ -200,7 +200,7 @@ axes.figure.savefig("real_device_chart.png")
 # The table shows the speed at 42 V and 710 rad/s, and the integration steps per cycle of the voltage.
 # Pressure in the film decays within a microsecond and charge behind the leads within 30 ns, against
 # a cycle of 9 ms: Adams' method stops after 20,000 steps for one flight.
-# ``method="auto"`` recognises this; in air it takes 1,905 steps, as many as BDF. The compliant
+# ``method="auto"`` recognizes this; in air it takes 1,905 steps, as many as BDF. The compliant
 # stoppers make the device slower by 30 %, since restitution falls with the impact speed: it is 0.8
 # at 0.75 mm/s and less at 2.5 mm/s.
 

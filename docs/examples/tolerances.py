@@ -69,7 +69,7 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 # Spread and Sobol indices
 # ------------------------
 # Two samples of 256 devices, and their combinations for the Sobol indices, make 1792 runs. Each ends
-# once its motion is recognised as periodic, after four periods.
+# once its motion is recognized as periodic, after four periods.
 
 wanted = {STEP: (16e-9, 24e-9)}
 given = {"specification": wanted, "options": mi.Options(method="dop853")}

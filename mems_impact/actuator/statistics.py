@@ -297,7 +297,7 @@ class Accumulator(StatisticsAccumulator):
 
 # --- Standstill
 
-MAX_PERIODICITY = 12  # forcing periods; motions of period 1, 2, 3, 4, 6 and 12 are recognised
+MAX_PERIODICITY = 12  # forcing periods; motions of period 1, 2, 3, 4, 6 and 12 are recognized
 STILL_RTOL = 1e-6
 
 

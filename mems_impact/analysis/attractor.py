@@ -76,7 +76,7 @@ class RecurrenceOptions:
         Longest period in returns: the largest n of a period-n motion. A motion that the exponent
         does not classify is followed once more with four times as many.
     tolerance : float
-        Relative tolerance for recognising a periodic motion, per component of the state.
+        Relative tolerance for recognizing a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
         Motions for which the largest Lyapunov exponent is computed. The exponent classifies a
         motion that has not repeated itself as chaotic or quasi-periodic.

@@ -132,7 +132,7 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
     Notes
     -----
     A mode slides on the surface of a guard if it keeps the guard's margin constant there, so modes
-    of components, of hand-written guards and of the actuator are recognised alike. The field on
+    of components, of hand-written guards and of the actuator are recognized alike. The field on
     the other side is known only if a guard leads from it to sliding.
 
     References

@@ -20,7 +20,7 @@ from mems_impact.continuation.arclength import (
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import find_equilibrium
-from mems_impact.orbits.newton import Linearised
+from mems_impact.orbits.newton import Linearized
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.symmetry import SignSymmetry, equilibrium_symmetries, orbit_symmetries
 from mems_impact.systems.base import HybridSystem
@@ -220,7 +220,7 @@ def broken_symmetry(special: Orbit | Equilibrium, beside: Orbit | Equilibrium) -
 
 
 def symmetry_of_halves(
-    specials: Sequence[S], solutions: Sequence[S], evaluation: Callable[[S], Linearised]
+    specials: Sequence[S], solutions: Sequence[S], evaluation: Callable[[S], Linearized]
 ) -> Symmetry | None:
     """Return the symmetry that maps the halves of a branch to each other; else None.
 
@@ -241,7 +241,7 @@ def symmetry_of_halves(
     return None
 
 
-def nearest_beside(point: Linearised, points: Sequence[Linearised]) -> int:
+def nearest_beside(point: Linearized, points: Sequence[Linearized]) -> int:
     """Return the number of the point nearest to a branch point, but significantly beside it."""
     apart = [
         float(np.abs(each.unknowns - point.unknowns).max(initial=0.0))

@@ -382,7 +382,7 @@ recurrence_options = apply_decorators(
         type=int,
         default=16,
         show_default=True,
-        help="Longest period of a motion to be recognised, in forcing periods.",
+        help="Longest period of a motion to be recognized, in forcing periods.",
     ),
     click.option(
         "--recurrence-tolerance",  # --tolerance is that of a parameter
@@ -390,7 +390,7 @@ recurrence_options = apply_decorators(
         type=float,
         default=1e-6,
         show_default=True,
-        help="Relative tolerance for recognising a periodic motion.",
+        help="Relative tolerance for recognizing a periodic motion.",
     ),
     click.option(
         "--exponents",
@@ -439,7 +439,7 @@ guess_options = apply_decorators(
         "--periods",
         type=int,
         default=None,
-        help="Period of the orbit in forcing periods; recognised by default.",
+        help="Period of the orbit in forcing periods; recognized by default.",
     ),
 )
 

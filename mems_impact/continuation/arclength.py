@@ -16,7 +16,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.linear_equations import null_vector
-from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import (
     RESIDUAL_TOLERANCE,
     ZERO_COMPONENT,
@@ -71,7 +71,7 @@ class StepControl:
     most: int = 2000
 
     def within(
-        self, low: float, high: float, point: Linearised, along: Floats, length: float
+        self, low: float, high: float, point: Linearized, along: Floats, length: float
     ) -> float:
         """Limit a distance along a tangent at a bound, beyond which the model may be undefined."""
         ahead = point.values[-1] + length * along[-1]
@@ -81,7 +81,7 @@ class StepControl:
         return max(1.001 * (bound - point.values[-1]) / along[-1], self.smallest)
 
 
-def tangent(point: Linearised, along: Floats | None = None) -> Floats:
+def tangent(point: Linearized, along: Floats | None = None) -> Floats:
     """Return the unit tangent of the branch at `point`, shape (unknowns + 1,).
 
     Parameters

@@ -36,7 +36,7 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
-from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, ShootingEvaluation
 
 __all__ = ["BranchPointCurve"]
@@ -44,7 +44,7 @@ __all__ = ["BranchPointCurve"]
 UNFOLDS = "the branch point unfolds"
 
 
-def unfolding(point: Linearised) -> float:
+def unfolding(point: Linearized) -> float:
     """Return by how much a solution of the extended equations fails to be a branch point."""
     return float(np.abs(point.residual).max(initial=0.0))
 

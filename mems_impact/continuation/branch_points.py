@@ -12,7 +12,7 @@ from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.linear_equations import SparseFactorization, is_sparse
-from mems_impact.orbits.newton import Linearised, P, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 KERNEL_STEP = 1e-4  # difference step for second derivatives along the null vectors
@@ -23,7 +23,7 @@ UNFOLDING_RATIO = (
 NOT_LOCATED = "a branch point could not be located"
 
 
-def regularity(point: Linearised, direction: Floats) -> float:
+def regularity(point: Linearized, direction: Floats) -> float:
     """Return the signed smallest singular value of the equations bordered by the tangent.
 
     Its sign is that of the determinant. It is zero at a branch point and nonzero at a fold.
@@ -150,7 +150,7 @@ def extended_equations(
     return point, np.concatenate([point.residual + beta * border, g]), matrix
 
 
-def null_vectors(point: Linearised) -> tuple[Floats, Floats]:
+def null_vectors(point: Linearized) -> tuple[Floats, Floats]:
     """Return the left null vector at a branch point in the first parameter, and the kernel."""
     left, _, rows = np.linalg.svd(_derivatives(point)[:, : point.unknowns.size + 1])
     return left[:, -1], rows[-2:]
@@ -163,5 +163,5 @@ def _derivatives_along(
     return _derivatives(equations.evaluate(there[:size], there[size:]))
 
 
-def _derivatives(point: Linearised) -> Floats:
+def _derivatives(point: Linearized) -> Floats:
     return np.hstack([point.jacobian, point.by_parameter])

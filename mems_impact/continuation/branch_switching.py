@@ -211,7 +211,7 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     family = _family_with_method(equilibrium, center + size * AMPLITUDES[-1] * along, period)
     shooting = Shooting(family, segments, (parameter,), phase=phase)
     # To first order in the amplitude only the state changes; period and parameter are those of the
-    # linearisation.
+    # linearization.
     middle = np.array([*center, period / phase.unit, value])
     away = np.array([*along, 0.0, 0.0])
     return first_orbit_on_branch(

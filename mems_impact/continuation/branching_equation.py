@@ -28,7 +28,7 @@ from mems_impact.continuation.arclength import (
 from mems_impact.continuation.branch_points import UNFOLDING_RATIO
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
-from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 SECOND_DERIVATIVE_STEP = 1e-4  # difference step along the null vectors
@@ -257,9 +257,9 @@ def _oriented(direction: Floats) -> Floats:
     return direction if leading > 0.0 else -direction
 
 
-def _whole(point: Linearised) -> Floats:
+def _whole(point: Linearized) -> Floats:
     return np.concatenate([point.unknowns, point.values])
 
 
-def _derivatives(point: Linearised) -> Floats:
+def _derivatives(point: Linearized) -> Floats:
     return np.hstack([point.jacobian, point.by_parameter])

@@ -46,7 +46,7 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.linear_equations import null_vector
-from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
@@ -398,7 +398,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return position, CurveEvent(kind, values, orbit)
 
 
-def curve_direction(point: Linearised, gradient: Floats) -> Floats:
+def curve_direction(point: Linearized, gradient: Floats) -> Floats:
     """Return a unit tangent of the curve at a point, of arbitrary sign."""
     rows = np.hstack([point.jacobian, point.by_parameter]), gradient
     return null_vector(np.vstack(rows))

@@ -72,7 +72,7 @@ class ReturnMap:
         self._embedding = embedding @ self._plane
         self._last: tuple[Floats, Floats] | None = None
         self.size = float(np.abs(shooting.unpack(point.unknowns)[0]).max())
-        self._jacobian, self._along = self._linearise(point)
+        self._jacobian, self._along = self._linearize(point)
 
     @property
     def dimension(self) -> int:
@@ -92,7 +92,7 @@ class ReturnMap:
         OrbitError
             If no motion with the signature of the orbit starts there.
         """
-        return self._linearise(self._motion(x)[0])[0] if x.any() else self._jacobian
+        return self._linearize(self._motion(x)[0])[0] if x.any() else self._jacobian
 
     def value_at(self, x: Floats) -> Floats:
         """Return the coordinates to which `x` is mapped; the same errors are raised."""
@@ -157,7 +157,7 @@ class ReturnMap:
             matrix[-1] = normal @ self._after(point)
         return residual, matrix
 
-    def _linearise(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
+    def _linearize(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
         """Return the derivatives of the map, and of the other unknowns, by the coordinates."""
         f, after = self._width, self._after(point)
         along: Floats = np.zeros((point.unknowns.size - f, self.dimension))

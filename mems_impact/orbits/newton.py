@@ -29,7 +29,7 @@ CYCLE_GUESS_REMEDY = (
 )
 
 
-class Linearised(Protocol):
+class Linearized(Protocol):
     """One evaluation of the equations of an orbit or an equilibrium."""
 
     @property
@@ -53,8 +53,8 @@ class Linearised(Protocol):
         """Derivatives by the active parameters, shape (size, k)."""
 
 
-P = TypeVar("P", bound=Linearised)
-P_co = TypeVar("P_co", bound=Linearised, covariant=True)
+P = TypeVar("P", bound=Linearized)
+P_co = TypeVar("P_co", bound=Linearized, covariant=True)
 
 
 class Solvable(Protocol[P_co]):

@@ -190,17 +190,17 @@ def find_periodic_orbit(
     start = at_period_start(problem, start)
     if periods is not None:
         return closed(read_guess(problem, start, periods))
-    recognised = detect_forcing_periods(problem, start)
-    if recognised.start_periods <= 1:
+    recognized = detect_forcing_periods(problem, start)
+    if recognized.start_periods <= 1:
         try:
-            found = closed(read_signature(recognised.first_period, 1, problem.switches))
-            if found.admissible or recognised.start_periods or not recognised.end_periods:
+            found = closed(read_signature(recognized.first_period, 1, problem.switches))
+            if found.admissible or recognized.start_periods or not recognized.end_periods:
                 return found
         except OrbitError as error:
-            if recognised.start_periods:
+            if recognized.start_periods:
                 raise
-            check_bounded(problem, replace(recognised.end, cycle=3 * MAX_FORCING_PERIODS))
-            if not recognised.end_periods:
+            check_bounded(problem, replace(recognized.end, cycle=3 * MAX_FORCING_PERIODS))
+            if not recognized.end_periods:
                 raise OrbitError(
                     f"{error.reason}, and the motion does not converge to one in "
                     f"{3 * MAX_FORCING_PERIODS} periods",
@@ -208,9 +208,9 @@ def find_periodic_orbit(
                     "converge",
                     error.partial,
                 ) from error
-        found = closed(read_guess(problem, recognised.end, recognised.end_periods))
+        found = closed(read_guess(problem, recognized.end, recognized.end_periods))
     else:
-        found = closed(read_guess(problem, start, recognised.start_periods))
+        found = closed(read_guess(problem, start, recognized.start_periods))
     again = _passes(found)
     if again == 1:
         return found

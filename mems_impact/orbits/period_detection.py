@@ -267,7 +267,7 @@ def detect_period(
                 partial=piece.final,
             )
         returns = SectionReturns.of(piece, start, int(np.sign(flow_at(problem, start)[section[0]])))
-        found = returns.recognised(free, extent)
+        found = returns.recognized(free, extent)
         if found is not None:
             return found
         # A run without returns is repeated with twice the length; with enough returns, or after
@@ -311,7 +311,7 @@ class SectionReturns:
             np.append(start.mode, log.mode_before[later]),
         )
 
-    def recognised(self, free: list[int], extent: Floats) -> tuple[HybridState, float] | None:
+    def recognized(self, free: list[int], extent: Floats) -> tuple[HybridState, float] | None:
         """Return the state and time of a return to the first or to the last crossing, or None."""
         if len(self.times) <= MIN_RETURNS:
             return None

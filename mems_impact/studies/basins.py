@@ -118,7 +118,7 @@ class Basins(Result):
         One row per point: the varied components of the initial state; ``attractor``, its name;
         ``motion``, ``period`` and the measured quantities, as in `operating_map`; the mean,
         smallest and largest value of each component at the returns (``"v2 mean"``, …), by which
-        attractors are recognised; the final state (``"v2 final"``); and ``status``.
+        attractors are recognized; the final state (``"v2 final"``); and ``status``.
     attractors : DataFrame
         One row per attractor, the largest share first: its name, ``motion``, ``period``,
         ``points``, ``share`` of all points with the bounds ``low`` and ``high``; the largest
@@ -324,7 +324,7 @@ def basins(
     """Compute basins of attraction; ``basins(actuator, drive, …)``.
 
     The initial states are a grid over one or two components, or a sample of a box in any number of
-    them. Motions with the same attractor are recognised afterwards, over all points: they agree in
+    them. Motions with the same attractor are recognized afterwards, over all points: they agree in
     kind and period and return to the same states. Two aperiodic motions cannot be identified with
     certainty; they count as one attractor if the boxes around their returns intersect.
 

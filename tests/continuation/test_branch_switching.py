@@ -137,7 +137,7 @@ TWO_STOPS = mi.System(
 
 
 def half_map(A, z, w, e):
-    """Return the linearised half period of the symmetric orbit with the fastest impacts, mirrored.
+    """Return the linearized half period of the symmetric orbit with the fastest impacts, mirrored.
 
     After an impact on the right stop, at (1, -e v), the motion is a forced part f and a free one;
     half a period later it is (-1, -v), with the forced part -f.
@@ -200,7 +200,7 @@ def test_symmetry_breaking_of_an_oscillator_between_two_stops():
 def test_symmetry_breaking_of_an_impact_pair():
     """A ball between the walls of a box of width 1 that moves by A sin t, in the frame of the box.
 
-    The linearised half period of the orbit with one impact on each wall, mirrored, has the
+    The linearized half period of the orbit with one impact on each wall, mirrored, has the
     determinant e^2 and the trace 2 e - (1 + e)^2 pi A sin(phi) / (2 w), with the ball's speed w and
     the phase phi of impacts. A multiplier is -1 where 2 w = pi A sin(phi).
     """

@@ -1,4 +1,4 @@
-"""How a return is recognised, on sequences that are given."""
+"""How a return is recognized, on sequences that are given."""
 
 from types import SimpleNamespace
 
@@ -39,14 +39,14 @@ def test_three_returns_are_seen_before_a_motion_counts_as_settled(count, period)
 
 
 @pytest.mark.parametrize(("periods", "seen"), [(1, 1), (7, 7), (16, 16), (17, 0)])
-def test_a_motion_is_recognised_after_up_to_sixteen_forcing_periods(periods, seen):
+def test_a_motion_is_recognized_after_up_to_sixteen_forcing_periods(periods, seen):
     """A harmonic oscillator whose own period is so many of those: from its first and last state."""
     setup = problem(STOP, stop(d=2.0), period=TAU / periods, rtol=1e-9)
-    recognised = period_detection.detect_forcing_periods(setup, at([1.0, 0.0]))
-    assert recognised.start_periods == seen
-    assert recognised.end_periods in (seen, 0)  # one that returns at once is looked at no further
+    recognized = period_detection.detect_forcing_periods(setup, at([1.0, 0.0]))
+    assert recognized.start_periods == seen
+    assert recognized.end_periods in (seen, 0)  # one that returns at once is looked at no further
     if periods > 1:
-        assert recognised.end_periods == seen
+        assert recognized.end_periods == seen
 
 
 DRIFT = mi.System(states=("x", "y"), flow=lambda mode, t, y, p: (1.0, -y.y), initial={"y": 1.0})

@@ -1,4 +1,4 @@
-"""Basins: attractors recognised across points, their shares; against closed forms and others."""
+"""Basins: attractors recognized across points, their shares; against closed forms and others."""
 
 import math
 

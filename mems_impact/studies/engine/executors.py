@@ -295,8 +295,8 @@ def ignoring_ctrl_c() -> Iterator[None]:
 
 # --- Functions of workers
 
-_preparing = threading.Lock()  # serialises the preparation among threads of a process
-_alone = threading.Lock()  # serialises studies that must not run in parallel threads
+_preparing = threading.Lock()  # serializes the preparation among threads of a process
+_alone = threading.Lock()  # serializes studies that must not run in parallel threads
 
 
 def _compute_in_thread(
