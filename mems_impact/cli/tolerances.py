@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,6 +22,10 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.output import show_table, with_unit_column, with_units_in
+from mems_impact.cli.runtime import warn
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 KIND = "tolerances"
 SPREAD = (0.05, 0.5, 0.95)
@@ -81,10 +85,19 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
         show_table("quantiles", with_units_in(seen, "quantity", units), digits=5)
-        show_table("yields", with_units_in(found.yields, "quantity", units), digits=5)
+        if found.specification:
+            show_table("yields", with_units_in(found.yields, "quantity", units), digits=5)
         if found.indices is not None:
             show_table("indices", with_units_in(found.indices, "quantity", units), digits=5)
         files.show()
+    _warn_of_failures(found.points)
+
+
+def _warn_of_failures(points: pd.DataFrame) -> None:
+    """Warn of points that failed, with the first reason."""
+    failed = points.loc[points["status"] != "ok", "status"]
+    if len(failed):
+        warn(f"{len(failed)} of {len(points)} points failed, the first one: {failed.iloc[0]}")
 
 
 def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:

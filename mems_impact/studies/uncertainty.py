@@ -25,7 +25,7 @@ from mems_impact.studies.attractor_study import (
     motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import Columns
+from mems_impact.studies.engine.study import OK, STATUS, Columns
 from mems_impact.studies.sampling import (
     FIRST,
     LEVEL,
@@ -161,10 +161,10 @@ class Spread:
         import pandas as pd
 
         points, rows = self.points, []
-        good = np.full(len(points), True)
+        good = (points[STATUS] == OK).to_numpy()
         for name, (low, high) in self.specification.items():
             fine = points[name].between(low, high).to_numpy()
-            good &= fine
+            good = good & fine
             rows.append((name, low, high, fine))
         rows.append((ALL, math.nan, math.nan, good))
         found = []

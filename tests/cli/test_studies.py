@@ -50,6 +50,16 @@ def test_tolerances_with_a_specification(cli, tmp_path):
     assert len(pd.read_csv(tmp_path / "out" / "tolerances-table.csv")) == 4
 
 
+def test_tolerances_tell_of_devices_that_cannot_be(cli, tmp_path):
+    over = ["--over", "e=uniform:0.8:0.4"]  # half of the restitutions lie above 1
+    drive = ["--amplitude", "0.24", "--omega", "0.5"]
+    done = cli("tolerances", "zhao2004", *over, *drive, *BRIEF, "--samples", "4", "--no-figure")
+    assert "warning: 2 of 4 points failed, the first one: e = 1." in done.err
+    assert "all" not in done.out.split()
+    yields = pd.read_csv(tmp_path / "out" / "tolerances-yields.csv")
+    assert yields["points"].tolist() == [2]
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

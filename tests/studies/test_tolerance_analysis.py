@@ -1,6 +1,7 @@
 """Tolerance analysis: samples, yields, quantiles and Sobol's indices against closed forms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,6 +121,7 @@ def test_a_device_that_cannot_be_is_a_row():
     assert (some.table.loc[bad, "motion"] == "failed").all()
     assert some.table.loc[bad, "status"].str.contains("e = 1").all()
     assert some.yields["points"].tolist() == [4 - bad.sum()] * 2
+    assert replace(some, specification={}).yields["points"].tolist() == [4 - bad.sum()]
 
 
 @pytest.mark.parametrize(
