@@ -385,7 +385,7 @@ class Junction:
             if abs(cosine) > 1.0 - RATE_TOLERANCE:
                 free[one] = 1 if cosine > 0.0 else -1
                 guards.add(j)
-        for one, j, into in self.transitions:
+        for one, j, into in sorted(self.transitions):
             if one in sliding and into not in sliding and j not in guards:
                 if into not in free:
                     free[into] = self._side((guard, mode), one, into)
