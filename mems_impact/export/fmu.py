@@ -453,23 +453,31 @@ def compile_binary(sources: dict[str, str], main: str) -> tuple[bytes, str]:
     compiler = find_compiler()
     if not compiler:
         return b"", "no C compiler was found (cc, or that in the environment variable CC)"
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in sources.items():
-            Path(folder, name).write_text(content, encoding="utf-8")
-        command = [*compiler, *FLAGS, main, "-o", "model", "-lm"]
-        try:
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, check=False,
-                timeout=COMPILER_SECONDS,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return b"", f"{shlex.join(compiler)} did not end within {COMPILER_SECONDS} s"
-        except OSError as error:
-            return b"", f"{shlex.join(compiler)} cannot be run ({error.strerror})"
-        if done.returncode != 0:
-            said = next((line for line in done.stderr.splitlines() if "error" in line), "")
-            return b"", f"{shlex.join(compiler)} failed: {said.strip()}"
-        return Path(folder, "model").read_bytes(), ""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            for name, content in sources.items():
+                Path(folder, name).write_text(content, encoding="utf-8")
+            return compile_in(folder, compiler, main)
+    except OSError as error:
+        return b"", f"temporary files of the compiler cannot be written ({error.strerror or error})"
+
+
+def compile_in(folder: str, compiler: Sequence[str], main: str) -> tuple[bytes, str]:
+    """Return the library compiled from the sources in a folder; empty, with the reason, if none."""
+    command = [*compiler, *FLAGS, main, "-o", "model", "-lm"]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False,
+            timeout=COMPILER_SECONDS,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return b"", f"{shlex.join(compiler)} did not end within {COMPILER_SECONDS} s"
+    except OSError as error:
+        return b"", f"{shlex.join(compiler)} cannot be run ({error.strerror})"
+    if done.returncode != 0:
+        said = next((line for line in done.stderr.splitlines() if "error" in line), "")
+        return b"", f"{shlex.join(compiler)} failed: {said.strip()}"
+    return Path(folder, "model").read_bytes(), ""
 
 
 # --- Archive

@@ -1,6 +1,7 @@
 """FMUs in FMPy have the events of `simulate`."""
 
 import math
+import tempfile
 import zipfile
 
 import fmpy
@@ -190,6 +191,14 @@ def test_equal_models_have_equal_bytes_and_without_a_compiler_sources(tmp_path, 
         contents.append(path.read_bytes())
     assert contents[0] == contents[1]
     assert problems_of(path) == []
+
+
+def test_without_room_for_the_compiler_an_fmu_has_its_sources(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    with pytest.warns(UserWarning, match=r"temporary files of the compiler cannot be written \(No"):
+        path = BALL.to_fmu(tmp_path / "ball.fmu")
+    with zipfile.ZipFile(path) as archive:
+        assert not any(name.startswith("binaries/") for name in archive.namelist())
 
 
 def test_a_compiler_that_does_not_end_is_ended(tmp_path, monkeypatch):
