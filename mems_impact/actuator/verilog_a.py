@@ -20,10 +20,11 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
 from mems_impact._util.files import replacing
+from mems_impact._util.limits import BOUND_RTOL
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
 from mems_impact.actuator.splines import COEFFICIENTS, coefficients
 from mems_impact.actuator.terms.adhesion import Adhesion
-from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.base import Term, is_compliant
 from mems_impact.actuator.terms.comb_drive import MIN_OVERLAP_RATIO, CombDrive
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
@@ -45,9 +46,14 @@ from mems_impact.actuator.terms.stribeck_friction import StribeckFriction
 from mems_impact.actuator.terms.table import TableTerm
 from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
 from mems_impact.actuator.terms.tabulated_restitution import TabulatedRestitution
-from mems_impact.actuator.terms.tabulated_spring import TabulatedSpring
+from mems_impact.actuator.terms.tabulated_spring import STIFFNESS_RTOL, TabulatedSpring
 from mems_impact.actuator.terms.tilt import Tilt
-from mems_impact.actuator.terms.tilted_plate import FREE_SHARE, SERIES_RATIO, TiltedPlate
+from mems_impact.actuator.terms.tilted_plate import (
+    FREE_SHARE,
+    SERIES_RATIO,
+    YIELDING_SHARE,
+    TiltedPlate,
+)
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["verilog_a", "write_verilog_a"]
@@ -932,10 +938,36 @@ def term_numbers(actuator: Actuator) -> list[tuple[str, str]]:
     ]
 
 
+def bounded_ranges(actuator: Actuator) -> dict[str, str]:
+    """Return the ranges of parameters that depend on others, as `Term.bounds` has them."""
+    compliant = is_compliant(actuator)
+    share = YIELDING_SHARE if compliant else 1.0
+    edge = f"{number(2.0 * share)}*(d - delta)/tilted_plate_length"
+    size = f"[{number(2.0 * (1.0 - BOUND_RTOL))}*(d + delta):inf)"
+    ranges = {
+        "mu_d": "[0.0:mu_s]",
+        "comb_drive_overlap": f"({'0.5*(d + delta)' if compliant else 'delta'}:inf)",
+        "fringing_width": size,
+        "fringing_length": size,
+        "squeeze_film_width": "(0.0:squeeze_film_length]",
+        "tilted_plate_angle": f"(-{edge}:{edge})",
+    }
+    tables = [term.positions for term in actuator.terms if isinstance(term, TableTerm)]
+    most = "d"
+    if tables:
+        end = number((1.0 + BOUND_RTOL) * min(min(-x[0], x[-1]) for x in tables))
+        most = f"min(d, {f'2.0*{end} - d' if compliant else end})"
+    for term in actuator.terms:
+        if isinstance(term, TabulatedSpring) and (own := term.slope(0.0)) > 0.0:
+            low, high = (1.0 - STIFFNESS_RTOL) * own, (1.0 + STIFFNESS_RTOL) * own
+            ranges["k"] = f"[{number(low)}:{number(high)}]"
+    return {**ranges, "delta": f"(0.0:{most})"}
+
+
 def parameters_of(layout: Layout) -> list[str]:
     """Return the declarations of parameters, each with unit and range."""
     actuator = layout.actuator
-    ranges = {"delta": "(0.0:d)", "mu_d": "[0.0:mu_s]"}
+    ranges = bounded_ranges(actuator)
     found = []
 
     def declare(name: str, value: str, limits: str, comment: str) -> None:
@@ -948,10 +980,14 @@ def parameters_of(layout: Layout) -> list[str]:
         comment = f"{PARAMETER_MEANINGS.get(name, name)} [{unit}]"
         declare(name, number(getattr(actuator, name)), limits, comment)
     for term in actuator.terms:
-        for name, value in numbers_of(term).items():
-            limits = range_of(type(term).model_fields[name])
+        names = {name: f"{term.name()}_{name}" for name in numbers_of(term)}
+        # A range refers to parameters that are declared before.
+        for name, value in sorted(
+            numbers_of(term).items(), key=lambda each: names[each[0]] in ranges
+        ):
+            limits = ranges.get(names[name]) or range_of(type(term).model_fields[name])
             comment = f"{type(term).__name__} [{term.units.get(name, '-')}]"
-            declare(f"{term.name()}_{name}", number(value), limits, comment)
+            declare(names[name], number(value), limits, comment)
     for name, kind in INITIAL.items():
         frame = "the frame" if name[1] == "1" else "the block in the frame"
         limits = "[-delta:delta]" if name == "x2_0" else "(-inf:inf)"

@@ -373,6 +373,37 @@ def test_parameters_have_ranges():
             Circuit(text, {"p": lambda t: 0.0}, **{name: value})
 
 
+X = np.linspace(-3e-6, 3e-6, 7)
+COMB = mi.CombDrive(fingers=20, gap=2e-6, thickness=2e-5, overlap=1e-5)
+TABLE = mi.TabulatedCapacitance(positions=X, capacitances=1e-13 / (5e-6 - X))
+
+
+@pytest.mark.parametrize(
+    ("terms", "name", "allowed", "refused"),
+    [
+        ((COMB,), "comb_drive.overlap", 2.6e-6, 2.4e-6),
+        ((COMB, TERMS["compliant_stopper"]), "comb_drive.overlap", 3.8e-6, 3.7e-6),
+        ((mi.Fringing(width=1e-4, length=2e-4),), "fringing.length", 1.5e-5, 1.4e-5),
+        ((mi.TiltedPlate(angle=0.001, length=5e-4),), "tilted_plate.angle", -0.0099, -0.0101),
+        ((mi.TiltedPlate(angle=0.001, length=5e-4),), "delta", 4.7e-6, 4.8e-6),
+        ((mi.TabulatedSpring(positions=X, forces=MITA.k * X),), "k", 4.8, 4.9),
+        ((mi.TabulatedSpring(positions=X, forces=MITA.k * X),), "delta", 3e-6, 3.1e-6),
+        ((TABLE,), "delta", 3e-6, 3.1e-6),
+        ((TERMS["squeeze_film"],), "squeeze_film.width", TERMS["squeeze_film"].length, 1.0),
+    ],
+)
+def test_ranges_depend_on_other_parameters(terms, name, allowed, refused):
+    device = MITA.adding(*terms)
+    text = verilog_a(device, "dev")
+    sources = {"p": lambda t: 0.0}
+    Circuit(text, sources, **{name.replace(".", "_"): allowed})
+    device.setting({name: allowed})
+    with pytest.raises(VerilogError, match="out of range"):
+        Circuit(text, sources, **{name.replace(".", "_"): refused})
+    with pytest.raises(InvalidParameter):
+        device.setting({name: refused})
+
+
 # --- The interpreter itself, against closed forms
 
 
