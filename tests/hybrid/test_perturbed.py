@@ -214,6 +214,23 @@ def test_perturbations_may_have_a_looser_tolerance_than_the_run():
     assert loose._extended.engine.steps < 0.5 * fine._extended.engine.steps
 
 
+def _pulsed(mode, t, y, p):
+    u = (t - 2.7) / 0.026
+    return y.v, -(0.1 + 11.5 * math.exp(-u * u)) * y.x - 0.1 * y.v + 0.3 * math.cos(t)
+
+
+def test_perturbations_miss_no_pulse_that_the_run_resolves():
+    system = mi.System(states=("x", "v"), flow=_pulsed, period=2.0 * math.pi, initial={"x": 0.1})
+    problem = system.problem(PLAIN)
+    start = system.hybrid_state(None, problem)
+    fine, loose = (
+        LyapunovIntegrator(problem, start, chunk=4, column_rtol=rtol) for rtol in (0.0, 1e-7)
+    )
+    for one in (fine, loose):
+        one.advance_exponents()
+    assert loose.grown[0][0] == pytest.approx(fine.grown[0][0], abs=1e-5)
+
+
 def test_only_the_run_looks_for_events():
     system = oscillator(A=0.5)
     problem = replace(system.problem(PLAIN), section=(1, 0.0, 0))

@@ -39,8 +39,6 @@ from mems_impact.hybrid.variational.saltation import (
 
 CHUNK = 60  # periods per chunk, a multiple of the periods 1 to 6 of orbits
 MIN_CHUNKS = 16  # number of chunks for a standard error
-# Least number of steps of the columns, which have no events that a long step could miss.
-COLUMN_STEPS_PER_PERIOD = 4.0
 GOLDEN_SECTION = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -113,12 +111,12 @@ class LyapunovIntegrator:
 
     def restart(self, problem: Problem, start: HybridState) -> None:
         """Begin again, with a problem that differs in parameters and times only."""
-        scale = problem.time_scale or problem.period
-        for bound, values, steps in (
-            (self._run, np.array(problem.parameters, dtype=float), STEPS_PER_PERIOD),
-            (self._extended, _with_scratch(problem), COLUMN_STEPS_PER_PERIOD),
+        longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
+        for bound, values in (
+            (self._run, np.array(problem.parameters, dtype=float)),
+            (self._extended, _with_scratch(problem)),
         ):
-            bound.call(reset, values, scale / steps)
+            bound.call(reset, values, longest_step)
         self._put(replace(problem, section=None), start)
         self._work["lost"] = 0
 
@@ -341,13 +339,8 @@ def _extended_problem(problem: Problem, size: int, rtol: float) -> Problem:
     n, p = len(automaton.states), len(problem.parameters)
     flow = stretched_flow(automaton.flow, n, p, automaton.step)
     columns = with_columns(problem, flow, _with_scratch(problem), size)
-    scale = problem.time_scale or problem.period
-    return replace(
-        columns,
-        automaton=unguarded(columns.automaton),
-        options=replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol)),
-        time_scale=scale * (STEPS_PER_PERIOD / COLUMN_STEPS_PER_PERIOD),
-    )
+    loose = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
+    return replace(columns, automaton=unguarded(columns.automaton), options=loose)
 
 
 def _with_scratch(problem: Problem) -> Floats:
