@@ -32,7 +32,7 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
-from mems_impact.systems.statistics import FAILED
+from mems_impact.systems.statistics import FAILED, UNSETTLED
 from mems_impact.tables import captions
 from mems_impact.tables import table as labelled
 
@@ -43,6 +43,7 @@ __all__ = ["EdgeState", "edge_state"]
 
 MATCH_RTOL = 1e-3  # distance of equal attractors, relative to the size of the larger
 MAX_BISECTIONS = 80
+MAX_CONTINUATIONS = 16  # runs of a motion that does not settle
 ORBIT_RTOL = 1e-2  # distance from the last state at which an orbit is the edge state
 MAX_PERIOD = 16  # returns over which an edge state may be periodic
 
@@ -138,13 +139,18 @@ class _Tracking:
             )
         return found
 
-    def side(self, start: HybridState) -> int:
-        """Return 0 if a state reaches the first attractor, 1 for the second, 2 for another."""
+    def reached(self, start: HybridState) -> tuple[int, Attractor]:
+        """Return the attractor that a state reaches, and its number among the known; 2 for another.
+
+        A motion that has not settled is continued, since beside the boundary it begins slowly.
+        """
         found = self.attractor(start)
-        for number, each in enumerate(self.known):
-            if self.is_same(found, each):
-                return number
-        return 2
+        for _ in range(MAX_CONTINUATIONS):
+            number = next((i for i, each in enumerate(self.known) if self.is_same(found, each)), 2)
+            if number < 2 or found.motion != UNSETTLED or found.final is None:
+                return number, found
+            found = self.attractor(self.system.hybrid_state(found.final, self.problem))
+        return 2, found
 
     def is_same(self, one: Attractor, other: Attractor) -> bool:
         """Return whether two motions have the same attractor, by their returns."""
@@ -191,13 +197,13 @@ class _Tracking:
             if self.distance(one, other) <= closest:
                 break
             middle = self.between(one, other)
-            side = self.side(middle)
+            side, found = self.reached(middle)
             if side == 0:
                 one = middle
             else:
                 other = middle
                 if side == 2:
-                    self.known[1] = self.attractor(middle)
+                    self.known[1] = found
         return one, other
 
     def advance(self, at: HybridState) -> HybridState:
@@ -295,7 +301,7 @@ def edge_state(
         system.hybrid_state(each, problem, field=name)
         for name, each in (("first", first), ("second", second))
     )
-    tracking.known = [tracking.attractor(each) for each in (one, other)]
+    tracking.known = [tracking.reached(each)[1] for each in (one, other)]
     if tracking.is_same(*tracking.known):
         raise InvalidParameter(
             "second", second, "", problem="it reaches the same attractor as first"

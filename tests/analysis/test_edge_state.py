@@ -14,10 +14,17 @@ def _still(mode, t, y, p):
 
 
 def _cubic(mode, t, y, p):
-    return mode, (1.8 * y.x - y.x**3,)
+    return mode, (p.a * y.x - y.x**3,)
 
 
-CUBIC = mi.System(states=("x",), flow=_still, switch_transition=_cubic, switches=(0.5,), period=1.0)
+CUBIC = mi.System(
+    states=("x",),
+    flow=_still,
+    parameters={"a": 1.8},
+    switch_transition=_cubic,
+    switches=(0.5,),
+    period=1.0,
+)
 
 
 def test_the_saddle_of_a_cubic_map():
@@ -29,6 +36,14 @@ def test_the_saddle_of_a_cubic_map():
     rest = math.sqrt(0.8)
     assert [each.x for each in found.attractors] == pytest.approx([rest, -rest], abs=1e-6)
     assert (found.table["distance"] <= 2e-5).all()
+
+
+def test_a_motion_that_settles_slowly_is_no_third_attractor():
+    """Multipliers: 0.98 of the attractors at -0.1 and 0.1, 1.01 of the saddle."""
+    found = mi.edge_state(CUBIC.changed(a=1.01), {"x": 0.1}, {"x": -0.13})
+    assert abs(found.state.x) < 1e-5
+    assert found.orbit.multipliers[0].real == pytest.approx(1.01, rel=1e-9)
+    assert [each.x for each in found.attractors] == pytest.approx([0.1, -0.1], abs=1e-5)
 
 
 def test_arguments_of_the_edge_state():
