@@ -564,7 +564,8 @@ def _symbol(table: pd.DataFrame) -> str:
 def draw_switches(ax: Any, table: pd.DataFrame) -> None:
     """Draw a line at the first value at which impacts begin or cease; the legend has the value."""
     parameter = _symbol(table)
+    unit = table.attrs.get("units", {}).get(table.columns[0], "")
     for direction, value, impacting in sorted(impact_changes(table), key=lambda mark: mark[1]):
-        text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
+        text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g} {unit}".rstrip()
         look = DASHES if impacting else {**DASHES, "linestyle": DOTS}
         ax.axvline(value, color=color(direction), zorder=1, label=text, **look)

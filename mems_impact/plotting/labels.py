@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Label",
     "Mark",
+    "amount",
     "crosses",
     "free_corner",
     "label_axis",
@@ -553,6 +554,20 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
     if unit.split("/")[0] in PREFIXED and thousands in SI_PREFIXES:
         return thousands, SI_PREFIXES[thousands] + unit
     return power, " ".join(filter(None, (f"$10^{{{power}}}$", unit)))
+
+
+def amount(value: float, unit: str, digits: int) -> str:
+    """Return a value with its unit, as an axis shows it: "60 nm".
+
+    Examples
+    --------
+    >>> amount(6e-8, "m", 3), amount(-3.43e-5, "", 3)
+    ('60 nm', '-3.43e-05')
+    """
+    power, name = prefixed(unit, abs(value)) if unit else (0, unit)
+    if "$" in name:  # a unit without prefixes
+        power, name = 0, unit
+    return f"{value / 10.0**power:.{digits}g} {name}".rstrip()
 
 
 def label_axis(axis: Any, label: Label) -> None:

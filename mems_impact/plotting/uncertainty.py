@@ -11,6 +11,7 @@ import numpy as np
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import (
     Label,
+    amount,
     label_axis,
     label_of,
     legend_above,
@@ -367,7 +368,7 @@ def plot_sensitivity(
     labels = {name: symbol(name, symbols) for name in names}
     if tolerances is not None:
         labels = {
-            name: f"{sign} ± {sizes[name]:.3g} {system.unit(name)}".rstrip()
+            name: f"{sign} ± {amount(sizes[name], system.unit(name), 3)}"
             for name, sign in labels.items()
         }
     ax.set_yticks(places, list(labels.values()))
@@ -375,7 +376,7 @@ def plot_sensitivity(
     ax.set(ylim=(len(names) - 0.4, -0.6), xlim=(-1.08 * longest, 1.08 * longest))
     row = found.row(quantity)
     unit = found.units[row]
-    start = f"{found.values[row]:.4g} {unit}".rstrip()
+    start = amount(found.values[row], unit, 4).replace("-", "\N{MINUS SIGN}", 1)
     label_axis(ax.xaxis, Label(f"change of {quantity}", unit, f"\nfrom {start}"))
     legend_above(ax)
     ax.spines["left"].set_visible(False)

@@ -47,6 +47,13 @@ def test_switches_are_marked(statuses, tmp_path):
     ax.figure.savefig(tmp_path / "sweep.png")
 
 
+def test_switches_have_the_unit_of_the_parameter():
+    table = made_table(("ok", "ok", "ok"))
+    table.attrs = {**table.attrs, "units": {table.columns[0]: "V"}}
+    legend = [text.get_text() for text in mi.plot_sweep(table).get_legend().get_texts()]
+    assert legend[-2:] == ["off at $f$ = 0.1 V", "on at $f$ = 0.3 V"]
+
+
 def test_values_that_never_cross_the_section(tmp_path):
     ax = mi.plot_sweep(silent_table())
     assert drawn(ax, "v") == [0.1, 0.1]  # one for each direction
