@@ -1,27 +1,15 @@
-"""Background computation of the latest request, and its warnings."""
+"""Background computation of the latest request."""
 
 from __future__ import annotations
 
 import threading
 import time
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from mems_impact._util.progress import Watch
-from mems_impact.errors import (
-    DiscontinuityWarning,
-    ScaleWarning,
-    StartWarning,
-    StiffnessWarning,
-    UnitsWarning,
-    ValidityWarning,
-)
 
-__all__ = ["LatestOnlyWorker", "capture_warnings", "route_warnings"]
-
-# --- Computing thread
+__all__ = ["LatestOnlyWorker"]
 
 Asked = TypeVar("Asked")
 
@@ -108,48 +96,3 @@ class LatestOnlyWorker(Generic[Asked]):
                     self._waiting = None
                     return asked
         return None
-
-
-# --- Warnings of each thread
-
-ROUTED_WARNINGS = (
-    DiscontinuityWarning,
-    ScaleWarning,
-    StartWarning,
-    StiffnessWarning,
-    UnitsWarning,
-    ValidityWarning,
-)
-_here = threading.local()
-
-
-@contextmanager
-def route_warnings() -> Iterator[None]:
-    """Let `capture_warnings` receive every warning of its thread.
-
-    Python's recorder of warnings is global, but several pages compute pictures concurrently.
-    """
-    with warnings.catch_warnings():
-        for kind in ROUTED_WARNINGS:
-            warnings.simplefilter("always", kind)
-        shown = warnings.showwarning
-
-        def show(message: Any, category: Any, *rest: Any, **more: Any) -> None:
-            messages = getattr(_here, "messages", None)
-            if messages is not None and issubclass(category, ROUTED_WARNINGS):
-                messages.append(str(message))
-            else:
-                shown(message, category, *rest, **more)
-
-        warnings.showwarning = show
-        yield
-
-
-@contextmanager
-def capture_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of this thread in the block."""
-    _here.messages = messages = list[str]()
-    try:
-        yield messages
-    finally:
-        _here.messages = None

@@ -16,7 +16,6 @@ from tornado.netutil import bind_sockets
 from tornado.routing import HostMatches, Rule, RuleRouter
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.explorer.background import route_warnings
 from mems_impact.explorer.session import Subject, slider_specs
 from mems_impact.explorer.view.page import Page
 
@@ -78,8 +77,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     server.start()
     ready(f"http://{LOOPBACK}:{number}/")
     try:
-        with route_warnings():
-            loop.start()
+        loop.start()
     except KeyboardInterrupt:
         pass
     finally:

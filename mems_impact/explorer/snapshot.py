@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 import mems_impact as mi
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import Watch
+from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.actuator.automaton import slips
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
-from mems_impact.explorer.background import capture_warnings
 from mems_impact.explorer.session import (
     TIME,
     PageSetting,
@@ -446,7 +446,7 @@ def take_snapshot(
     begin = time.perf_counter()
     system = setting.system(subject)
     unit = unit_of_time(system)
-    with capture_warnings() as warned:
+    with collected_warnings() as collected:
         run = mi.simulate(
             system,
             **run_length(system, setting, unit),
@@ -469,7 +469,7 @@ def take_snapshot(
         headlines=_headlines(run),
         unit=unit if system.forced else 1.0,
         seconds=time.perf_counter() - begin,
-        warnings=tuple(dict.fromkeys(warned)),
+        warnings=tuple(dict.fromkeys(each.message for each in collected)),
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     EngineFallbackWarning,
     EngineUnavailable,
@@ -229,7 +229,7 @@ def create_engine(problem: Problem) -> EngineBinding:
             if options.engine == "compiled":
                 raise
             message = f"{error}; falling back to the interpreted engine, which is far slower"
-            warnings.warn(message, EngineFallbackWarning, stacklevel=5)
+            warn(message, EngineFallbackWarning)
     return _interpreted(automaton, equations, options, max_step)
 
 

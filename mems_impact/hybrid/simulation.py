@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     FunctionError,
     InvalidParameter,
@@ -510,7 +510,7 @@ class Simulation:
             raise self._run_error(error.reason, error.remedy) from error
         finally:
             if self.bound.engine.is_stiff() and not self.quiet:
-                warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
+                warn(STIFF, StiffnessWarning)
             self.bound.engine.close()
         if status not in (workspace.DONE, workspace.ENDED):
             raise self._failure(status)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import InvalidParameter, ScaleWarning
 from mems_impact.hybrid.definition import (
     Definition,
@@ -125,7 +125,7 @@ def decade(size: float) -> float:
 def _warn(what: str, sizes: Mapping[str, float]) -> None:
     pairs = ", ".join(f"{name!r}: {size:.0e}" for name, size in sizes.items())
     message = f"{what}; give typical magnitudes, for example System(typical={{{pairs}}})"
-    warnings.warn(message, ScaleWarning, stacklevel=6)
+    warn(message, ScaleWarning, what)
 
 
 # --- Scales of variables from typical magnitudes by name or unit

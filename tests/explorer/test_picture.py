@@ -1,5 +1,4 @@
 import math
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -7,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.explorer.background import route_warnings
+from mems_impact._util.warning_scopes import warn
 from mems_impact.explorer.session import first_setting, subject_of_device
 from mems_impact.explorer.snapshot import (
     Asked,
@@ -52,16 +51,16 @@ def test_frames_and_section_are_those_of_the_run(picture):
 
 def test_warnings_belong_to_the_picture_whose_run_gave_them():
     def warned(system):
-        warnings.warn("the model does not hold", mi.ValidityWarning, stacklevel=1)
+        warn("the model does not hold", mi.ValidityWarning)
 
     setting = replace(first_setting(own()), length=3.0)
     subject = replace(own(), starts={setting.start: warned})
-    with route_warnings(), ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(2) as pool:
         loud = [pool.submit(take_snapshot, subject, setting) for _ in range(2)]
         quiet = pool.submit(take_snapshot, own(), setting)
     assert {each.result().warnings for each in loud} == {("the model does not hold",)}
     assert quiet.result().warnings == ()
-    with pytest.warns(mi.ValidityWarning), route_warnings():
+    with pytest.warns(mi.ValidityWarning):
         warned(None)
 
 

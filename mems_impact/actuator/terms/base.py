@@ -13,7 +13,6 @@ a2 that of the block relative to it. Only the voltage of the drive depends on ti
 
 from __future__ import annotations
 
-import warnings
 from abc import ABC
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,6 +25,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.formatting import shown
 from mems_impact._util.limits import Bound
 from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
@@ -568,7 +568,7 @@ class Validity:
                 when = float(self.scales.out(time, "s"))
                 message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
                 text = f"{message}, and the model is valid up to {limit.most:g}"
-                warnings.warn(text, ValidityWarning, stacklevel=5)
+                warn(text, ValidityWarning, limit.what)
 
     def _look(self, states: Floats, times: Floats) -> None:
         for i, limit in enumerate(self.limits):
