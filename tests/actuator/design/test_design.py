@@ -187,18 +187,22 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
     labels = {line.get_label() for line in mi.plot_chart(chart).lines}
     assert labels >= {"on", "off", "the frame slips", "steady from", "steady to"}
 
-    def run(omega, amplitude, start):
+    def run(omega, amplitude, start, periods=600):
         drive = mi.Sine(amplitude=amplitude, omega=omega)
-        return mi.simulate(SLIPPING, drive, 600, initial=start, window=(400, 600))
+        window = (periods - 200, periods)
+        return mi.simulate(SLIPPING, drive, periods, initial=start, window=window)
+
+    def moved(omega, amplitudes, state):
+        for amplitude in amplitudes.tolist():
+            last = run(omega, amplitude, state, 200)
+            state = last.final
+        return last
 
     def slips_at(omega, amplitude):
         # Raised slowly from rest, lest the block overshoot: the frame is held, and slips above.
-        state = mi.State()
-        for part in np.linspace(0.05, 0.97, 40):
-            held = run(omega, float(part) * amplitude, state)
-            state = held.final
+        held = moved(omega, np.linspace(0.05, 0.97, 40) * amplitude, mi.State())
         assert held.statistics["share slipping"] == 0.0
-        slips = run(omega, 1.001 * amplitude, state)
+        slips = run(omega, 1.001 * amplitude, held.final)
         assert slips.statistics["share slipping"] > 0.0
         return slips
 
@@ -209,31 +213,25 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
     for omega, row in table.iterrows():
         slips = slips_at(omega, row["slip"])
         # Raised to just below and above from the slip, and lowered from the impacts.
-        state = slips.final
-        for amplitude in np.linspace(row["slip"], 0.999 * row["on"], 20).tolist():
-            below = run(omega, amplitude, state)
-            state = below.final
+        below = moved(omega, np.linspace(row["slip"], 0.999 * row["on"], 20), slips.final)
         assert below.statistics["impacts"] == 0
-        above = run(omega, 1.001 * row["on"], state)
+        above = run(omega, 1.001 * row["on"], below.final)
         assert above.statistics["impacts"] > 0
-        state = above.final
-        for amplitude in np.linspace(row["on"], 1.002 * row["off"], 20).tolist():
-            down = run(omega, amplitude, state)
-            state = down.final
+        down = moved(omega, np.linspace(row["on"], 1.002 * row["off"], 20), above.final)
         assert down.statistics["impacts"] > 0
-        assert run(omega, 0.99 * row["off"], state).statistics["impacts"] == 0
+        assert run(omega, 0.99 * row["off"], down.final).statistics["impacts"] == 0
+    orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked_state(SLIPPING), transient=300)
     doublings = chart.table[chart.table["kind"] == "period-doubling"]
     for side, inwards in (("steady from", 1.0), ("steady to", -1.0)):
         for _, row in doublings[doublings["boundary"] == side].iloc[::4].iterrows():
             # One impact a period, always as fast, on the one side; two in turn on the other.
             turns = []
             inside = row["amplitude"] * (1.0 + inwards * 0.01)
-            orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked_state(SLIPPING), transient=300)
             state = orbit.state
             for part in np.linspace(0.0, 1.0, 12):
                 amplitude = PULLED.amplitude + part * (inside - PULLED.amplitude)
                 omega = PULLED.omega + part * (row["omega"] - PULLED.omega)
-                state = run(omega, amplitude, state).final
+                state = run(omega, amplitude, state, 200).final
             for amplitude in (inside, row["amplitude"] * (1.0 - inwards * 0.01)):
                 events = run(row["omega"], amplitude, state).events
                 speeds = events.loc[events["event"] == "right impact", "v2"].tail(20).to_numpy()
