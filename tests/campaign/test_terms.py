@@ -73,15 +73,16 @@ def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
             else:
                 self.table.c *= 1.001
 
-    stories = []
-    for i in range(200):
+    tried = 0
+    for i in range(4, 200):  # those before are long
         drawn = terms.Drawn(SEED, i)
         if drawn.compiled or name not in drawn.terms:
             continue
-        assert terms.check(SEED, i).story == ""
         with monkeypatch.context() as patch:
             patch.setattr(terms, "_Judged", Other)
-            stories.append(terms.check(SEED, i).story)
-        if stories[-1] or len(stories) == 8:
+            story = terms.check(SEED, i).story
+        tried += 1
+        if story or tried == 8:
             break
-    assert stories[-1] != ""
+    assert story != ""
+    assert terms.check(SEED, i).story == ""  # with the judge as it is
