@@ -130,7 +130,7 @@ def order_of_guards(seed: int, small: bool) -> Result:
     """Guards listed in another order give the same run (interpreted engine), to the last bit."""
     rng = np.random.default_rng(seed)
     findings, tried = [], 0
-    for case in drawn(seed + 2, 4 if small else 60):
+    for case in drawn(seed + 2, 8 if small else 60):
         options = mi.Options(**{**case.options, "engine": "interpreted"})
         system = case.actuator.under(case.drive.build())
         problem = system.problem(options)
@@ -140,7 +140,7 @@ def order_of_guards(seed: int, small: bool) -> Result:
         for automaton in (problem.automaton, permuted(problem.automaton, places)):
             setup = replace(problem, automaton=automaton)
             try:
-                done = run(setup, start, min(case.periods, 2.0))
+                done = run(setup, start, min(case.periods, 0.3 if small else 2.0))
             except mi.RunError as error:
                 done = error.trajectory  # type: ignore[assignment]
             events = done.events
