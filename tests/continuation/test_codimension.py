@@ -40,7 +40,7 @@ HENON = mi.System(
 
 
 def followed(label, parameter, stop, second, start=0.5, **values):
-    options = mi.Options(method="dop853", engine="interpreted")
+    options = mi.Options(method="dop853")
     guess = {"x": start, "y": start, "w": 0.0}
     begin = mi.find_orbit(HENON.changed(**values), periods=1, options=options, guess=guess)
     branch = mi.continue_orbit(begin, parameter, stop, steps=mi.StepControl(largest=0.1))
