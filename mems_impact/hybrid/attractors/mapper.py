@@ -210,7 +210,7 @@ class AttractorMapper:
     longest : int
         Longest period, in returns.
     tolerance : float
-        Relative tolerance for recognising a periodic motion, per component.
+        Relative tolerance for recognizing a periodic motion, per component.
     return_kind : int, optional
         Kind of return: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
     return_index : int, optional
