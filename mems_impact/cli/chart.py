@@ -36,7 +36,7 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 @range_options(
     "Lowest frequency [Hz]; omega of a dimensionless device.",
     "Highest frequency.",
-    defaults=("0.88 of half the resonance", "1.02 of half the resonance"),
+    defaults=("0.88 of half the resonance, or of the resonance with a bias", "1.02 of the same"),
 )
 @click.option(
     "--bias",

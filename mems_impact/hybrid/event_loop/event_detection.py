@@ -3,8 +3,9 @@
 Functions over `integrators.interface`, called by the loop. Scratch rows are those of `workspace`: a
 function may overwrite ``G``, and the rows that its docstring lists.
 
-The engine detects margins that change sign over a step. A double crossing, beside a grazing, is detected
-from the values and rates at both ends and, if these are inconclusive, by a scan of the step.
+The engine detects margins that change sign over a step. A double crossing, beside a grazing, is
+detected from the values and rates at both ends and, if these are inconclusive, by a scan of the
+step.
 
 Crossings of the section are treated in the same way.
 """
