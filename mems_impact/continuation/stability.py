@@ -294,6 +294,7 @@ def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
 CROSSING = "crossing"  # of a complex pair, or of a multiplier -1
 # Part of the largest step below which an unlocated change of stability is reported.
 UNEXPLAINED_STEP_RATIO = 0.01
+CONTINUUM_SLOPE = 1e-8  # parameter in a unit tangent that counts as zero
 
 
 class LocatedPoint(Protocol):
@@ -386,7 +387,8 @@ class Bifurcations(Generic[P]):
             except OrbitError:
                 if not short:
                     raise
-        for place in self._turns(step, length):
+        continuum = self._is_continuum(step, length)
+        for place in () if continuum else self._turns(step, length):
             found.append(Bifurcation(place, FOLD, step.at(place).point, center))
         first_point, last_point = step.at(0.0).point, step.at(length).point
         known = self._end[1] if self._end and self._end[0] is first_point else None
@@ -400,7 +402,7 @@ class Bifurcations(Generic[P]):
         # step, has no crossing between the ends.
         folds = [each.place for each in found if each.kind == FOLD]
         hidden = any(not any(c.begin <= s <= c.end for c in crossings) for s in folds)
-        missing = unexplained(crossings, [place for place, *_ in found])
+        missing = [] if continuum else unexplained(crossings, [place for place, *_ in found])
         if (hidden or missing) and not short:
             raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
         for each in missing:
@@ -428,6 +430,15 @@ class Bifurcations(Generic[P]):
             start, spectrum = self._last
             self._behind = -float(np.linalg.norm(step.start - start)), spectrum
         return self._behind
+
+    def _is_continuum(self, step: PredictorStep[P], length: float) -> bool:
+        """Return whether the parameter stays constant, as along the orbits of a linear center.
+
+        The sign of its change, and that of the distance of an eigenvalue from the border, is
+        rounding there.
+        """
+        tangents = (tangent(step.at(s).point, step.along) for s in (0.0, length))
+        return all(abs(each[-1]) < CONTINUUM_SLOPE for each in tangents)
 
     def _turns(self, step: PredictorStep[P], length: float) -> Iterator[float]:
         """Yield the positions of folds outside branch points."""
