@@ -129,7 +129,7 @@ def crossing_of(transition):
         period=1.0,
         parameters={"a": -0.2, "c": 0.1, "d": 0.0},
     )
-    options = mi.Options(method="dop853", engine="interpreted")
+    options = mi.Options(method="dop853")
     rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, w=0.0))
     steps = mi.StepControl(largest=0.1)
     (crossing,) = mi.continue_orbit(rest, "a", 0.3, steps=steps).special_points

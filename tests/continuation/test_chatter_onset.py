@@ -6,7 +6,7 @@ with the speed u after an impact: small q means rest before the release, large q
 """
 
 import math
-from functools import partial
+from functools import cache, partial
 
 import pytest
 from scipy.optimize import brentq
@@ -58,6 +58,7 @@ def _comes_to_rest(A, e):
             return True
 
 
+@cache
 def _onset(e, low, high):
     assert _comes_to_rest(low, e)
     assert not _comes_to_rest(high, e)

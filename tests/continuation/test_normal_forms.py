@@ -12,6 +12,7 @@ from mems_impact.continuation.normal_forms import orbit_normal_form
 from mems_impact.continuation.test_functions import NEIMARK_SACKER, PERIOD_DOUBLING
 
 PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
+COMPILED = mi.Options(method="dop853", rtol=1e-11, atol=1e-13)
 PHASE = 0.0618834  # of w at the start of a period
 
 
@@ -114,7 +115,7 @@ def test_neimark_sacker_of_a_map(t, e, f):
 
 @pytest.mark.slow
 def test_generalized_flip_on_a_curve():
-    orbit = mi.find_orbit(_flip(a=-0.1, b=-0.1), periods=1, options=PLAIN)
+    orbit = mi.find_orbit(_flip(a=-0.1, b=-0.1), periods=1, options=COMPILED)
     (doubling,) = mi.continue_orbit(orbit, "a", stop=0.2).special_points
     assert doubling.criticality == "supercritical"
     (point,) = mi.continue_curve(doubling, "b", -0.4).special_points
@@ -162,8 +163,7 @@ def test_fifth_order_of_a_chenciner_point(theta, a, b, s, t):
         period=1.0, parameters={"theta": theta, "a": a, "b": b, "h": 0.4, "s": s, "t": t},
         initial={"x": 0.0, "y": 0.0, "w": PHASE},
     )  # fmt: skip
-    options = mi.Options(method="dop853", rtol=1e-11, atol=1e-13)
-    found = mi.find_orbit(system, periods=1, options=options).found
+    found = mi.find_orbit(system, periods=1, options=COMPILED).found
     form = codimension_two_form("Chenciner", found.shooting, found.point)
     # Along eigenvectors of length one |z|^2 has twice the value; of |z| -> |z| (1 + d |z|^4), d is
     # b + a^2/2 (Kuznetsov 2004, section 9.4).

@@ -7,7 +7,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.continuation.orbit_identity import orbit_on_branch
 
-PLAIN = mi.Options(method="dop853", engine="interpreted")
+DOP853 = mi.Options(method="dop853")
 MAP = mi.System(
     states=("x", "w"),
     flow=lambda mode, t, y, p: (0.0, -y.w),
@@ -20,7 +20,7 @@ MAP = mi.System(
 
 def fixed_point(a, side):
     guess = {"x": 0.5 * (side * math.sqrt(1.0 + 4.0 * a) - 1.0), "w": 0.0}
-    return mi.find_orbit(MAP.changed(a=a), periods=1, guess=guess, options=PLAIN)
+    return mi.find_orbit(MAP.changed(a=a), periods=1, guess=guess, options=DOP853)
 
 
 @pytest.mark.slow
