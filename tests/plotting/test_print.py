@@ -1,5 +1,6 @@
 """Every figure can be read: at the width of a column and of a page."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -107,6 +108,7 @@ def two_sided(*terms):
                          mi.load_actuator("mita2003").adding(*terms))[0]  # fmt: skip
 
 
+@cache
 def resisted():
     """A run with two electrodes behind resistances."""
     pulse = mi.Pulse(amplitude=0.5, period=12.0, width=3.8)
@@ -116,10 +118,12 @@ def resisted():
     return mi.simulate(device, drive, 4, initial=mi.State(v2=0.6), options=options)
 
 
+@cache
 def closing():
     return mi.closing(mi.load_actuator("abdulrahim2016"), mi.Step(amplitude=90.0, rise=1e-6))
 
 
+@cache
 def real():
     return mi.simulate(mi.load_actuator("mita2003"), mi.Sine(amplitude=100.0, omega=6.283), 3)
 
@@ -128,6 +132,7 @@ def well(mode, t, y, p):
     return y.v, y.x - y.x**3 - 0.2 * y.v
 
 
+@cache
 def manifolds():
     (saddle,) = mi.find_equilibria(mi.System(states=("x", "v"), flow=well), guess={"x": 0.1})
     return [mi.manifold(saddle, kind, length=2.0) for kind in ("unstable", "stable")]
@@ -144,6 +149,16 @@ def quadratic_map():
     )  # fmt: skip
 
 
+@cache
+def doublings():
+    return mi.bifurcation_diagram(quadratic_map(), "a", 2.8, 3.3, depth=1, values=5)
+
+
+@cache
+def walk():
+    return mi.find_orbit(mi.load_actuator("zhao2004"), DRIVE, transient=300)
+
+
 GRID = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
 QUICK = {
     "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(made_table())),
@@ -155,8 +170,7 @@ LONG = {
     "plot_basins": lambda _: mi.plot_basins(made_basins(GRID, [0, 0, 0, 1, 1, -1])),
     "plot_basins of many attractors": lambda _: mi.plot_basins(made_basins(
         Grid(Axis("x", (0.0, 1.0, 2.0, 3.0)), Axis("v", (0.0, 1.0, 2.0))), [*range(9), 0, 1, -1])),
-    "plot_diagram": lambda _: mi.plot_diagram(
-        mi.bifurcation_diagram(quadratic_map(), "a", 2.8, 3.3, depth=1, values=5)),
+    "plot_diagram": lambda _: mi.plot_diagram(doublings()),
     "plot_manifold": lambda _: mi.plot_manifold(manifolds()),
     "plot_return_map": lambda _: mi.plot_return_map(mi.simulate(quadratic_map(), 60)),
     "plot_closing": lambda _: mi.plot_closing(closing())[0],
@@ -167,8 +181,7 @@ LONG = {
     "plot_load": lambda _: mi.plot_load(load()),
     "plot_map of a column": lambda _: mi.plot_map(made_map(), "speed"),
     "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
-    "plot_orbit of an actuator": lambda _: mi.plot_orbit(
-        mi.find_orbit(mi.load_actuator("zhao2004"), DRIVE, transient=300)),
+    "plot_orbit of an actuator": lambda _: mi.plot_orbit(walk()),
     "plot_pareto": lambda _: mi.plot_pareto(front()),
     "plot_response": lambda _: mi.plot_response(response())[0],
     "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
