@@ -45,7 +45,7 @@ EXPONENT_CHUNK = 16  # periods between two checks of an exponent
 CLASSIFICATION_RTOL = 1e-7
 # Largest number of periods over which an exponent is computed: at first, and for a motion that has
 # been followed for longer; most exponents have a sign long before.
-EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
+EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 24_000
 LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
@@ -325,7 +325,7 @@ def _followed(
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             unsure = each.motion == UNSETTLED and not math.isnan(each.error)
-            if each.motion == UNSETTLED and kind == PERIODIC:
+            if each.motion in (UNSETTLED, OFF) and not each.period and kind == PERIODIC:
                 approaching.append(i)  # the motion came near an orbit late
             elif recurrence.chaos_persistence > 1.0 and (each.motion == CHAOTIC or unsure):
                 # Chaos may be a transient. An exponent without a sign may also belong to a
