@@ -197,6 +197,7 @@ def test_a_slow_approach_is_no_orbit_yet():
         ((0.1, 0.08, 0.06), True),  # as of a geometric sequence
         ((0.1, 0.098, 0.06), False),  # of chaotic motions, by chance
         ((0.1, 0.061, 0.06), False),
+        ((0.1, 0.2, 0.06), True),  # begun in the latest window
         ((0.1, 0.11, 0.06), False),
         ((0.1, 0.1, 0.1), False),
     ],
