@@ -192,24 +192,26 @@ def test_a_slow_approach_is_no_orbit_yet():
 
 
 @pytest.mark.parametrize(
-    ("differences", "extended"),
+    ("differences", "latest", "extended"),
     [
-        ((0.1, 0.08, 0.06), True),  # as of a geometric sequence
-        ((0.1, 0.098, 0.06), False),  # of chaotic motions, by chance
-        ((0.1, 0.061, 0.06), False),
-        ((0.1, 0.2, 0.06), True),  # begun in the latest window
-        ((0.1, 0.11, 0.06), False),
-        ((0.1, 0.1, 0.1), False),
+        ((0.1, 0.08, 0.06), 0.05, True),  # as of a geometric sequence
+        ((0.1, 0.098, 0.06), 0.05, False),  # of chaotic motions, by chance
+        ((0.1, 0.061, 0.06), 0.05, False),
+        ((0.1, 0.11, 0.06), 0.05, False),
+        ((0.1, 0.1, 0.1), 0.1, False),
+        ((0.1, 0.1, 0.1), 0.01, True),  # near an orbit since the latest window
+        ((0.1, 0.1, math.inf), 0.01, True),
     ],
 )
-def test_a_regular_approach_is_continued(differences, extended):
-    memory = np.zeros((returns.RING, 1))
+def test_a_regular_approach_is_continued(differences, latest, extended):
+    memory = np.zeros((returns.RING + 2, 4))
     first = returns.LARGEST_DISTANCES
     memory[first + 3 : first : -1, 0] = differences  # the latest window comes first
-    s = SimpleNamespace(end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
+    memory[returns.RING :, returns.WHERE + 1] = latest
+    s = SimpleNamespace(n=1, end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
     w = SimpleNamespace(
         memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
-        returns=400, transient=300.0, length=100.0, tolerance=1e-6,
+        returns=420, transient=300.0, length=100.0, tolerance=1e-6,
     )  # fmt: skip
     assert returns.extend_approach(s, w) == extended
     assert (s.end_cycle > 400) == extended

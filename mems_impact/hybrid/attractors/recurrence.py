@@ -253,7 +253,7 @@ WINDOW_SHARE = 0.25  # length of a window relative to the number of returns befo
 # Share of the first window in the logarithm of the decrease over two windows. It is 4/9 for a
 # geometric sequence, 1/2 for a power of time; the turns of a spiral disturb it.
 MIN_FALL_SHARE, MAX_FALL_SHARE = 0.2, 0.7
-STEEP_FALL = 2.0  # factor of a decrease over one window that chaotic motions rarely have
+LATE_FALL = 8.0  # factor of a decrease to the latest returns that chaotic motions rarely have
 # Longest duration of an approach, in multiples of the planned length of the motion.
 LONGEST_EXTENSION = 64.0
 
@@ -569,15 +569,14 @@ def extend_approach(s: Any, w: Any) -> bool:
 
     The rate of the approach is that of the largest differences in windows, which also contain the
     turns of a spiral. Those of chaotic motions vary, and decrease over two windows in most cases.
-    So they must decrease twice, at similar rates, or steeply where the motion has come near the
-    orbit in the latest window. Only `repeats_after` decides whether the motion is periodic.
+    So they must decrease twice, at similar rates. A motion that comes near the orbit later has far
+    smaller latest differences. Only `repeats_after` decides whether the motion is periodic.
     """
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
     # The length of a window is a fixed part of the returns before it, which gives their starts.
     begun = w.opened / (1.0 + WINDOW_SHARE)
-    span = begun * (1.0 - 1.0 / (1.0 + WINDOW_SHARE))  # between the last two
-    both = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
+    span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
     arrives = math.inf
     for after in range(1, w.longest + 1):
         latest, second, third = (
@@ -585,18 +584,18 @@ def extend_approach(s: Any, w: Any) -> bool:
             scratch_row(w, LARGEST_DISTANCES + 2)[after - 1],
             scratch_row(w, LARGEST_DISTANCES + 3)[after - 1],
         )
-        if not 0.0 < latest < second < math.inf:
-            continue
-        rate = 0.0
-        if second > STEEP_FALL * latest:
-            rate = math.log(second / latest) / span
-        elif second < third < math.inf:
-            fall = math.log(third / latest)
+        recent, rate = 0.0, 0.0
+        for k in range(max(0, w.returns - 2 * w.longest), w.returns):
+            recent = max(recent, return_row(w, k)[WHERE + s.n + after - 1])
+        if 0.0 < LATE_FALL * recent < min(latest, 1.0):
+            rate = math.log(min(latest, 1.0) / recent) / (w.returns - begun)
+        elif 0.0 < latest < second < third < math.inf:
+            recent, fall = latest, math.log(third / latest)
             if MIN_FALL_SHARE < math.log(third / second) / fall < MAX_FALL_SHARE:
-                rate = fall / both
+                rate = fall / span
         if rate > 0.0:
             left = -math.expm1(-rate * after)  # relative decrease from one difference to the next
-            steps = math.log(latest / (w.tolerance * left)) / rate
+            steps = math.log(recent / (w.tolerance * left)) / rate
             arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
     if math.isinf(arrives):
         return False
