@@ -162,7 +162,7 @@ def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
 # --- Shooting equations of a periodic orbit
 
 TOUCHING_RATE = 1e-9  # rate of a guard at its event that counts as zero
-KICK_RTOL = 1e-11  # ratio to the flow below which a difference of flows is zero there
+KICK_RTOL = 1e-11  # ratio to the largest flow below which a difference of flows is zero there
 RESIDUAL_TOLERANCE = 1e-8  # largest residual that is attributed to integration errors
 CONSERVATION_STEP = 1e-3  # relative difference step in the search for conserved sums
 ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
@@ -501,7 +501,9 @@ class Shooting:
         after = point.arcs[(i + 1) % len(self.segments)].slope_start
         kick = np.asarray(after - jump @ before - event.jump_by_time)
         if abs(float(event.rates[self.segments[i].guard(self.m)])) <= TOUCHING_RATE:
-            kick[np.abs(kick) <= KICK_RTOL * max(np.abs(after).max(), np.abs(before).max())] = 0.0
+            # The flow at the event may be rounding too, as that of a body that sticks.
+            scale = max(float(np.abs(arc.slope_end).max()) for arc in point.arcs)
+            kick[np.abs(kick) <= KICK_RTOL * scale] = 0.0
         return kick
 
     def pin(self, point: ShootingEvaluation) -> None:
