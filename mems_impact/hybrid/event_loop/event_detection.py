@@ -607,8 +607,9 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
         if not crossed and not certain and side * r_a < 0.0 < side * r_b:
             nearest = bisect_section_rate(engine, s, a, b)
             interface.interpolate(engine, nearest, y)
-            if side * (y[s.section] - s.level) < -rounding:
-                b, crossed = nearest, True
+            distance = y[s.section] - s.level
+            if side * distance < -rounding:
+                b, g_b, r_b, crossed = nearest, distance, 0.0, True
         if crossed and s.direction * side <= 0:
             b = bisect_section(engine, s, a, b)
             interface.interpolate(engine, b, y)
