@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import at_study_point, collected_warnings
-from mems_impact.analysis.lyapunov import SURE, ZERO_EXPONENT, classify
+from mems_impact.analysis.lyapunov import SIGNIFICANCE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
@@ -49,7 +49,7 @@ EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 24_000
 LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
-WIDER = 4  # longest period, over `longest`, of a motion that is unsettled otherwise
+MAX_PERIOD_FACTOR = 4  # of `longest`: the longest period of a motion unsettled otherwise
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -347,7 +347,7 @@ def _followed(
         if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0
     ]
     if chosen:
-        with closing(mapper_of(WIDER * recurrence.longest)) as wide:
+        with closing(mapper_of(MAX_PERIOD_FACTOR * recurrence.longest)) as wide:
             for i, later in continued(wide, chosen, longer):
                 if later.outcome == detection.PERIODIC:
                     found[i] = arrived(i, later)
@@ -464,7 +464,9 @@ class _Exponents:
                 )
             else:
                 self._stretching.restart(problem, start)
-            return largest(self._stretching, tolerance=ZERO_EXPONENT, sure=SURE, periods=periods)
+            return largest(
+                self._stretching, tolerance=ZERO_EXPONENT, sure=SIGNIFICANCE, periods=periods
+            )
         except (RunError, FunctionError):
             return math.nan, math.nan, 0
 

@@ -35,9 +35,9 @@ LYAPUNOV_OPTIONS = Options(method=ORBIT_OPTIONS.method)
 # The error of an exponent near zero is relative to this, a growth by a tenth per period.
 SMALL_EXPONENT_RATIO = 0.1
 
-SURE = 4.0  # number of standard errors by which an exponent with a sign differs from zero
+SIGNIFICANCE = 4.0  # standard errors by which an exponent with a sign differs from zero
 ZERO_EXPONENT = 1e-3  # per period; a smaller exponent has no sign, however small its error
-VAGUE = 0.01  # per period; a zero exponent with a larger error is undecided
+MAX_ZERO_ERROR = 0.01  # per period; a zero exponent with a larger error is undecided
 REST_SPEED = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
 
 
@@ -71,12 +71,12 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
     >>> mi.classify(0.31, 0.01), mi.classify(-0.8, 0.01), mi.classify(2e-4, 5e-4)
     ('chaotic', 'periodic', 'quasi-periodic')
     """
-    border = max(SURE * error, ZERO_EXPONENT)
+    border = max(SIGNIFICANCE * error, ZERO_EXPONENT)
     if exponent > border:
         return CHAOTIC
     if exponent < -border or (returns and abs(exponent) <= border):
         return PERIODIC
-    return QUASI_PERIODIC if border <= VAGUE and returns is not True else "undecided"
+    return QUASI_PERIODIC if border <= MAX_ZERO_ERROR and returns is not True else "undecided"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +173,7 @@ class LyapunovSpectrum(Result):
         if self.system.forced or not self.moving:
             return []
         near = int(np.argmin(np.abs(self.exponents)))
-        border = max(SURE * float(self.errors[near]), VAGUE / self.period)
+        border = max(SIGNIFICANCE * float(self.errors[near]), MAX_ZERO_ERROR / self.period)
         return [near] if abs(float(self.exponents[near])) <= border else []
 
     @property

@@ -14,9 +14,8 @@ from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEv
 
 TOLERANCE = 1e-11  # of a Newton step
 RESIDUAL_ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, relative to its terms
-NOISE_RATIO = (
-    0.02  # ratio of two steps below `RESIDUAL_TOLERANCE` from which they are integration errors
-)
+# Ratio of two steps below `RESIDUAL_TOLERANCE` from which they are integration errors.
+NOISE_RATIO = 0.02
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (

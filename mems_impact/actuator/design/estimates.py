@@ -38,6 +38,10 @@ __all__ = [
     "step_lengths",
 ]
 
+HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
+DYNAMIC_PERIODS = 30  # periods of the resonance in which the block strikes, or never does
+DYNAMIC_RTOL = 1e-9  # relative accuracy of a dynamic pull-in voltage found by simulation
+
 
 def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     """Return the distance that the frame slides to the right from a state under constant forces.
@@ -49,10 +53,6 @@ def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     slowing = (model.sliding_friction(1, y[V1], p) - push) / p[eq.M1]
     return float(y[V1] ** 2 / (2.0 * slowing)) if slowing > 0.0 else math.inf
 
-
-HOLDING_FRICTION = 1e6  # coefficient of friction that holds the frame
-DYNAMIC_PERIODS = 30  # periods of the resonance in which the block strikes, or never does
-DYNAMIC_RTOL = 1e-9  # relative accuracy of a dynamic pull-in voltage found by simulation
 
 # --- Estimates of pull-in voltage, resting voltage and step length
 
