@@ -11,13 +11,13 @@ precedence. A plugin that fails is ignored, with a `PluginWarning`.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from mems_impact._util.formatting import shown
+from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import PluginWarning
 
 __all__ = ["COMMAND_GROUP", "DRIVES", "SYSTEMS", "TERM_GROUP", "names", "plugin"]
@@ -66,4 +66,4 @@ def _failed(entry: EntryPoint, reason: str) -> None:
     package = entry.dist.name if entry.dist is not None else entry.module
     problem = f"{entry.name} ({shown(entry.value)}) of the package {package} {reason}"
     message = f"{problem}; it is ignored: repair or remove the package"
-    warnings.warn(" ".join(message.split()), PluginWarning, stacklevel=3)
+    warn(" ".join(message.split()), PluginWarning, entry.name)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
@@ -267,4 +267,4 @@ def _alternative_units(unit: str) -> Mapping[str, float]:
 @cache
 def _warn_once(message: str) -> None:
     """Issue a warning once."""
-    warnings.warn(message, UnitsWarning, stacklevel=5)
+    warn(message, UnitsWarning, message)

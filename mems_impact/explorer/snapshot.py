@@ -444,9 +444,9 @@ def take_snapshot(
         If the run fails.
     """
     begin = time.perf_counter()
-    system = setting.system(subject)
-    unit = unit_of_time(system)
     with collected_warnings() as collected:
+        system = setting.system(subject)
+        unit = unit_of_time(system)
         run = mi.simulate(
             system,
             **run_length(system, setting, unit),

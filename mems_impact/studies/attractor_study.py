@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
     Attractor,
@@ -218,7 +219,8 @@ class AttractorEvaluator:
         refused: dict[int, str] = {}
         for number in numbers:
             try:
-                cases.append(case(number))
+                with at_study_point(number):
+                    cases.append(case(number))
             except (InvalidParameter, FunctionError) as error:
                 refused[number] = str(error)
         allowed = [number for number in numbers if number not in refused]

@@ -164,7 +164,8 @@ class SweepStudy(Study):
             point = self._empty(number)
             points.append(point)
             try:
-                case = self.case(number)
+                with at_study_point(number):
+                    case = self.case(number)
                 own = _period_of(case)
             except (InvalidParameter, FunctionError) as error:
                 point["status"] = str(error)

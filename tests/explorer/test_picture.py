@@ -64,6 +64,16 @@ def test_warnings_belong_to_the_picture_whose_run_gave_them():
         warned(None)
 
 
+def test_warnings_of_a_drive_belong_to_its_picture():
+    drive = mi.Square(amplitude=0.24, omega=0.5)
+    subject = subject_of_device("zhao2004", mi.load_actuator("zhao2004"), drive)
+    setting = replace(first_setting(subject), length=3.0)
+    assert take_snapshot(subject, setting).warnings == ()
+    constant = replace(setting, values={**setting.values, "low": -0.24})
+    (warning,) = take_snapshot(subject, constant).warnings
+    assert warning.startswith("the force of this square wave is constant")
+
+
 def test_steps_and_impacts_come_cycle_by_cycle(picture):
     cycles, statistics = picture.cycles, picture.run.statistics
     assert len(cycles.number) == 100

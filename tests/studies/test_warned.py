@@ -107,3 +107,15 @@ def test_a_sweep_tells_of_a_jump_once():
 
     (told,) = caught_by(mi.DiscontinuityWarning, over)
     assert told.startswith("sweep (push = 0.5): the flow is discontinuous")
+
+
+def test_a_map_warns_once_of_waveforms_of_constant_force():
+    device, drive = mi.load_actuator("zhao2004"), mi.Square(amplitude=0.2, omega=0.5)
+
+    def over(lows):
+        system = device.under(drive)
+        mi.operating_map(system, x=("low", lows), y=("e", [0.5, 0.6]), recurrence=RECURRENCE)
+
+    (warning,) = caught_by(UserWarning, lambda: over([0.0, -0.2]))
+    assert warning.startswith("operating_map (low = -0.2, e = 0.5): the force of this square wave")
+    assert caught_by(UserWarning, lambda: over([0.0, -0.1])) == []

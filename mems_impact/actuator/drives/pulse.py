@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Self
 
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
@@ -119,8 +119,9 @@ def pulse(
 def warn_of_constant_force(wave: str, amplitude: float, low: float, flank: float) -> None:
     """Warn if a waveform between two voltages exerts a constant force, except on its flanks."""
     if amplitude > 0.0 and abs(low) == amplitude and (low == amplitude or flank == 0.0):
-        warnings.warn(
+        warn(
             f"the force of {wave} is constant: it depends on the square of the voltage, and "
             f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, such as 0",
-            stacklevel=3,
+            UserWarning,
+            wave,
         )
