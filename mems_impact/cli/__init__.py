@@ -28,6 +28,8 @@ from mems_impact.cli.runtime import (
     show_warnings_briefly,
     with_options,
 )
+from mems_impact.cli.wording import shell_wording
+from mems_impact.errors import MemsImpactError
 
 __all__ = ["main"]
 
@@ -86,6 +88,10 @@ class _Commands(click.Group):
                 result = super().invoke(ctx)
             except click.exceptions.Exit:  # an unfavourable verdict
                 finish(ctx)
+                raise
+            except MemsImpactError as error:
+                command = self.get_command(ctx, ctx.invoked_subcommand or "")
+                error.args = (shell_wording(str(error), command),)
                 raise
             finish(ctx)
             return result

@@ -112,6 +112,8 @@ def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
     given: dict[str, Any] = {name: range_axis(*axis) for name, axis in axes.items()}
     if options["box"]:
         given |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
+    if not given:
+        raise click.UsageError("missing option '--x', '--y' or '--box'")
     return given
 
 

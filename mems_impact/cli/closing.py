@@ -90,10 +90,8 @@ def command(
         files.show()
     if math.isnan(found.closing_time):
         other = "" if isinstance(drive, mi.Step) else ", or give --drive step"
-        say(
-            f"the contact does not close under {drive}; raise the voltage (see mems-impact pull-in)"
-            f"{other}"
-        )
+        remedy = f"raise the voltage (see mems-impact pull-in){other}"
+        say(f"the contact does not close under this voltage; {remedy}")
         ctx.exit(FAILED)
 
 

@@ -17,6 +17,7 @@ from mems_impact.cli.options import (
     option_of,
     state_from,
 )
+from mems_impact.cli.wording import FROM_FILE
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -36,6 +37,7 @@ def from_file(
     """Return system and arguments of a study file of a kind; `beside` names allowed options."""
     import mems_impact as mi
 
+    ctx.meta[FROM_FILE] = True
     allowed = {*EXCLUSIVE_OPTIONS, *beside}
     for parameter in ctx.command.params:
         source = ctx.get_parameter_source(parameter.name or "")

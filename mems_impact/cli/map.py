@@ -22,6 +22,7 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.output import show, show_table, unit_of
 from mems_impact.cli.runtime import say, warn
+from mems_impact.cli.wording import shell_wording
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,6 +168,6 @@ def _show(table: pd.DataFrame) -> None:
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
         here = f"{x} = {a:.9g}{unit_of(table, x)}, {y} = {b:.9g}{unit_of(table, y)}"
-        show(f"  failed at {here}: {reason}")
+        show(f"  failed at {here}: {shell_wording(reason)}")
     if len(failed):
         show("")

@@ -17,6 +17,7 @@ from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import Output
 from mems_impact.cli.runtime import quiet
+from mems_impact.cli.wording import DRIVE_PREFIX
 from mems_impact.integrators.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
@@ -540,7 +541,6 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
 
 KEY = "mems_impact.drive"
 USUAL_KIND = "sine"
-DRIVE_PREFIX = "drive_"  # keeps names apart from the command's own options
 
 # Options can describe a waveform whose parameters are all among these; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
@@ -565,8 +565,13 @@ NUMBERS: dict[str, tuple[str, str | None]] = {
 EQUIVALENT = {"omega": "frequency", "frequency": "omega"}
 """Numbers that exclude each other."""
 
-OPTION_NAMES = {"period": "--drive-period", "duration": "--drive-duration"}
-"""The option of a number, where their names differ.
+OPTION_NAMES = {
+    "period": "--drive-period",
+    "duration": "--drive-duration",
+    "choice": "--drive",
+    "allow_code": "--allow-code",
+}
+"""The option of an entry of a drive, where their names differ.
 
 ``--period`` would resemble ``--periods``; ``--duration`` is the length of a run.
 """

@@ -21,19 +21,28 @@ def command(*, device: str, changes: dict[str, float]) -> None:
 
     Under a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage. It
     stays there until the voltage falls below the resting voltage. The resonance is that of the
-    block in a fixed frame. A comb drive has no pull-in.
+    block in a fixed frame. A comb drive has no pull-in. For a device with a charge drive, the
+    command shows the pull-in charge and the resonance.
     """  # noqa: D301 - click looks for the backspace itself
+    from mems_impact.actuator.design.estimates import pull_in_charge
     from mems_impact.actuator.design.fit import OF_DEVICE
+    from mems_impact.actuator.terms.base import drive_unit
     from mems_impact.errors import InvalidParameter
 
     actuator = actuator_from(device, changes)
     named = actuator.scales.named
     values, reason = {}, ""
-    for name, (compute, unit) in OF_DEVICE.items():
+    quantities = OF_DEVICE
+    if drive_unit(actuator.terms) == "C":
+        quantities = {
+            "pull-in charge": (pull_in_charge, "C"),
+            "resonance": OF_DEVICE["resonance"],
+        }
+    for name, (compute, unit) in quantities.items():
         try:
             values[name] = OutputValue(compute(actuator), unit)
         except InvalidParameter as error:
-            if name != "pull-in voltage":
+            if not name.startswith("pull-in"):
                 raise
             reason = error.problem or str(error)
     if named:

@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from mems_impact.cli.wording import shell_wording
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
 
 __all__ = ["as_json", "quiet", "with_options"]
@@ -112,7 +113,7 @@ def say(text: str) -> None:
 def warn(text: str) -> None:
     """Print a warning, unless only errors are wanted."""
     if not quiet():
-        say(f"warning: {text}")
+        say(f"warning: {shell_wording(text)}")
 
 
 def show_warnings_briefly() -> None:

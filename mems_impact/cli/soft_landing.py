@@ -12,6 +12,7 @@ from mems_impact.cli.options import (
     KEY,
     actuator_from,
     device_options,
+    drive_choice,
     drive_from,
     orbit_integrator_options,
     output_options,
@@ -21,6 +22,8 @@ from mems_impact.cli.options import (
 from mems_impact.cli.output import Output, OutputValue, show, show_values
 from mems_impact.cli.runtime import FAILED, say
 from mems_impact.integrators.options import Options
+
+KIND = "pulse-and-hold"  # the drive
 
 
 @click.command("soft-landing", short_help="Find the voltage that closes a contact softly.")
@@ -58,8 +61,9 @@ def command(
     actuator = actuator_from(device, changes)
     given = ctx.meta.get(KEY, {})
     low = {name: bounds[0] for name, bounds in over.items()}
-    # The function checks the kind.
-    drive: Any = drive_from(low, usual="pulse-and-hold") if any(given.values()) else None
+    drive = drive_from(low, usual=KIND) if any(given.values()) else None
+    if drive is not None and not isinstance(drive, mi.PulseAndHold):
+        raise click.UsageError(f"--drive {drive_choice(KIND)}: must be {KIND}, or a file with one")
     with output("soft-landing") as files:
         found = mi.soft_landing(actuator, drive, over=over or None, options=options)
         files.tables({"history": found.history, "impacts": found.closing.table})

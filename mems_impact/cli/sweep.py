@@ -24,6 +24,7 @@ from mems_impact.cli.options import (
     transient_option,
 )
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
+from mems_impact.cli.wording import shell_wording
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def _show(table: pd.DataFrame, path: Path) -> None:
         show(line)
         reasons = zip(failed[parameter], failed["status"], strict=True)
         for value, reason in islice(reasons, SHOWN_FAILURES):
-            show(f"  failed at {value:.9g}{unit}: {reason}")
+            show(f"  failed at {value:.9g}{unit}: {shell_wording(reason)}")
     show("")
 
 

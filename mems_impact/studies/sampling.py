@@ -245,7 +245,15 @@ def distribution_named(field: str, words: Sequence[Any], convert: Callable[[Any]
     known = isinstance(made, stats.rv_continuous | stats.rv_discrete)
     if not known or not all(map(is_number, numbers)):
         raise InvalidParameter(field, words, DISTRIBUTIONS_ALLOWED)
-    return made(*numbers)
+    try:
+        found = made(*numbers)
+    except TypeError:
+        shape = ", ".join(filter(None, (made.shapes, "loc")))
+        more = "" if isinstance(made, stats.rv_discrete) else ", scale"
+        raise InvalidParameter(field, words, f"{kind} and its numbers: {shape}{more}") from None
+    if not found.ppf(0.5) == found.ppf(0.5):  # as SciPy marks numbers that are not allowed
+        raise InvalidParameter(field, words, f"{kind} with numbers that it allows")
+    return found
 
 
 def _size(field: str, name: str, system: HybridSystem) -> float:

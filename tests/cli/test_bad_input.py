@@ -74,6 +74,51 @@ WRONG = [
     ([*SWEEP, "--direction", "left"], ["left", "both"]),
 ]  # fmt: skip
 
+ORBIT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--transient", "50"]
+SLOW = ["zhao2004", "--amplitude", "0.2357", "--omega", "0.45", "--transient", "5"]
+OPTIMIZE = ["optimize", *ORBIT, "--maximize", "mean speed", "--over", "omega=0.45:0.55"]
+MAP = ["map", "zhao2004", "--x", "amplitude", "0.1", "0.2", "2", "--y", "omega", "0.4", "0.5", "2"]
+TOLERANCES = ["tolerances", *ORBIT[:5], "--over"]
+
+# What is typed, the words of the shell in the message, and those of Python that must be absent.
+WORDED = [
+    (["sensitivity", *ORBIT, "--quantity", "speed"], "largest multiplier", "Quantity"),
+    ([*OPTIMIZE, "--subject-to", "nothing=1:2"], "largest multiplier", "Quantity"),
+    ([*OPTIMIZE, "--subject-to", "mean speed=2:1"], "--subject-to mean speed = ", "subject_to"),
+    ([*OPTIMIZE, "--tolerance", "nothing=1"], "--tolerance = 'nothing'", "tolerances"),
+    (["orbit", *SLOW], "or set --periods;", "periods="),
+    (["orbit", *SLOW, "--periods", "3"], "(--transient 300)", "transient="),
+    (["orbit", "zhao2004", "--drive", "step", "--amplitude", "1"], "give --drive-dur", "the dur"),
+    ([*MAP, "--recurrence-tolerance", "0"], "--recurrence-tolerance = 0", ": tolerance"),
+    ([*MAP, "--chaos-persistence", "0"], "--chaos-persistence = 0", "chaos_persistence"),
+    (["basins", *ORBIT[:5]], "'--x', '--y' or '--box'", "x="),
+    ([*TOLERANCES, "e=nothing:1"], "norm:0.62:0.02, or 5%", "{"),
+    ([*TOLERANCES, "e=norm:0.8:0.02:3"], "norm and its numbers: loc, scale", "positional"),
+    ([*TOLERANCES, "e=norm:0.8:-0.02"], "norm with numbers that it allows", "nan"),
+    ([*TOLERANCES, "e=5%", "--specification", "mean speed=2:1"], "LOW:HIGH", "None"),
+    (["soft-landing", "zhao2004", "--drive", "sine", "--amplitude", "2", "--omega", "1"],
+     "--drive sine: must be pulse-and-hold", "PulseAndHold"),
+    (["simulate", "cycle.py:cycle"], "give --duration", "="),
+    (["simulate", "cycle.py:cycle", "--drive", "sine"], "--drive: for devices", "--choice"),
+    (["simulate", *ORBIT[:5], "--set", "regularized_friction.width=1e-14"],
+     "take --atol 1e-17", "Options"),
+    (["simulate", *ORBIT[:5], "--set", "slew_rate.rate=1", "--set", "charge_drive.parasitic=1"],
+     "slew_rate limits a voltage, and charge_drive sets none", "SlewRate"),
+    (["datasheet", "zhao2004"], "give a device in SI", "to_si"),
+    (["chart", "zhao2004", "--set", "slew_rate.rate=1"], "use mems-impact sweep", "sweep()"),
+    (["new", "device", "x.toml", "--pull-in", "3"], "one more of --frame-mass", "_"),
+    (["closing", "zhao2004", "--amplitude", "2", "--smallest-bounce", "3"],
+     "--smallest-bounce = 3", "smallest_bounce"),
+    (["export", "zhao2004", "a.fmu", *ORBIT[1:5], "--input", "nothing"], "--input = ", "inputs"),
+]  # fmt: skip
+
+CYCLE = """
+import mems_impact as mi
+def flow(mode, t, y, p):
+    return y.v, -y.x
+cycle = mi.System(states=("x", "v"), flow=flow, initial={"x": 1.0})
+"""
+
 
 @pytest.fixture
 def files(tmp_path):
@@ -81,6 +126,7 @@ def files(tmp_path):
     (tmp_path / "directory").mkdir()
     (tmp_path / "truncated.toml").write_text("[parameters]\nm1 = ")
     (tmp_path / "bad.toml").write_text("[parameters]\nm1 = -5\n")
+    (tmp_path / "cycle.py").write_text(CYCLE)
 
 
 @pytest.mark.usefixtures("files")
@@ -89,6 +135,36 @@ def test_one_line_and_status_2(cli, arguments, named):
     said = cli(*arguments).complaint()
     for word in named:
         assert word in said
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize(("arguments", "typed", "python"), WORDED, ids=lambda x: str(x)[:60])
+def test_an_error_names_what_can_be_typed(cli, arguments, typed, python):
+    done = cli(*arguments)
+    assert done.status in (1, 2)
+    said = done.err.splitlines()[-1]  # a progress bar may stand before it
+    assert typed in said
+    assert python not in said.partition("mems-impact: ")[2]
+
+
+def test_an_error_in_a_study_file_names_its_arguments(cli, tmp_path):
+    (tmp_path / "study.toml").write_text(
+        '[study]\nkind = "map"\nx = ["amplitude", 0.1, 0.2, 2]\ny = ["omega", 0.4, 0.5, 2]\n'
+        'recurrence = {chaos_persistence = 0}\n[device]\nbase = "zhao2004"\n'
+        '[drive]\nkind = "sine"\namplitude = 0.2\nomega = 0.5\n'
+    )
+    assert "study.recurrence.chaos_persistence = 0" in cli("map", "study.toml").complaint()
+
+
+def test_a_warning_names_what_can_be_typed(cli):
+    done = cli("closing", "zhao2004", "--amplitude", "0.01")
+    assert "--method auto, or --method bdf, may be faster" in done.err
+
+
+def test_the_pull_in_of_a_charge_drive(cli):
+    done = cli("pull-in", "mita2003", "--set", "charge_drive.parasitic=0")
+    assert done.status == 0
+    assert "pull-in charge [C]" in done.out
 
 
 @pytest.mark.skipif(os.name == "nt", reason="directories are not write-protected by a mode there")

@@ -32,7 +32,7 @@ DRIVE = ("--amplitude", "0.24", "--omega", "0.5")
         (("mita2003", "dev.va", "--amplitude", "1"), "a Verilog-A module takes no --amplitude"),
         (("mita2003", "dev.va", "--fmi", "2.0"), "takes no --fmi"),
         (("mita2003", "dev.fmu", "--electrodes", "2"), "takes no --electrodes"),
-        (("zhao2004", "dev.fmu", *DRIVE, "--input", "f"), "inputs = 'f': must be among"),
+        (("zhao2004", "dev.fmu", *DRIVE, "--input", "f"), "--input = 'f': must be among"),
         (("zhao2004", "dev.fmu", *DRIVE, "--input", "left_voltage"), "no electrode on the left"),
     ],
 )

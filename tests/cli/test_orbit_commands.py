@@ -80,7 +80,7 @@ def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(c
         ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "omit the option"]),
         ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
         ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
-        ([*CONTINUE, "--stop-at", "T"], ["stop_at = 'T'", "CF"]),
+        ([*CONTINUE, "--stop-at", "T"], ["--stop-at = 'T'", "CF"]),
         (["continue", "zhao2004", "--parameter", "bias", "--start", "0", "--stop", "0.1",
           "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
         ([*CHART, "--start", "0.6"], ["omega", "lowest"]),

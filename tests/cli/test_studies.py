@@ -70,7 +70,7 @@ def test_tolerances_tell_of_devices_that_cannot_be(cli, tmp_path):
         ),
         (
             ["tolerances", "zhao2004", *DRIVE, "--over", "e=nromal:1"],
-            "distributions of scipy.stats",
+            "a distribution of scipy.stats",
         ),
         (["tolerances", "zhao2004", *DRIVE, "--over", "f=norm:1:1"], "f"),
         (["basins", "zhao2004", *DRIVE], "x"),
