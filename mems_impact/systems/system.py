@@ -50,6 +50,8 @@ from mems_impact.tables import name_of
 __all__ = ["System"]
 
 START_TOLERANCE = 1e-9  # rounding error of a scaled state and of margins at the start of a run
+REST_STEP = 1e-4  # time for which the flow must keep a state at rest, in periods
+REST_RTOL = 1e-6  # of margin and state at rest
 Number = float | Callable[..., float]
 
 
@@ -444,13 +446,18 @@ class System(HybridSystem):
 
         The state may come from a run at other parameters: a body rests on a stop, sticks to a belt
         or slides along a surface that is elsewhere now, or a switching surface has passed it. So it
-        is moved to where the constraints of its mode hold; a mode whose margins are negative is
-        replaced by the one that fits. Rounding errors are kept, to resume a run bit for bit.
+        is moved to where the constraints of its mode hold, or, without constraints, to the guard on
+        which the mode rests; a mode whose margins are negative is replaced by the one that fits.
+        Rounding errors are kept, to resume a run bit for bit.
         """
         automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
         if mode in automaton.constrained:
             _, onto = automaton.state_after(mode, automaton.projection_code, time, y, p)
-            y = y if np.abs(onto - y).max() <= START_TOLERANCE else onto
+        elif self._begin is None:
+            onto = _at_rest(automaton, mode, time, y, p, problem.period)
+        else:
+            onto = y
+        y = y if np.abs(onto - y).max() <= START_TOLERANCE else onto
         if self._begin is not None:
             margins = automaton.margins_at(mode, time, y, p)[0]
             switching = [not (guard.impact or guard.records) for guard in automaton.guards]
@@ -513,6 +520,41 @@ class System(HybridSystem):
         scale = arguments.number("time_scale", self._time_scale, p)
         period = arguments.number("period", self._period, p)
         return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
+
+
+def _at_rest(
+    automaton: Automaton, mode: int, time: float, y: Floats, p: Floats, period: float
+) -> Floats:
+    """Return the state in `mode` moved to the guard on which the mode rests; `y` if on none.
+
+    A mode rests on a guard if a transition at the guard leads into the mode and to states with the
+    margin zero, and if the flow keeps the states that this transition leads to. Of several guards,
+    such as two stops, the nearest is meant.
+    """
+    best, distance = y, math.inf
+    for before in range(len(automaton.modes)):
+        gaps = automaton.margins_at(before, time, y, p, otherwise=0.0)[0]
+        for i, gap in enumerate(gaps.tolist()):
+            for code in (i, len(gaps) + i) if before != mode and gap != 0.0 else ():
+                try:
+                    into, onto = automaton.state_after(before, code, time, y, p)
+                    if into != mode:
+                        continue
+                    left = automaton.margins_at(before, time, onto, p)[0][i]
+                    change = period * automaton.slope_at(mode, time, onto, p)
+                    drift = 0.0
+                    for part in (0.0, REST_STEP):
+                        x = onto + part * change
+                        again = automaton.state_after(before, code, time + part * period, x, p)[1]
+                        drift = max(drift, np.abs(again - x).max())
+                except (ArithmeticError, ValueError):
+                    continue  # a transition may be undefined away from its guard
+                size = max(np.abs(onto).max(), np.abs(change).max())
+                far = float(np.abs(onto - y).max())
+                kept = abs(left) <= REST_RTOL * abs(gap) and drift <= REST_RTOL * size
+                if kept and far < distance:
+                    best, distance = onto, far
+    return best
 
 
 def _function_or_none(given: Any) -> Any:
