@@ -180,10 +180,8 @@ def test_other_modes_start_where_they_are_told():
         assert run.samples(2)[["T", "level"]].iloc[0].tolist() == [0.8, 1.0]
 
 
-def test_a_map_starts_on_the_stop():
-    place = mi.Observable("place", lambda y, p: y.x)
-    system = body(initial=mi.State(x=1.0, mode=HELD), observables=[place])
+def test_basins_start_on_the_stop():
+    system = body(initial=mi.State(x=1.0, mode=HELD)).changed(wall=1.3)
     recurrence = mi.RecurrenceOptions(transient=3, periods=2, exponents="none")
-    axes = {"x": ("wall", [1.0, 1.3]), "y": ("F", [2.0])}
-    found = mi.operating_map(system, **axes, recurrence=recurrence, workers=1, options=PLAIN)
-    assert found.table["place"].tolist() == pytest.approx([1.0, 1.3])
+    found = mi.basins(system, x=("v", [0.0]), recurrence=recurrence, workers=1, options=PLAIN)
+    assert found.attractors["x mean"].tolist() == pytest.approx([1.3])
