@@ -11,7 +11,7 @@ units and provenance, and numbers rows instead of using time as coordinate.
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -61,6 +61,7 @@ __all__ = [
     "sweep_columns",
     "sweep_summary",
     "table",
+    "texts",
     "time_columns",
     "to_xarray",
     "unit_of",
@@ -231,6 +232,11 @@ def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
     return pd.Categorical.from_codes(numbers, categories=list(names))
 
 
+def texts(values: Iterable[str]) -> NDArray[np.str_]:
+    """Return a column of texts, which keeps its type without rows."""
+    return np.array(list(values), dtype=str)
+
+
 def event_names(automaton: Automaton) -> tuple[str, ...]:
     """Return the names of events in the log, indexed by `event_codes`; the last is the end."""
     return (*(guard.name for guard in automaton.guards), CHATTER_ENDS, DRIVE_SWITCHES, END)
@@ -338,16 +344,19 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
 
 
 def special_points(
-    parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
+    parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels, like: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return one row per special point of a branch; `rows` with its names as well."""
+    """Return one row per special point of a branch; `rows` with its names as well.
+
+    The table has the columns of `like`, the table of the branch, also without rows.
+    """
     names = ("kind", "criticality", "type")
     columns = {
-        "label": [row["label"] for row in rows],
+        "label": texts(row["label"] for row in rows),
         parameter: np.array([row["value"] for row in rows], dtype=float),
-        **{name: [row[name] for row in rows] for name in names},
+        **{name: texts(row[name] for row in rows) for name in names},
     }
-    return _table(columns, rows, labels)
+    return _special(columns, rows, labels, like)
 
 
 def curve(
@@ -358,11 +367,38 @@ def curve(
 
 
 def codimension_two(
-    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+    parameters: Sequence[str],
+    rows: Sequence[Mapping[str, Any]],
+    labels: Labels,
+    like: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Return one row per point of codimension two; as `curve`, with ``kind``."""
-    columns = {"kind": [row["kind"] for row in rows], **parameter_columns(parameters, rows)}
-    return _table(columns, rows, labels)
+    """Return one row per point of codimension two; as `curve`, with ``kind``.
+
+    The table has the columns of `like`, the table of the curve, also without rows.
+    """
+    kinds = texts(row["kind"] for row in rows)
+    return _special({"kind": kinds, **parameter_columns(parameters, rows)}, rows, labels, like)
+
+
+def _special(
+    places: Mapping[str, Any],
+    rows: Sequence[Mapping[str, Any]],
+    labels: Labels,
+    like: pd.DataFrame,
+) -> pd.DataFrame:
+    """Return a table of special points with the columns of the solutions in `like`.
+
+    A column of `like` that no row has, such as a third crossing of the section, is NaN.
+    """
+    found = _table(places, rows, labels)
+    for name in like.columns:
+        if name not in found:
+            found[name] = like[name].iloc[:0]
+    measures = [name for name in like.columns if name not in places]
+    more = [name for name in found.columns if name not in places and name not in measures]
+    result = found[[*places, *measures, *more]]
+    result.attrs = {**found.attrs, "units": {**like.attrs["units"], **found.attrs["units"]}}
+    return result
 
 
 def _table(
@@ -506,7 +542,7 @@ def segments(
         "mode": words(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
         "start": start,
         "end": end,
-        "ends with": list(ends),
+        "ends with": texts(ends),
     }
     return table(columns, labels)
 
@@ -544,7 +580,7 @@ def verification(
     # Ignore NaN, the difference of events without impact speed; all NaN gives NaN.
     largest = np.array([np.fmax.reduce(values[codes == kind], initial=np.nan) for kind in kinds])
     columns = {
-        "event": [names[kind] for kind in kinds],
+        "event": texts(names[kind] for kind in kinds),
         "matched": [int((codes == kind).sum()) for kind in kinds],
         "in one run only": [alone.count(kind) for kind in kinds],
         **dict(zip(differences, largest.reshape(-1, len(differences)).T, strict=True)),

@@ -23,7 +23,7 @@ from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
-from mems_impact.tables import Labels, parameter_columns, table, time_columns, words
+from mems_impact.tables import Labels, parameter_columns, table, texts, time_columns, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,10 +134,10 @@ def chart(
 ) -> pd.DataFrame:
     """Return one row per point of a boundary: boundary, the `parameters`, type, kind."""
     columns = {
-        "boundary": [row["boundary"] for row in rows],
+        "boundary": texts(row["boundary"] for row in rows),
         **parameter_columns(parameters, rows),
-        "type": [row["type"] for row in rows],
-        "kind": [row["kind"] for row in rows],
+        "type": texts(row["type"] for row in rows),
+        "kind": texts(row["kind"] for row in rows),
     }
     return table({}, labels, user_columns=columns, symbols=dict(labels.symbols))
 
@@ -145,11 +145,11 @@ def chart(
 def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
     """Return one row per type: type, grazing, `parameter` from and to, on, off."""
     columns = {
-        "type": [row["type"] for row in rows],
-        "grazing": [row["grazing"] for row in rows],
+        "type": texts(row["type"] for row in rows),
+        "grazing": texts(row["grazing"] for row in rows),
         **parameter_columns((f"{parameter} from", f"{parameter} to"), rows),
-        "on": [row["on"] for row in rows],
-        "off": [row["off"] for row in rows],
+        "on": texts(row["on"] for row in rows),
+        "off": texts(row["off"] for row in rows),
     }
     return table({}, labels, user_columns=columns)
 
@@ -158,7 +158,7 @@ def chart_points(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row per point of codimension two: kind and the `parameters`."""
-    columns = {"kind": [row["kind"] for row in rows], **parameter_columns(parameters, rows)}
+    columns = {"kind": texts(row["kind"] for row in rows), **parameter_columns(parameters, rows)}
     return table({}, labels, user_columns=columns)
 
 
@@ -186,7 +186,7 @@ def fit_parameters(
     import pandas as pd  # imported on first use, which a run without tables need not wait for
 
     columns = {
-        "parameter": list(names),
+        "parameter": texts(names),
         "start": list(start),
         "fitted": list(fitted),
         "low": limits[:, 0],
@@ -209,8 +209,8 @@ def fit_residuals(
     import pandas as pd
 
     columns = {
-        "quantity": list(quantities),
-        "drive": list(drives),
+        "quantity": texts(quantities),
+        "drive": texts(drives),
         "measured": measured,
         "computed": computed,
         "difference": computed - measured,

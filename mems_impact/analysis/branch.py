@@ -231,10 +231,11 @@ class Branch(ContinuationResult):
         """One row per special point.
 
         Columns: label, the parameter, kind, criticality (see `NormalForm`), type (see
-        `SlidingType`), then those of `table`.
+        `SlidingType`), then those of `table` but for the piece.
         """
         rows = [{**_names(s), "value": s.value, **orbit_row(s.orbit)} for s in self.special_points]
-        return orbit_tables.special_points(self.parameter, rows, self.system)
+        like = self.table.drop(columns="piece")
+        return orbit_tables.special_points(self.parameter, rows, self.system, like)
 
     @cached_property
     def symmetry(self) -> Symmetry | None:
@@ -694,6 +695,25 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
     }
 
 
+def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:
+    """Return the table of a branch without its rows."""
+    none = {
+        "value": math.nan,
+        "stable": False,
+        "admissible": False,
+        "piece": 0,
+        **({} if system.forced else {"period": math.nan}),
+        "largest multiplier": math.nan,
+        "impacts": 0,
+        "impact speed": math.nan,
+        "closest approach": math.nan,
+        **{each.name: math.nan for each in system.observables},
+        "states": {name: [math.nan] for name in system.displayed_states},
+    }
+    table = orbit_tables.branch(parameter, [none], system)
+    return table.iloc[:0]
+
+
 def _ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[Any, Any]:
     """Return the two arguments of a continuation as numbers, if they are texts with units."""
     system.check_parameter(parameter)
@@ -878,7 +898,7 @@ class Curve(ContinuationResult):
             }
             for s in self.special_points
         ]
-        return orbit_tables.codimension_two([second, first], rows, self.system)
+        return orbit_tables.codimension_two([second, first], rows, self.system, self.table)
 
 
 def continue_curve(
@@ -1151,7 +1171,7 @@ class EquilibriumBranch(ContinuationResult):
             }
             for s in self.special_points
         ]
-        table = orbit_tables.special_points(self.parameter, rows, self.system)
+        table = orbit_tables.special_points(self.parameter, rows, self.system, self.table)
         return _captioned(table, self.system)
 
     def _value(self, state: EquilibriumState) -> float:

@@ -44,6 +44,7 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
     counted_periods,
 )
+from mems_impact.tables import texts
 
 __all__ = [
     "ATTRACTOR",
@@ -315,8 +316,8 @@ def label_points(
     members = [labels == label for label in own]
     bounds = [bounds_of(each, starts) for each in members]
     columns = {
-        ATTRACTOR: np.array(names, dtype=object),
-        MOTION: np.array([motion for motion, _ in kinds], dtype=object),
+        ATTRACTOR: texts(names),
+        MOTION: texts(motion for motion, _ in kinds),
         PERIOD: np.array([period for _, period in kinds], dtype=np.int64),
         "points": np.array([each.sum() for each in members], dtype=np.int64),
         "share": np.array([each.mean() for each in members]),
@@ -326,7 +327,7 @@ def label_points(
         ERROR: np.array([one.error for one in found]),
     }
     more = [name for name in rows if name not in (*columns, *starts.names, RETURNS, STATUS)]
-    attractors = pd.DataFrame({**columns, **{name: rows[name].to_numpy() for name in more}})
+    attractors = pd.DataFrame(columns).join(rows[more].reset_index(drop=True))
     named = table.copy(deep=False)
     column = np.full(len(table), FAILED, dtype=object)
     for name, each in zip(names, members, strict=True):
@@ -348,11 +349,11 @@ def label_partial(table: pd.DataFrame) -> PartialBasins:
     """
     kinds = motions(table)
     counts = kinds[kinds != FAILED].value_counts()
-    columns = {ATTRACTOR: counts.index.to_numpy(dtype=object), "points": counts.to_numpy()}
+    columns = {ATTRACTOR: texts(counts.index), "points": counts.to_numpy()}
     attractors = pd.DataFrame({**columns, "share": columns["points"] / max(1, len(table))})
     named = table.assign(**{ATTRACTOR: kinds})
     named.attrs = dict(table.attrs)
-    return PartialBasins(named, attractors, pd.DataFrame({ATTRACTOR: []}))
+    return PartialBasins(named, attractors, pd.DataFrame({ATTRACTOR: texts([])}))
 
 
 def state_of(system: HybridSystem, row: Any) -> State:
@@ -369,7 +370,7 @@ def returns(
     seen = [none if one.states is None else one.states for one in found]
     names = np.repeat(attractors[ATTRACTOR].to_numpy(), [len(states) for states in seen])
     columns = dict(zip(system.states, np.concatenate([none, *seen]).T, strict=True))
-    table = pd.DataFrame({ATTRACTOR: names.astype(object), **columns})
+    table = pd.DataFrame({ATTRACTOR: texts(names), **columns})
     table.attrs = dict(attractors.attrs)
     return table
 

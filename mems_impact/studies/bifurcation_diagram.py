@@ -33,6 +33,7 @@ from mems_impact.analysis.branch import (
     continue_equilibrium,
     continue_orbit,
     joined_branch,
+    no_orbits,
     switch_branch,
 )
 from mems_impact.analysis.equilibrium import Equilibrium, checked_box, find_equilibria
@@ -59,6 +60,7 @@ from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
 from mems_impact.studies.engine.store import difference
+from mems_impact.studies.engine.study import frame
 from mems_impact.studies.sweep import SweepStudy
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
@@ -240,18 +242,22 @@ class BifurcationDiagram(Result):
     @cached_property
     def table(self) -> pd.DataFrame:
         """The tables of all branches, one below the other, with the number of the branch."""
-        return _joined([branch.table for branch in self.branches])
+        tables = [branch.table for branch in self.branches]
+        return _joined(tables or [no_orbits(self.parameter, self.system)])
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row per special point, with the number of its branch."""
         shown = {(i, id(point)) for i, point in self._distinct}
-        return _joined(
-            [
-                branch.special_table[[(i, id(s)) in shown for s in branch.special_points]]
-                for i, branch in enumerate(self.branches)
-            ]
-        )
+        masks = [
+            np.array([(i, id(s)) in shown for s in branch.special_points], dtype=bool)
+            for i, branch in enumerate(self.branches)
+        ]
+        pairs = zip(self.branches, masks, strict=True)
+        tables = [branch.special_table[mask] for branch, mask in pairs]
+        like = no_orbits(self.parameter, self.system).drop(columns="piece")
+        none = diagram_tables.special_points(self.parameter, [], self.system, like)
+        return _joined(tables or [none])
 
 
 def _up_to_cover(branch: AnyBranch) -> AnyBranch:
@@ -287,10 +293,11 @@ def _joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return tables of branches as one, with the number of the branch after the other columns."""
     import pandas as pd
 
-    numbered = [table.assign(**{BRANCH: i}) for i, table in enumerate(tables) if len(table)]
-    if not numbered:
-        return pd.DataFrame(columns=["label", "kind", BRANCH])
-    joined = pd.concat(numbered, ignore_index=True)
+    numbered = [table.assign(**{BRANCH: i}) for i, table in enumerate(tables)]
+    names = dict.fromkeys(name for table in numbered for name in table)
+    full = [table for table in numbered if len(table)] or numbered[:1]
+    joined = pd.concat(full, ignore_index=True).reindex(columns=list(names))
+    joined.insert(len(names) - 1, BRANCH, joined.pop(BRANCH))
     joined.attrs = dict(tables[0].attrs)
     return joined
 
@@ -885,11 +892,8 @@ class DiagramBuilder:
         import pandas as pd
 
         study = self._study(self.bounds[0], self.system.initial, 1)
-        columns = list(study.schema)
         table = (
-            pd.concat(self.cloud, ignore_index=True)
-            if self.cloud
-            else pd.DataFrame({name: [] for name in columns})
+            pd.concat(self.cloud, ignore_index=True) if self.cloud else frame([], study.schema, {})
         )
         table.attrs = dict(study.attrs)
         return table
@@ -905,18 +909,20 @@ def attractor_table(
     """Return one row per attractor and value."""
     rows = [(m, m.attractor, m.attractor.final) for m in motions]
     states = {
-        name: [math.nan if final is None else final[name] for _, _, final in rows]
+        name: np.array([math.nan if final is None else final[name] for _, _, final in rows], float)
         for name in system.states
     }
     columns = {
-        parameter: [m.value for m, _, _ in rows],
-        "motion": [a.motion for _, a, _ in rows],
-        "period": [a.period for _, a, _ in rows],
-        BRANCH: [m.branch for m, _, _ in rows],
-        "exponent": [a.exponent for _, a, _ in rows],
+        parameter: np.array([m.value for m, _, _ in rows], dtype=float),
+        "motion": diagram_tables.texts(a.motion for _, a, _ in rows),
+        "period": np.array([a.period for _, a, _ in rows], dtype=np.int64),
+        BRANCH: np.array([m.branch for m, _, _ in rows], dtype=np.int64),
+        "exponent": np.array([a.exponent for _, a, _ in rows], dtype=float),
         **states,
-        "time": [0.0 if final is None else final.time for _, _, final in rows],
-        "mode": ["" if final is None else str(final.mode or "") for _, _, final in rows],
+        "time": np.array([0.0 if final is None else final.time for _, _, final in rows], float),
+        "mode": diagram_tables.texts(
+            "" if final is None else str(final.mode or "") for _, _, final in rows
+        ),
     }
     return diagram_tables.table({}, system, user_columns=columns)
 

@@ -163,6 +163,8 @@ def frame(
     """Return the table of chunks, in order."""
     columns = {
         name: np.concatenate([np.empty(0, DTYPES[kind]), *(chunk[name] for chunk in chunks)])
+        if chunks
+        else np.empty(0, str if kind == "str" else DTYPES[kind])  # pandas: no texts, no objects
         for name, kind in schema.items()
     }
     table = pd.DataFrame(columns)

@@ -211,7 +211,9 @@ class Reader:
             column = self.value(part)
             if isinstance(column, dict):
                 column = pd.Categorical.from_codes(column["codes"], list(column["categories"]))
-            columns[name] = list(column) if isinstance(column, tuple) else column
+            if isinstance(column, tuple):  # texts
+                column = list(column) or np.empty(0, str)
+            columns[name] = column
         table = pd.DataFrame(columns)
         table.attrs = self.value(node["attrs"])
         return table
