@@ -79,7 +79,7 @@ LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
 SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of the orbit
 COUNTS = {"voltages": 41, "crises": 2, "slips": 7, "samples": 64}
 QUICK_COUNTS = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
-"""Voltages of the sweep, simulated frequencies of the chart (if the frame slips), devices."""
+"""Voltages of the sweep, simulated frequencies of the chart, those if the frame slips, devices."""
 RESONANCES = {
     1: ", around the resonance",
     2: ", around half the resonance, where the force, with twice the frequency, excites it",
@@ -347,10 +347,11 @@ class ReportMaker:
         """Return on- and off-voltages over the frequency."""
         from mems_impact.actuator.plots import plot_chart
 
-        # The frame may slip if the regime is unknown; such a chart has no other points.
-        slips = self._sheet.regime in (SLIPS, "")
-        crises = self.counts["slips" if slips else "crises"]
-        chart = operating_chart(self.actuator, self.drive, crises=crises, workers=1)
+        # A frame that sticks in a slow pull-in may slip at resonance.
+        crises, columns = self.counts["crises"], self.counts["slips"]
+        chart = operating_chart(
+            self.actuator, self.drive, crises=crises, columns=columns, workers=1
+        )
         low, high = chart.frequencies
         unit = "Hz" if self.si else ""
         force_periods = round(2.0 * math.pi / self.drive.replace(omega=1.0).period)

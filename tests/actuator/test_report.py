@@ -221,6 +221,24 @@ def test_a_chart_lies_where_the_force_excites_the_block(drive, where):
     assert where in str(section.blocks[0])
 
 
+@pytest.mark.slow
+def test_a_frame_that_sticks_until_the_blow_may_slip_at_resonance(monkeypatch):
+    # Friction is between the force of pull-in, 0.09, and that of the spring at the stopper, 0.35.
+    device = ZHAO.replace(mu_s=2.55e-3, mu_d=2e-3)
+    assert device.replace(units="SI").datasheet.regime == "sticks until the blow"
+    charts = []
+
+    def operating_chart(*given, **named):
+        charts.append(mi.operating_chart(*given, **named))
+        return charts[0]
+
+    monkeypatch.setattr(module, "operating_chart", operating_chart)
+    mi.report(device, mi.Sine(amplitude=0.24, omega=0.5), only=["Operating chart"])
+    table = charts[0].table
+    assert "slip" in set(table["boundary"])
+    assert len(table[table["boundary"] == "off"]) == 7
+
+
 def test_a_comb_has_a_voltage_of_contact():
     comb = mi.CombDrive(fingers=100, gap="2 um", thickness="20 um", overlap="30 um", sides="right")
     x = [-3e-6, -1e-6, 1e-6, 3e-6]

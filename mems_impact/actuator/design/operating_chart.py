@@ -536,11 +536,11 @@ class ChartBuilder:
         compute = pull_in_charge if system.drive_unit == "C" else contact_voltage
         self.pull_in = system.into(AMPLITUDE, compute(system.actuator))
 
-    def make(self, crises: int, periods: int, workers: int) -> None:
+    def make(self, crises: int, columns: int, periods: int, workers: int) -> None:
         """Compute the parts, the slowest last; `chart` returns the completed ones."""
         low, high = self.omega
         if SLIPS in (self._first(low)[1], self._first(high)[1]):
-            self._thresholds(crises, periods, workers)
+            self._thresholds(columns, periods, workers)
             return
         curve = self._grazings(low, high)
         marks = [s for s in curve.special_points if s.kind in SEPARATING]
@@ -548,7 +548,7 @@ class ChartBuilder:
         edges = [low, *(s.values[1] for s in marks), high]
         if any(self._first(0.5 * (left + right))[1] == SLIPS for left, right in pairwise(edges)):
             self.notes.clear()  # of the curve of grazings, which this replaces
-            self._thresholds(crises, periods, workers)
+            self._thresholds(columns, periods, workers)
             return
         self.special_points = tuple(
             sorted(
@@ -664,9 +664,9 @@ class ChartBuilder:
             return START_AMPLITUDE_RATIO**STARTS * self.pull_in, SLIPS
         return (met[0].value, met[0].kind) if met else (self.pull_in, "")
 
-    def _thresholds(self, crises: int, periods: int, workers: int) -> None:
+    def _thresholds(self, columns: int, periods: int, workers: int) -> None:
         """Locate the thresholds of slip and impacts at equally spaced frequencies."""
-        omegas = np.linspace(*self.omega, crises or FREQUENCY_COLUMNS).tolist()
+        omegas = np.linspace(*self.omega, columns or FREQUENCY_COLUMNS).tolist()
         found: dict[str, list[_Place]] = {}
         self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
 
@@ -680,7 +680,7 @@ class ChartBuilder:
             try:
                 on, kind, special, state = onset(here, begin, most, watch)
                 yield ON, self._place(omega, on, kind, special)
-                if crises:
+                if columns:
                     off = min(on, switching_off(here, on, state, periods, watch))
                     yield OFF, self._place(omega, off, CRISIS, None)
                 for side, end, what, special in steady(here, on, most, state, watch):
@@ -962,6 +962,7 @@ def operating_chart(
     omega: tuple[float | None, float | None] | None = None,
     frequency: tuple[float | None, float | None] | None = None,
     crises: int = 7,
+    columns: int | None = None,
     periods: int = 2000,
     options: Options | None = None,
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
@@ -997,6 +998,9 @@ def operating_chart(
         they are if the drive was given by its frequency.
     crises : int, optional
         Number of frequencies of type III at which the crisis is simulated, >= 0.
+    columns : int, optional
+        Number of frequencies at which the voltages are found if the frame slips before the block
+        strikes; by default `crises`. 0: 9 frequencies, without the off-voltage, which is simulated.
     periods : int, optional
         Forcing periods for which an attractor must persist in these simulations.
     options : Options, optional
@@ -1058,13 +1062,14 @@ def operating_chart(
     low, high = _range(name, frequency or omega or (None, None), system)
     system.changed(**{name: low})
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
+    columns = crises if columns is None else whole("columns", columns, 0)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     report = progress_line(progress)
     ends = system.into(name, low), system.into(name, high)
     chosen = ORBIT_OPTIONS if options is None else options
     maker = ChartBuilder(system, chosen, steps, report, ends)
     try:
-        maker.make(crises, periods, workers)
+        maker.make(crises, columns, periods, workers)
     except KeyboardInterrupt:
         raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
     return maker.chart()
