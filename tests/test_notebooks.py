@@ -66,6 +66,6 @@ def test_every_class_is_there_and_drawn_by_a_public_function(formatter):
         assert draw in mi.__all__
 
 
-def test_without_a_session_nothing_is_told(monkeypatch):
+def test_without_a_session_nothing_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: None))
     notebooks.register()

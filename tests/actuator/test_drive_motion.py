@@ -268,7 +268,7 @@ def test_custom_is_the_sine():
 
 
 @pytest.mark.slow
-def test_custom_functions_of_the_same_name_are_told_apart():
+def test_custom_functions_of_the_same_name_are_distinguished():
     """Compiled code is kept by the content of a function that has no module of its own."""
     finals = []
     for factor in (0.2, 0.1):

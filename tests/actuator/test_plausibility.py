@@ -135,7 +135,7 @@ def test_a_resonance_in_hertz():
 SLOWLY = ((32.0, 0.12), (60.0, 0.6), (100.0, 0.16), (20.0, 1.0), (0.0, 0.12))
 
 
-def test_what_such_devices_have_is_not_told():
+def test_what_such_devices_have_is_not_reported():
     """The presets, as they are driven in the paper; an order beyond them; none without units."""
     sets = [{}]
     for name in ("m1", "m2", "k", "c", "alpha"):

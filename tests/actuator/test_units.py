@@ -157,6 +157,6 @@ def test_results_show_six_digits_and_units_where_there_are_any(name):
     assert str(mi.State(x2=0.1 / 3)) == "State(x2=0.0333333)"
 
 
-def test_a_margin_without_a_unit_is_told_as_it_is():
+def test_a_margin_without_a_unit_is_reported_as_it_is():
     system = mi.load_actuator("mita2003").under(mi.Sine(amplitude=1.0, omega=1.0))
     assert system.margin_amount("switch", -0.25) == "-0.25"

@@ -110,7 +110,7 @@ def test_a_given_system_is_checked_where_none_is_needed(tmp_path):
         mi.load(tmp_path / "run", system=ZHAO.under(DRIVES["square"]))
 
 
-def test_a_wrong_number_in_a_file_is_told(tmp_path):
+def test_a_wrong_number_in_a_file_is_reported(tmp_path):
     mi.simulate(ZHAO, SINE, 0.3, options=PLAIN).save(tmp_path / "run")
     with zipfile.ZipFile(tmp_path / "run") as file:
         members = {name: file.read(name) for name in file.namelist()}

@@ -217,7 +217,7 @@ def test_a_regular_approach_is_continued(differences, latest, extended):
     assert (s.end_cycle > 400) == extended
 
 
-def test_chaos_is_told_by_the_exponent():
+def test_chaos_is_classified_by_the_exponent():
     # The exponent by two neighbouring runs: 0.51 per period (`tests/analysis/test_lyapunov.py`).
     wild, near_off = map_attractors(
         [
@@ -233,7 +233,7 @@ def test_chaos_is_told_by_the_exponent():
     assert abs(wild.exponent * period - 0.51) < 5.0 * wild.error * period + 0.05
 
 
-def test_a_limit_cycle_is_told_by_its_returns():
+def test_a_limit_cycle_is_classified_by_its_returns():
     cycle = oscillators.belt()
     recurrence = RecurrenceOptions(transient=80.0, periods=20.0, tolerance=1e-8)
     (found,) = map_attractors([InitialCondition(cycle)], recurrence, FAST)

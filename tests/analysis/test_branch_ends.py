@@ -88,7 +88,7 @@ def rattler(c):
 
 
 @pytest.mark.slow
-def test_orbits_that_lie_side_by_side_are_told():
+def test_orbits_that_lie_side_by_side_are_reported():
     """A rattler that touches neither stop may swing about any place between them."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.01), periods=300))
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-9

@@ -252,7 +252,7 @@ def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
 
 
 @pytest.mark.slow
-def test_what_comes_to_rest_or_does_not_return_is_told():
+def test_what_comes_to_rest_or_does_not_return_is_reported():
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached") as caught:
         find(spiral(-0.5))
     assert abs(caught.value.partial.x) < 1e-3
@@ -262,7 +262,7 @@ def test_what_comes_to_rest_or_does_not_return_is_told():
         find(belt(), period=-1.0)
 
 
-def test_a_period_that_is_not_there_is_told():
+def test_a_period_that_is_not_there_is_reported():
     with pytest.raises(mi.InvalidParameter, match="no function of the system depends on t"):
         find(van_der_pol(period=3.0), options=PLAIN)
 

@@ -49,7 +49,7 @@ def test_a_blow_once_a_period_against_its_closed_form():
 
 
 @pytest.mark.parametrize("kind", [mi.Guard, mi.Impact])
-def test_as_a_guard_it_is_told_why_not(kind):
+def test_as_a_guard_it_is_reported_why_not(kind):
     with pytest.raises(
         mi.FunctionError, match=r"depends on time alone, .* switches= .* switch_transition="
     ):

@@ -94,7 +94,7 @@ def runaway(function, period=None):
         (runaway(spiral), {"transient": 100.0}, "diverged: . = .* at t = 100;"),
     ],
 )
-def test_a_run_that_diverges_is_told_with_value_and_time(system, arguments, told):
+def test_a_run_that_diverges_is_reported_with_value_and_time(system, arguments, told):
     with pytest.raises(mi.OrbitError, match=told) as caught:
         mi.find_orbit(system, options=PLAIN, **arguments)
     reached = caught.value.partial
@@ -137,7 +137,7 @@ def test_a_state_that_drifts_is_to_be_cyclic():
     assert orbit.gains["x"] == pytest.approx(1.2 * math.pi, rel=1e-9)
 
 
-def test_what_drifts_is_told_in_the_units_of_the_system():
+def test_what_drifts_is_reported_in_the_units_of_the_system():
     def fast(mode, t, y, p):
         return y.v, -0.5e6 * y.v + 1e9 * math.cos(1e6 * t) - p.load * 1e9
 

@@ -308,7 +308,7 @@ def test_a_chart_without_a_band_says_what_it_found():
         mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
 
 
-def test_what_keeps_a_chart_from_being_made_is_told_in_the_units_of_the_device():
+def test_what_keeps_a_chart_from_being_made_is_reported_in_the_units_of_the_device():
     device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)
     resonance = 1.0 / SCALES.time
     where = r"at omega \[rad/s\] = \d+(\.\d+)? and amplitude \[V\] = \d+(\.\d+)?: "

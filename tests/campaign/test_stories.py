@@ -160,7 +160,7 @@ def test_the_hair_of_the_judge():
     assert rows[0].t < INF
 
 
-def test_an_elastic_block_pressed_to_the_stopper_is_told_why_it_ends():
+def test_an_elastic_block_pressed_to_the_stopper_is_reported_with_its_reason():
     """With e = 1 and little loss elsewhere a pressed block hops on: the error says so."""
     device = ZHAO.replace(e=1.0, m1=1e9, c=0.0)
     drive = mi.Sine(amplitude=0.0, omega=1e-2, bias=2.0)

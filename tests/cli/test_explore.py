@@ -15,7 +15,7 @@ import pytest
         (["no_such_module:system"], "cannot be imported"),
     ],
 )
-def test_bad_input_is_told_in_one_line(cli, arguments, told):
+def test_bad_input_is_reported_in_one_line(cli, arguments, told):
     assert told in cli("explore", *arguments, "--no-browser").complaint()
 
 

@@ -82,7 +82,7 @@ def test_keys_are_the_columns_of_tables_and_nan_is_null(cli):
     assert still["tables"]["impacts"]["rows"] == []
 
 
-def test_units_are_told(cli):
+def test_units_are_reported(cli):
     told = document(cli("pull-in", "mita2003", "--json"))
     units = {"pull-in voltage": "V", "resting voltage": "V", "resonance": "rad/s"}
     assert told["units"] == {**units, "resonance frequency": "Hz"}
@@ -101,7 +101,7 @@ def test_an_error_leaves_standard_output_empty(cli):
     assert done.err.count("\n") == 1
 
 
-def test_a_verdict_that_is_not_wanted_is_told_too(cli):
+def test_a_verdict_that_is_not_wanted_is_reported_too(cli):
     arguments = ["--target", "resonance=1500", "--target", "pull-in voltage=1", "--free", "k"]
     done = cli("fit", "mita2003", *arguments, "--json")
     assert done.status == 1

@@ -61,7 +61,7 @@ def test_it_has_no_voltage(cli, file):
         ("no_such_module:oscillator", "cannot be imported (ModuleNotFoundError"),
     ],
 )
-def test_what_is_no_system_is_told(cli, file, name, problem):
+def test_what_is_no_system_is_reported(cli, file, name, problem):
     assert problem in cli("simulate", name).complaint()
 
 

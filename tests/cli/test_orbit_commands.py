@@ -36,7 +36,7 @@ def test_a_branch_that_stops_at_a_special_point(cli, tmp_path):
     assert list(pd.read_csv(tmp_path / "out" / "continue-points.csv")["label"]) == ["CF"]
 
 
-def test_a_grazing_whose_type_cannot_be_told_is_shown_with_the_reason(cli):
+def test_a_grazing_of_unknown_type_is_shown_with_the_reason(cli):
     device = ["continue", "zhao2004", "--set", "mu_d=1e-6", "--omega", "0.5", "--past-grazing"]
     done = cli(*device, "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24")
     assert done.status == 0

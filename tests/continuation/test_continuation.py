@@ -116,7 +116,7 @@ def test_steps_that_turn_too_sharply_are_halved():
     assert np.cos(np.diff(angles)).min() >= 0.9
 
 
-def test_what_cannot_be_passed_is_told():
+def test_what_cannot_be_passed_is_reported():
     problem = Circle(refused=0.5)
     assert [*continued(problem)][-1] == problem.where
     assert problem.branch.ended == "no further step possible beyond p = 0.5: it goes too far"

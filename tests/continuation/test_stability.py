@@ -117,7 +117,7 @@ def test_hopf_points_of_many_states_far_from_order_one(size, unit):
     assert values == pytest.approx(changes_of_a_chain(size), abs=1e-8)
 
 
-def test_what_is_not_found_is_told():
+def test_what_is_not_found_is_reported():
     """Two equal pitchforks in one place, of which the equations of branch points know nothing."""
     system = mi.System(
         states=("x", "y"),

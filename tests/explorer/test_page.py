@@ -287,7 +287,7 @@ def test_device_and_points_move(page):
     page.wait(lambda: page.browser.execute_script(places) != before)
 
 
-def test_what_is_out_of_range_is_told_and_the_picture_stays(page):
+def test_what_is_out_of_range_is_reported_and_the_picture_stays(page):
     page.set("slider delta", 0.9)
     page.wait(lambda: page.query.get("delta") == ["0.9"])
     before = page.curve()
@@ -299,7 +299,7 @@ def test_what_is_out_of_range_is_told_and_the_picture_stays(page):
     page.wait(lambda: not page.text("message"))
 
 
-def test_a_bad_address_is_told_and_runs_nothing(zhao, browser):
+def test_a_bad_address_is_reported_and_runs_nothing(zhao, browser):
     page = Page(browser, f"{zhao.address}?amplitude=<b>much</b>&show.x=__class__")
     page.wait(lambda: "100 periods" in page.text("status"))
     told = page.text("message")

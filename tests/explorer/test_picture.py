@@ -140,7 +140,7 @@ def test_the_multipliers_are_those_of_the_orbit(picture):
     assert floquet.description == "stable, 1 forcing period, 1 impact"
 
 
-def test_where_there_is_no_orbit_it_is_told():
+def test_a_missing_orbit_is_reported():
     setting = first_setting(zhao()).with_value("amplitude", 0.24).with_value("omega", 0.45)
     chaotic = take_snapshot(zhao(), setting)
     floquet = floquet_of(chaotic)

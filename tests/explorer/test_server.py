@@ -29,7 +29,7 @@ def answer(address, path="/", **headers):
     return connection.getresponse().status
 
 
-def test_a_port_that_is_taken_is_told():
+def test_a_port_that_is_taken_is_reported():
     from mems_impact.explorer.server import serve
 
     with socket.socket() as taken:

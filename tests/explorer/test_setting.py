@@ -45,7 +45,7 @@ def test_the_words_of_the_page_are_apart_from_parameters():
         ({"show.system": ["own.py:system"]}, "show.system: none of"),
     ],
 )
-def test_what_an_address_says_wrong_is_told_in_one_line(query, told):
+def test_what_an_address_says_wrong_is_reported_in_one_line(query, told):
     with pytest.raises(mi.InvalidParameter) as error:
         setting_at(zhao(), query)
     assert told in str(error.value)

@@ -53,7 +53,7 @@ def test_a_device_in_si_has_units_that_fit_its_numbers():
     assert slider_spec(mita(), "d").factor == 1e-6
 
 
-def test_an_angular_frequency_with_a_unit_is_told_in_hertz():
+def test_an_angular_frequency_with_a_unit_is_reported_in_hertz():
     omega = slider_spec(mita(), "omega")
     assert omega.title == "frequency omega/2π [Hz]"
     assert omega.displayed(750.0) == pytest.approx(750.0 / (2.0 * math.pi), rel=1e-14)

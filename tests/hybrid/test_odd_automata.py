@@ -223,7 +223,7 @@ def _forgotten(mode, code, t, y, p):
 
 
 @both
-def test_a_forgotten_rebound_is_told(engine):
+def test_a_forgotten_rebound_is_reported(engine):
     guards = (Guard(name="floor", order=0, impact=True),)
     system = automaton(("y", "v"), guards, _fall, _ground, _forgotten)
     with pytest.raises(RunError, match="'floor' changes nothing"):

@@ -58,7 +58,7 @@ def test_a_jump_takes_it_through_zero_or_leaves_it_below(back, count):
     assert run.events["event"].tolist().count("seen") == count
 
 
-def test_a_jump_over_it_is_told_where_it_happens():
+def test_a_jump_over_it_is_reported_where_it_happens():
     over = at("over", 1.0, lambda mode, t, y, p: (HIGH, (5.0,)), modes=(LOW,))
     run = mi.simulate(ramp(at("seen", 3.0), over), duration=2.0, options=WAYS[1])
     assert told(run) == [("over", 1.0), ("seen", 1.0)]
@@ -81,7 +81,7 @@ def test_two_falls_within_a_step_that_begins_and_ends_below():
 
 
 @pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
-def test_a_zero_that_two_guards_share_is_told_at_its_time(options):
+def test_a_zero_that_two_guards_share_is_reported_at_its_time(options):
     # CVODE, led back into a step, took the other one's zero at its end for a root on the way.
     valley = mi.System(
         states=("y", "s"),

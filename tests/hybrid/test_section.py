@@ -73,7 +73,7 @@ def test_crossings_in_one_direction(direction):
     assert set(directions) == {direction}
 
 
-def test_what_lies_beyond_the_end_of_a_run_is_not_told():
+def test_what_lies_beyond_the_end_of_a_run_is_not_reported():
     found, _ = crossings((0.3, 0.4, 0.4001), end=0.35)
     assert found == pytest.approx([0.3], abs=1e-9)
 

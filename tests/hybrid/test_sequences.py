@@ -229,7 +229,7 @@ def _hops_or_passes(mode, code, t, y, p):
 @both
 @pytest.mark.parametrize("lead", [1e-5, 1e-6, 1e-7])
 @pytest.mark.parametrize("meets", [True, False])
-def test_what_happens_shortly_before_the_end_of_a_sequence_is_told(meets, lead, engine):
+def test_what_happens_shortly_before_the_end_of_a_sequence_is_reported(meets, lead, engine):
     """Be it an impact on the very body that comes to rest, or a guard of no concern to it."""
     system = Automaton(
         states=("x", "u", "z", "w"),
@@ -493,7 +493,7 @@ def test_a_cradle_that_collapses_ends_in_one_speed():
     assert np.all(np.diff(speeds) >= -1e-12)
 
 
-def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
+def test_a_budget_that_a_collapse_spends_is_reported_with_its_instant():
     told = (
         "200 events, 201 of them in its last instant.*raise max_events: bodies that touch in a row"
     )

@@ -247,7 +247,7 @@ def test_refused(arguments, field):
     assert caught.value.field == field
 
 
-def test_a_quantity_of_a_data_sheet_is_told_its_symbol():
+def test_a_quantity_of_a_data_sheet_is_reported_with_its_symbol():
     system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.2, omega=0.5))
     with pytest.raises(mi.InvalidParameter, match=r"parameter = 'gap': must be d, the symbol"):
         mi.sweep(system, "gap", [0.9, 1.1])

@@ -52,7 +52,7 @@ def basins(executor=None):
 
 
 @pytest.mark.parametrize("executor", [None, lambda: ProcessPoolExecutor(1)])
-def test_a_grid_on_both_sides_of_a_guard_is_told_once_with_its_share(executor):
+def test_a_grid_on_both_sides_of_a_guard_is_reported_once_with_its_share(executor):
     (told,) = caught_by(mi.StartWarning, lambda: basins(executor))
     assert told.startswith("basins (2 of 4 points, first x = -12): the margin of 'floor' is neg")
     assert "changes x from -12 to -10" in told
@@ -89,7 +89,7 @@ def test_orbits_and_exponents_tell_of_a_guess_beyond(verb):
 
 
 @pytest.mark.parametrize("executor", [None, lambda: ProcessPoolExecutor(1)])
-def test_a_jump_at_some_points_is_told_once(executor):
+def test_a_jump_at_some_points_is_reported_once(executor):
     def over(pushes):
         mi.operating_map(
             SWING, x=("push", pushes), y=("depth", [10.0]), recurrence=RECURRENCE, executor=executor

@@ -43,7 +43,7 @@ def fast(mode, t, y, p):
     ],
     ids=["time", "rest", "velocity", "place", "microseconds"],
 )
-def test_a_jump_is_told_with_its_place(given, where, remedy):
+def test_a_jump_is_reported_with_its_place(given, where, remedy):
     (message,) = told(**given)
     assert where in message
     assert remedy in message
@@ -72,7 +72,7 @@ def hold(mode, t, y, p):
     ],
     ids=["switches", "guard", "kink", "steep", "stiff"],
 )
-def test_what_is_declared_or_steep_is_not_told(given):
+def test_what_is_declared_or_steep_is_not_reported(given):
     assert told(**{"initial": {"x": 3.0}, **given}) == []
 
 
@@ -81,7 +81,7 @@ def smooth(mode, t, y, p):
     return y.v, -p.a * y.x - y.v + bend + math.tanh(p.d * math.cos(t))
 
 
-def test_smooth_systems_are_not_told():
+def test_smooth_systems_are_not_reported():
     rng = np.random.default_rng(0)
     for _ in range(40):
         sizes = rng.uniform(0.1, 3.0, size=4) * 10.0 ** rng.uniform(-2.0, 3.0, size=4)
@@ -132,7 +132,7 @@ ENGINES = [(e, m) for e in ("interpreted", "compiled") for m in ("adams", "bdf",
     ],
     ids=["later", "parameters", "time"],
 )
-def test_a_jump_that_a_run_meets_is_told_once(flow, period, mu, where, remedy, engine, method):
+def test_a_jump_that_a_run_meets_is_reported_once(flow, period, mu, where, remedy, engine, method):
     system = quiet(flow, period).changed(mu=mu)
     options = mi.Options(engine=engine, method=method, rtol=1e-8)
     (one,) = caught_by(lambda: mi.simulate(system, periods=8, options=options))
@@ -141,7 +141,7 @@ def test_a_jump_that_a_run_meets_is_told_once(flow, period, mu, where, remedy, e
     assert one.filename == __file__
 
 
-def test_a_jump_is_told_in_the_units_of_the_system():
+def test_a_jump_is_reported_in_the_units_of_the_system():
     sized = quiet(
         lambda mode, t, y, p: (y.v, -1e12 * y.x + 1e6 * math.cos(1e6 * t)
                                - (1e7 if y.x < -4e-6 else 0.0)),

@@ -150,7 +150,7 @@ def test_a_body_that_rests_on_another_body():
     assert run.final.x - run.final.z == pytest.approx(0.4)
 
 
-def test_other_modes_start_where_they_are_told():
+def test_other_modes_start_where_they_are_reported():
     heats, cools = mi.modes("heats", "cools")
 
     def flow(mode, t, y, p):

@@ -362,7 +362,7 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
-def test_a_damaged_header_is_told(saved, damage):
+def test_a_damaged_header_is_reported(saved, damage):
     change, message = DAMAGES[damage]
     rewritten(saved[2], change)
     with pytest.raises(mi.InvalidFile, match=message) as caught:
@@ -371,7 +371,7 @@ def test_a_damaged_header_is_told(saved, damage):
 
 
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
-def test_files_that_are_none_are_told(saved, tmp_path):
+def test_files_that_are_none_are_reported(saved, tmp_path):
     path, whole = saved[2], saved[2].read_bytes()
     for length in (0, 1, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
@@ -459,7 +459,7 @@ def test_no_short_repr_is_hidden_by_that_of_a_dataclass():
                 ), kind
 
 
-def test_a_branch_is_told_in_a_line():
+def test_a_branch_is_reported_in_a_line():
     branch, curve = results()["branch"], results()["curve"]
     ends = f"A 0.36 to 0.6, {len(branch)} orbits, special points: PD "
     assert repr(branch).startswith(f"Branch({ends}")

@@ -28,7 +28,7 @@ def quiet(system, **arguments):
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, -1.0])
-def test_a_margin_with_the_wrong_sign_is_told_before_it_moves_a_body(speed):
+def test_a_margin_with_the_wrong_sign_is_reported_before_it_moves_a_body(speed):
     wrong = ball(lambda mode, t, y, p: -y.x)
     message = r"the margin of 'floor' is negative at .* changes x from 1 to 0.*reverse the sign"
     with pytest.warns(mi.StartWarning, match=message) as caught:
@@ -36,7 +36,7 @@ def test_a_margin_with_the_wrong_sign_is_told_before_it_moves_a_body(speed):
     assert caught[0].filename == __file__
 
 
-def test_a_device_in_its_own_units_is_told_in_them():
+def test_a_device_in_its_own_units_is_reported_in_them():
     wrong = ball(
         lambda mode, t, y, p: -y.x,
         flow=lambda mode, t, y, p: (y.v, -9.81),
@@ -48,7 +48,7 @@ def test_a_device_in_its_own_units_is_told_in_them():
         mi.simulate(wrong, duration=1e-4, options=PLAIN)
 
 
-def test_what_may_start_there_is_not_told():
+def test_what_may_start_there_is_not_reported():
     right = ball(lambda mode, t, y, p: y.x)
     quiet(right)
     # On the floor, leaving it, and below it by rounding.

@@ -265,7 +265,7 @@ def test_a_valve_at_250_hertz_in_si_that_slides_sticks_and_stops():
     assert ours == pytest.approx(one.events["pressure"].to_numpy(), rel=1e-6)
 
 
-def test_what_lies_far_from_one_is_told():
+def test_what_lies_far_from_one_is_reported():
     tiny = oscillator(1e-10, 1.0)
     with pytest.warns(mi.ScaleWarning, match=r"x stays below .* System\(typical=\{'x'"):
         mi.simulate(tiny, 2, options=PLAIN)

@@ -393,7 +393,7 @@ def chase(rate, engine, method="dop853"):
 
 
 @both
-def test_stiffness_is_told_once_and_names_the_remedy(engine):
+def test_stiffness_is_reported_once_and_names_the_remedy(engine):
     with pytest.warns(StiffnessWarning, match="method='bdf'") as caught:
         run = chase(3e3, engine)
     assert len(caught) == 1

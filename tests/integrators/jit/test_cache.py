@@ -172,7 +172,7 @@ def unannounced():
 
 
 @pytest.mark.usefixtures("unannounced")
-def test_a_terminal_is_told_once(monkeypatch, caplog):
+def test_a_terminal_is_reported_once(monkeypatch, caplog):
     monkeypatch.setattr(sys, "stderr", Terminal())
     numba_support.announce(NOTICE)
     numba_support.announce(NOTICE)

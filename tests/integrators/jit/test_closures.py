@@ -149,7 +149,7 @@ def test_where_a_function_stands_is_not_in_the_name():
     assert name(READS, RATE=1.0) == name("\n\n\n" + READS, RATE=1.0, UNREAD=2.0)
 
 
-def test_what_cannot_be_told_is_no_lasting_name():
+def test_what_cannot_be_determined_is_no_lasting_name():
     one, other = (take_snapshot(function(READS, RATE=object())) for _ in range(2))
     assert not one.lasting
     assert one.name != other.name

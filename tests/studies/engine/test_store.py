@@ -331,7 +331,7 @@ def test_the_modules_of_studies_import_where_there_is_no_fcntl():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_other_versions_are_told(store, caplog):
+def test_other_versions_are_reported(store, caplog):
     broken_off(STUDY, store, 10, chunk=3)
     manifest = json.loads((store / "study.json").read_text())
     manifest["versions"]["numpy"] = "1.26.0"

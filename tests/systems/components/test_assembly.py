@@ -292,7 +292,7 @@ def test_mistakes_of_one_part():
         (lambda mode, t, y, p: (y.w, -y.x * mode.walls), "walls"),
     ],
 )
-def test_a_mistake_in_a_flow_with_parts_is_told_where_it_was_made(flow, sentence):
+def test_a_mistake_in_a_flow_with_parts_is_reported_where_it_was_made(flow, sentence):
     with pytest.raises(mi.FunctionError, match=sentence) as caught:
         mi.System(
             states=("x", "w"),

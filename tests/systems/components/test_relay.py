@@ -55,7 +55,7 @@ def test_without_hysteresis_its_modes_push_against_each_other_and_it_says_so(ban
     assert "mems_impact.SwitchingSurface" in caught.value.remedy
 
 
-def test_modes_written_by_hand_that_push_against_each_other_are_told():
+def test_modes_written_by_hand_that_push_against_each_other_are_reported():
     UP, DOWN = mi.modes("up", "down")
 
     def push(mode, t, y, p):
