@@ -12,8 +12,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from mems_impact.cli.interrupts import interruptible
-from mems_impact.cli.runtime import BAD_INPUT, FAILED, INTERRUPTED
+from mems_impact.cli.interrupts import INTERRUPTED, interruptible
+from mems_impact.cli.runtime import BAD_INPUT, FAILED
 from mems_impact.errors import InvalidFile, MemsImpactError
 from validation.paper.figures import FIGURES, Effort
 from validation.paper.suite import (

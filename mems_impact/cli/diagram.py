@@ -17,6 +17,7 @@ from mems_impact.cli.options import (
     orbit_integrator_options,
     output_options,
     progress_option,
+    store_option,
 )
 from mems_impact.cli.output import Output, add_json_tables, show, show_table
 from mems_impact.integrators.options import Options
@@ -64,12 +65,7 @@ SHOWN_SPECIAL_POINTS = 10
     show_default=True,
     help="Longest period of a branch, in forcing periods.",
 )
-@click.option(
-    "--store",
-    type=click.Path(),
-    metavar="FILE",
-    help="File in which finished branches are kept; the same command resumes from it.",
-)
+@store_option("FILE", "File in which finished branches are kept; the same command resumes from it.")
 @orbit_integrator_options
 @progress_option
 @output_options

@@ -152,7 +152,7 @@ def text_on(word: str | None) -> str:
     import inspect
 
     import mems_impact as mi
-    from mems_impact.cli import COMMAND_NAMES
+    from mems_impact.cli.commands import COMMAND_NAMES
 
     names = sorted(mi.__all__, key=str.lower)
     docstrings = {name: inspect.getdoc(getattr(mi, name)) or "" for name in names}

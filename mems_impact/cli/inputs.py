@@ -17,6 +17,7 @@ from mems_impact.cli.options import (
     option_of,
     state_from,
 )
+from mems_impact.cli.runtime import STORE
 from mems_impact.cli.wording import FROM_FILE
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def from_file(
         raise click.UsageError(
             f"{path} describes a study of another kind; run it by mems-impact {study.kind}"
         )
+    if ctx.meta.get(STORE) is None:
+        ctx.meta[STORE] = study.arguments.get("store")
     return study.system, study.arguments
 
 

@@ -138,14 +138,14 @@ def command(
         except mi.OptimizationInterrupted as interruption:
             files.tables(_found(interruption.optimum))
             raise
+        files.tables(_found(found))
         if isinstance(found, mi.ParetoFront):
-            files.tables(_found(found))
             files.draw(lambda: mi.plot_pareto(found).figure)
             show_table("front", found.table, digits=6)
         else:
             margins = found.margins
             rows = with_unit_column(margins, "parameter", _units(found))
-            files.tables({**_found(found), "margins": rows})
+            files.tables({"margins": rows})
             files.draw(lambda: mi.plot_orbit(found.orbit).figure)
             _show(found, margins)
         files.show()

@@ -16,7 +16,7 @@ from mems_impact._util.quantities import QuantityError, has_unit, magnitude
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.output import Output
-from mems_impact.cli.runtime import quiet
+from mems_impact.cli.runtime import STORE, quiet
 from mems_impact.cli.wording import DRIVE_PREFIX
 from mems_impact.integrators.options import ENGINES, METHODS, Options
 
@@ -411,12 +411,20 @@ recurrence_options = apply_decorators(
     ),
 )
 
+
+def _store(ctx: click.Context, _parameter: click.Parameter, path: str | None) -> str | None:
+    ctx.meta[STORE] = path
+    return path
+
+
+def store_option(metavar: str, text: str) -> Decorator:
+    """Return the option --store; `text` is its help."""
+    return click.option("--store", type=click.Path(), metavar=metavar, callback=_store, help=text)
+
+
 study_options = apply_decorators(
-    click.option(
-        "--store",
-        type=click.Path(),
-        metavar="DIR",
-        help="Directory in which finished points are kept; the same command resumes from them.",
+    store_option(
+        "DIR", "Directory in which finished points are kept; the same command resumes from them."
     ),
     click.option(
         "--executor",

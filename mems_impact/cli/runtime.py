@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from mems_impact.cli.interrupts import INTERRUPTED
 from mems_impact.cli.wording import shell_wording
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
 
@@ -20,6 +21,7 @@ __all__ = ["as_json", "quiet", "with_options"]
 # --- Options of every command
 
 _JSON, _QUIET = "mems_impact.json", "mems_impact.quiet"
+STORE = "mems_impact.store"  # of the running study, in the context of click
 
 
 def as_json() -> bool:
@@ -83,8 +85,7 @@ def with_options(command: click.Command) -> click.Command:
 PROGRAM = "mems-impact"
 
 FAILED, BAD_INPUT = 1, 2
-# 128 plus the number of the signal, as in a shell: SIGINT, SIGPIPE and SIGTERM.
-INTERRUPTED, NO_READER, TERMINATED = 130, 141, 143
+NO_READER = 141  # 128 plus the number of SIGPIPE
 
 
 class ClickBypass(Exception):
@@ -133,7 +134,11 @@ def report_error(error: BaseException) -> int:
     """
     if isinstance(error, ClickBypass):
         return report_error(error.error)
-    written = "; ".join(getattr(error, "__notes__", ()))
+    # From __set_name__ of a class that is being imported: Python 3.11 wraps it, 3.12 adds a note.
+    if isinstance(error, RuntimeError) and isinstance(error.__cause__, KeyboardInterrupt):
+        return report_error(error.__cause__)
+    notes = getattr(error, "__notes__", ())
+    written = "; ".join(note for note in notes if "__set_name__" not in note)
     more = f"; {written}" if written else ""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         say(f"missing command; see {PROGRAM} --help")

@@ -7,7 +7,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator import drives
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.cli import COMMAND_NAMES, main_group
+from mems_impact.cli.commands import COMMAND_NAMES, main_group
 from mems_impact.cli.options import NUMBERS, described_by_options, drive_from
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]

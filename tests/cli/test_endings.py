@@ -130,6 +130,72 @@ def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     assert seconds < 5.0
 
 
+def test_an_interrupt_while_the_command_line_is_imported():
+    program = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *rest):
+        if name == "click":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+from mems_impact.cli import main
+main(["devices"])
+"""
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=hears_interrupts)
+    assert done.stderr == "mems-impact: interrupted; nothing was written\n"
+    assert done.returncode == 130
+
+
+def test_an_interrupt_while_a_class_names_its_members(monkeypatch, cli):
+    class Member:
+        def __set_name__(self, owner, name):
+            raise KeyboardInterrupt
+
+    def load(_name):
+        type("Owner", (), {"member": Member()})  # as where a class is imported
+
+    monkeypatch.setattr("mems_impact.actuator.parameters.load_actuator", load)
+    done = cli(*SIMULATE)
+    assert done.err == "mems-impact: interrupted; nothing was written\n"
+    assert done.status == 130
+
+
+def test_an_interrupt_names_the_store_and_the_same_command_completes_it(tmp_path, monkeypatch, cli):
+    grid = ["--x", "amplitude", "0.2", "0.24", "3", "--y", "omega", "0.49", "0.5", "2"]
+    store = str(tmp_path / "store")
+    command = ["map", "zhao2004", *grid, "--transient", "5", "--periods", "2", "--store", store]
+    command += ["--exponents", "none", "--no-figure", "--no-progress", "--workers", "1", "--output"]
+
+    def stop(*arguments, **named):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("mems_impact.studies.attractor_study.map_attractors", stop)
+        done = cli(*command, "one")
+    assert done.status == 130
+    assert done.err == (
+        f"mems-impact: interrupted after 0 of 6 points; the same command resumes from {store}\n"
+    )
+    assert cli(*command, "one").status == 0
+    assert mi.read_study(store).done == 6
+
+
+def test_an_interrupt_during_the_margins_keeps_the_search(tmp_path, monkeypatch, cli):
+    def stop(*arguments, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mems_impact.studies.optimize.bifurcation_margins", stop)
+    done = cli(
+        "optimize", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--initial", "kicked",
+        "--maximize", "mean speed", "--over", "amplitude=0.235:0.245", "--no-progress",
+    )  # fmt: skip
+    assert done.status == 130
+    assert done.err.endswith("written: out/optimize-history.csv\n")
+
+
 def test_an_interrupt_while_a_dataclass_is_made_has_the_same_status(tmp_path):
     plugin = tmp_path / "interrupted.py"
     plugin.write_text("exec('raise KeyboardInterrupt')\n")

@@ -6,7 +6,7 @@ import sys
 import click
 import pytest
 
-from mems_impact.cli import COMMAND_NAMES, main_group
+from mems_impact.cli.commands import COMMAND_NAMES, main_group
 
 # What takes long to import; none of it is needed to show a help page.
 HEAVY = ("matplotlib", "numba", "numpy", "pandas", "pydantic", "sksundae", "tqdm")

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import main_group
+from mems_impact.cli.commands import main_group
 from mems_impact.cli.new import TEMPLATES
 
 
