@@ -36,8 +36,8 @@ def block(static):
         states=("x", "v"),
         flow=flow,
         period=2.0 * math.pi / W,
-        parameters={"A": 1.6, "B": 0.3},
-        parts=[mi.Friction("ground", "v", mu=1.0, static=static)],
+        parameters={"A": 1.6, "B": 0.3, "static": static},
+        parts=[mi.Friction("ground", "v", mu=1.0, static="static")],
     )
 
 
@@ -207,32 +207,32 @@ def random_system(kind, rng):
         pull = p.A * math.cos(p.w * t) + p.B * math.cos(2.0 * p.w * t + 1.0)
         return y.v, pull - y.x - between - p.c * y.v, y.u, between - p.c * y.u - 0.7 * y.z
 
-    def drawn(low, high):
-        return float(rng.uniform(low, high))
-
-    ground = mi.Friction("ground", "v", mu=drawn(0.1, 0.6))
-    stop = mi.Stopper("wall", "x", "v", upper=drawn(0.1, 2.0), restitution=drawn(0.0, 0.9))
+    # Names in place of numbers, so that each kind is compiled once.
+    ground = mi.Friction("ground", "v", mu="mu")
+    stop = mi.Stopper("wall", "x", "v", upper="wall", restitution="e")
     parts = {
         "friction": [ground],
         "stop": [stop],
         "both": [stop, ground],
-        "two": [ground, mi.Friction("other", "u", mu=drawn(0.1, 0.6))],
+        "two": [ground, mi.Friction("other", "u", mu="nu")],
     }
+    ranges = {
+        "mu": (0.1, 0.6), "wall": (0.1, 2.0), "e": (0.0, 0.9), "A": (0.5, 3.0),
+        "B": (0.0, 0.6), "w": (0.4, 2.2), "c": (0.05, 0.3), "nu": (0.1, 0.6),
+    }  # fmt: skip
     pairs = kind == "two"
     return mi.System(
         states=("x", "v", "z", "u") if pairs else ("x", "v"),
         flow=two if pairs else one,
         period=lambda p: 2.0 * math.pi / p.w,
-        parameters={
-            "A": drawn(0.5, 3.0), "B": drawn(0.0, 0.6), "w": drawn(0.4, 2.2), "c": drawn(0.05, 0.3),
-        },
+        parameters={name: float(rng.uniform(*bounds)) for name, bounds in ranges.items()},
         parts=parts[kind],
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["friction", "stop", "both", "two"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [3, 4, 9])  # their branches have special points
 def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     rng = np.random.default_rng(seed)
     orbit = mi.find_orbit(random_system(kind, rng), transient=300)

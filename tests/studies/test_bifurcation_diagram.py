@@ -8,7 +8,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.studies import bifurcation_diagram as construction
 
-PLAIN = mi.Options(method="dop853", rtol=1e-10, atol=1e-12, engine="interpreted")
+PLAIN = mi.Options(method="dop853", rtol=1e-10, atol=1e-12)
 SHORT = mi.RecurrenceOptions(transient=40, periods=10, exponents="none", chaos_persistence=1.0)
 
 
