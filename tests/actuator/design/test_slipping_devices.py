@@ -11,7 +11,7 @@ from mems_impact.actuator.report_page import amount
 from tests.actuator.slipping import LIGHT, PULLED, SLIPPING, random_device
 
 pytestmark = pytest.mark.slow
-SEEDS = range(8)
+SEEDS = range(5)
 
 
 def test_a_frame_that_slips_without_blows():
@@ -157,11 +157,12 @@ def test_impacts_far_above_the_onset_of_slip_begin_where_an_orbit_ends(monkeypat
         return settled(system, *more)
 
     monkeypatch.setattr(operating_chart, "settled", counted)
-    chart = mi.operating_chart(SLIDING, frequency=(9.375e3, 10.5e3), crises=0)
+    monkeypatch.setattr(operating_chart, "FREQUENCY_COLUMNS", 5)
+    chart = mi.operating_chart(SLIDING, frequency=(9796.875, 10359.375), crises=0)
     on = chart.table[chart.table["boundary"] == "on"]
     assert set(on["kind"]) == {"fold", "grazing"}
     assert on["frequency"].is_unique
-    assert len(amplitudes) < 40 * 9  # at nine frequencies
+    assert len(amplitudes) < 40 * 5  # at five frequencies
     system = SLIDING.under(mi.Sine(amplitude=1.0, frequency=10078.125))
     (fold,) = on.loc[np.isclose(on["frequency"], 10078.125, rtol=1e-9), "amplitude"]
     state = mi.State()
