@@ -217,7 +217,7 @@ def assert_shows_its_run(page, subject):
 
 
 def test_every_panel_shows_the_run_of_the_sliders(page):
-    for name, value in (("amplitude", 0.1), ("omega", 0.45), ("delta", 0.3), ("amplitude", 0.3)):
+    for name, value in (("omega", 0.45), ("delta", 0.3)):
         page.set(f"slider {name}", value)
         page.wait(lambda name=name, value=value: page.query.get(name) == [str(value)])
         assert_shows_its_run(page, zhao2004())

@@ -64,8 +64,11 @@ class Mutant:
 
     def lines(self, source: str) -> tuple[str, str]:
         """Return what stood there and what stands there now, lines joined, without indentation."""
-        wrong = self.applied(source)
-        changes = list(difflib.ndiff(source.splitlines(), wrong.splitlines()))
+        raw, wrong = source.encode(), self.applied(source).encode()
+        start = raw.rfind(b"\n", 0, self.start) + 1
+        rest = len(raw[self.end :].partition(b"\n")[2])  # of the bytes, below the lines that differ
+        texts = (text[start : len(text) - rest].decode() for text in (raw, wrong))
+        changes = list(difflib.ndiff(*(text.splitlines() for text in texts)))
         sides = ([line[2:].strip() for line in changes if line[0] == sign] for sign in "-+")
         before, after = (" ".join(side) for side in sides)
         return before, after
