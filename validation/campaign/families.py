@@ -24,13 +24,13 @@ class Family:
 
 
 FAMILIES = {
-    "tables": Family(tables.check, 400, 8),
+    "tables": Family(tables.check, 400, 5),
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
     "scales": Family(scales.check, 1000, 10),
     "contacts": Family(contacts.check, 5000, 8),
-    "terms": Family(terms.check, 5000, 13),
+    "terms": Family(terms.check, 5000, 9),
 }
 
 _Item = tuple[str, int, int, str]  # family, seed, number, method
