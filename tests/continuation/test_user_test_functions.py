@@ -9,7 +9,7 @@ import pytest
 import mems_impact as mi
 
 LONG = mi.StepControl(initial=0.05, largest=0.2)
-PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
+PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13)
 
 
 def _wave(mode, t, y, p):

@@ -171,7 +171,7 @@ def test_a_block_that_does_not_swing():
 def response():
     return mi.frequency_response(
         ZHAO, DRIVE, [0.3, 0.5], [0.02, 0.24], direction="down", transient=150, periods=2,
-        options=OPTIONS,
+        options=mi.Options(method="dop853"),
     )  # fmt: skip
 
 
