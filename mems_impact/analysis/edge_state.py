@@ -15,7 +15,6 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.attractor import (
-    STUDY_OPTIONS,
     Attractor,
     InitialCondition,
     RecurrenceOptions,
@@ -46,6 +45,8 @@ MAX_BISECTIONS = 80
 MAX_CONTINUATIONS = 16  # runs of a motion that does not settle
 ORBIT_RTOL = 1e-2  # distance from the last state at which an orbit is the edge state
 MAX_PERIOD = 16  # returns over which an edge state may be periodic
+PERTURBATION = 1e-4  # of the way to an attractor, to which another is stable and a saddle not
+OTHER, UNCLEAR = 2, 3  # in place of the number of a known attractor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,17 +141,43 @@ class _Tracking:
         return found
 
     def reached(self, start: HybridState) -> tuple[int, Attractor]:
-        """Return the attractor that a state reaches, and its number among the known; 2 for another.
+        """Return the attractor that a state reaches, and its number among the known.
 
-        A motion that has not settled is continued, since beside the boundary it begins slowly.
+        The number is `OTHER` for another attractor, and `UNCLEAR` for a motion that stays beside
+        the edge state. A motion that has not settled is continued, since beside the boundary it
+        begins slowly, and so is one that a perturbation ends: it is not on an attractor.
         """
         found = self.attractor(start)
         for _ in range(MAX_CONTINUATIONS):
-            number = next((i for i, each in enumerate(self.known) if self.is_same(found, each)), 2)
-            if number < 2 or found.motion != UNSETTLED or found.final is None:
+            number = self._number(found)
+            if number != OTHER or found.final is None or not self.known:
                 return number, found
-            found = self.attractor(self.system.hybrid_state(found.final, self.problem))
-        return 2, found
+            last, first = (
+                self.system.hybrid_state(each.final, self.problem)
+                for each in (found, self.known[0])
+            )
+            if found.motion != UNSETTLED:
+                moved = self.between(last, first, PERTURBATION)
+                if self.is_same(self.attractor(moved), found):
+                    return OTHER, found
+            found = self.attractor(last)
+        return OTHER if found.motion == UNSETTLED else UNCLEAR, found
+
+    def _number(self, found: Attractor) -> int:
+        return next((i for i, each in enumerate(self.known) if self.is_same(found, each)), OTHER)
+
+    def on_attractor(self, rows: list[HybridState], period: int) -> bool:
+        """Return whether the last states are those of a known periodic attractor."""
+        last = rows[-(period or MAX_PERIOD) :]
+        names = self.system.states
+        y = np.array([[self.system.state_of(each)[name] for name in names] for each in last])
+        for each in self.known:
+            if each.period and each.states is not None:
+                apart = np.abs(y[:, None] - each.states)[..., self.free]
+                size = MATCH_RTOL * np.maximum(np.abs(each.states).max(axis=0)[self.free], 1e-300)
+                if (apart <= size).all(axis=2).any(axis=1).all():
+                    return True
+        return False
 
     def is_same(self, one: Attractor, other: Attractor) -> bool:
         """Return whether two motions have the same attractor, by their returns."""
@@ -180,9 +207,9 @@ class _Tracking:
         """Return the distance of two states."""
         return float(np.linalg.norm((one.y - other.y)[self.free]))
 
-    def between(self, one: HybridState, other: HybridState) -> HybridState:
-        """Return the state half way, in a mode that it has."""
-        y, mode = 0.5 * (one.y + other.y), one.mode
+    def between(self, one: HybridState, other: HybridState, part: float = 0.5) -> HybridState:
+        """Return the state at a part of the way, half by default, in a mode that it has."""
+        y, mode = (1.0 - part) * one.y + part * other.y, one.mode
         if len(self.problem.automaton.modes) > 1 and not (
             one.mode == other.mode and self.system.fits(mode, y, self.problem)
         ):
@@ -202,7 +229,7 @@ class _Tracking:
                 one = middle
             else:
                 other = middle
-                if side == 2:
+                if side == OTHER:
                     self.known[1] = found
         return one, other
 
@@ -218,13 +245,13 @@ def edge_state(
     first: State | Mapping[str, float],
     second: State | Mapping[str, float],
     *,
-    returns: int = 200,
+    returns: int = 500,
     closest: float = 1e-8,
     widest: float = 1e-5,
     tolerance: float = 1e-6,
     step: float | None = None,
     recurrence: RecurrenceOptions = RecurrenceOptions(exponents="none"),  # noqa: B008 - immutable
-    options: Options = STUDY_OPTIONS,
+    options: Options = ORBIT_OPTIONS,
 ) -> EdgeState:
     """Find the edge state between the attractors of two states, by edge tracking.
 
@@ -251,7 +278,8 @@ def edge_state(
     recurrence : RecurrenceOptions, optional
         Recognition of the attractor of a state.
     options : Options, optional
-        Options of the integration to attractors; along the boundary they are those of orbits.
+        Options of the integration. Its errors must stay far below `closest`; otherwise both
+        enclosing states leave the boundary on one side.
 
     Returns
     -------
@@ -262,7 +290,7 @@ def edge_state(
     InvalidParameter
         If an argument is out of range, or both states reach the same attractor.
     OrbitError
-        If a run fails.
+        If a run fails, or the enclosing states no longer enclose the boundary.
 
     See Also
     --------
@@ -270,7 +298,9 @@ def edge_state(
 
     Notes
     -----
-    Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006).
+    Skufca, Yorke and Eckhardt, *Physical Review Letters* 96, 174101 (2006). On a fractal boundary
+    the motion wanders, often for hundreds of returns, before it settles; raise `returns`, or begin
+    with other states.
 
     Examples
     --------
@@ -292,7 +322,9 @@ def edge_state(
         raise InvalidParameter("step", step, allowed)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    problem = system.problem(ORBIT_OPTIONS)
+    # The states are bisected and followed by the same numerics: errors of the one above `closest`
+    # would move its boundary away from the states that the other follows.
+    problem = system.problem(options)
     length = 1.0
     if not system.forced:
         length = float(system.into("time", 1.0 if step is None else step)) / problem.period
@@ -345,8 +377,16 @@ def _track(
         distances.append(tracking.distance(one, other))
         period = _period(tracking, rows, tolerance, distances[-1])
         if period:
-            return rows, distances, period
-    return rows, distances, 0
+            break
+    else:
+        period = 0
+    if tracking.on_attractor(rows, period):
+        raise OrbitError(
+            f"the motion has left the boundary after {len(rows)} returns, since integration errors "
+            f"exceed the distance {closest:g} of the enclosing states",
+            "lower rtol and atol of options, or raise closest",
+        )
+    return rows, distances, period
 
 
 def _period(tracking: _Tracking, rows: list[HybridState], tolerance: float, distance: float) -> int:

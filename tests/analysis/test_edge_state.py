@@ -1,10 +1,12 @@
 """Edge states against closed forms, another package's test, and orbits of Newton's method."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 import mems_impact as mi
+from mems_impact.analysis import edge_state as module
 from tests.analysis.systems import oscillator
 from tests.studies.one_impact import OneImpact
 
@@ -44,6 +46,78 @@ def test_a_motion_that_settles_slowly_is_no_third_attractor():
     assert abs(found.state.x) < 1e-5
     assert found.orbit.multipliers[0].real == pytest.approx(1.01, rel=1e-9)
     assert [each.x for each in found.attractors] == pytest.approx([0.1, -0.1], abs=1e-5)
+
+
+def test_a_motion_that_stays_at_the_saddle_is_no_third_attractor():
+    """From x = 0.5 the motion reaches the right attractor; at 0 it stays."""
+    problem = CUBIC.problem(module.ORBIT_OPTIONS)
+    recurrence = mi.RecurrenceOptions(exponents="none")
+    tracking = module._Tracking(CUBIC, recurrence, module.ORBIT_OPTIONS, problem, 1.0)
+    begin = [CUBIC.hybrid_state({"x": x}, problem) for x in (0.5, -0.5, 0.0)]
+    tracking.known = [tracking.reached(each)[1] for each in begin[:2]]
+    assert [tracking.reached(each)[0] for each in begin] == [0, 1, module.UNCLEAR]
+
+
+def test_a_motion_that_leaves_the_boundary(monkeypatch):
+    advance = module._Tracking.advance
+
+    def pushed(self, at):
+        end = advance(self, at)
+        return replace(end, y=end.y + 1e-3)  # as errors of the integration
+
+    monkeypatch.setattr(module._Tracking, "advance", pushed)
+    with pytest.raises(mi.OrbitError, match="the motion has left the boundary"):
+        mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
+
+
+def test_the_states_are_bisected_by_the_numerics_that_follow_them(monkeypatch):
+    used = []
+
+    def map_attractors(cases, recurrence, options):
+        used.append(options)
+        return module_map(cases, recurrence, options)
+
+    module_map = module.map_attractors
+    monkeypatch.setattr(module, "map_attractors", map_attractors)
+    problem = type(CUBIC).problem
+
+    def noted(self, options):
+        used.append(options)
+        return problem(self, options)
+
+    monkeypatch.setattr(type(CUBIC), "problem", noted)
+    mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
+    assert set(used[:10]) == {module.ORBIT_OPTIONS}
+
+
+def _pushed(mode, t, y, p):
+    push = 20.0 * (y.x - 0.1) if mode == CONTACT else 0.0
+    return y.v, math.cos(4.0 * t) - 0.1 * y.v - y.x - push
+
+
+APART, CONTACT = mi.modes("apart", "contact")
+BILINEAR = mi.System(
+    states=("x", "v"),
+    flow=_pushed,
+    period=0.5 * math.pi,
+    guards=[
+        mi.Guard("touch", lambda mode, t, y, p: 0.1 - y.x, lambda mode, t, y, p: (CONTACT, y),
+                 modes=(APART,)),
+        mi.Guard("part", lambda mode, t, y, p: y.x - 0.1, lambda mode, t, y, p: (APART, y),
+                 modes=(CONTACT,)),
+    ],
+)  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_edge_state_of_a_bilinear_oscillator():
+    """Attractors of periods 1, 3 and 9, whose boundaries are fractal."""
+    found = mi.edge_state(BILINEAR, {"x": 0.0363, "v": 0.0973}, {"x": -0.0666, "v": 0.0071})
+    attractors = [mi.find_orbit(BILINEAR, guess=each, transient=0) for each in found.attractors]
+    assert all(each.stable for each in attractors)
+    if found.settled:  # the motion wanders for a hundred returns or more
+        assert found.orbit.periods == 6
+        assert found.orbit.multipliers[0].real > 1.0
 
 
 def test_arguments_of_the_edge_state():
