@@ -377,7 +377,7 @@ def test_the_page_of_another_system_shows_the_run_of_its_sliders(served, browser
     for name, value in (("A", 0.4), ("omega", 0.9)):
         page.set(f"slider {name}", value)
         page.wait(lambda name=name, value=value: page.query.get(name) == [str(value)])
-        assert_shows_its_run(page, own())
+    assert_shows_its_run(page, own())
     page.tap("bifurcation", 0.7, 0.0)
     page.wait(lambda: float(page.query["A"][0]) == pytest.approx(0.7, abs=0.01))
     page.click("reset")
