@@ -330,14 +330,14 @@ def test_files_are_saved(page, tmp_path):
 
 
 def test_nothing_on_the_page_overlaps_or_is_cut_off(page):
-    for width in (1280, 800, 390):
+    for width in (1280, 800, 390, 320):
         page.resize(width)
         boxes = page.browser.execute_script(
             """return [...document.querySelectorAll("aside, section")].map((e) => {
               const b = e.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom] })"""
         )
         assert len(boxes) == 7
-        if width == 390:
+        if width < 600:
             boxes = boxes[1:]  # the controls lie above the panels, which scroll below them
         assert page.browser.execute_script("return document.documentElement.scrollWidth") <= width
         for i, (left, top, right, bottom) in enumerate(boxes):
@@ -347,6 +347,17 @@ def test_nothing_on_the_page_overlaps_or_is_cut_off(page):
                 apart = left >= other[2] - 1 or right <= other[0] + 1
                 assert apart or top >= other[3] - 1 or bottom <= other[1] + 1
     page.resize(1280)
+
+
+def test_the_caption_of_the_device_fits_a_phone(page):
+    page.wait(lambda: page.get("moving caption", "data.text[0]").strip())
+    widths = page.browser.execute_script(
+        """const pen = document.createElement("canvas").getContext("2d")
+        pen.font = "13px Helvetica, Arial, sans-serif"
+        return arguments[0].split("\\n").map((line) => pen.measureText(line).width)""",
+        page.get("moving caption", "data.text[0]"),
+    )
+    assert max(widths) < 280.0  # on a screen of 320 pixels
 
 
 def test_the_unit_circle_is_round_at_every_width(page):

@@ -340,7 +340,7 @@ class DevicePanel:
         made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
                   fill_alpha="charge")  # fmt: skip
         self.caption = _moving("caption", text=[" "], unit=[""], magnified=[1.0])
-        made.text(-1.45 * end, 1.32, "text", source=self.caption, text_font_size="13px",
+        made.text(-1.45 * end, 1.27, "text", source=self.caption, text_font_size="13px",
                   text_baseline="middle")  # fmt: skip
         made.line("x", "y", source=self.spring, color="black", line_width=1.2)
         made.rect("x", 0.5, 2.0 * BLOCK_HALF_WIDTH_GAPS, 0.62, source=self.block, fill_color=MOTION,

@@ -51,7 +51,7 @@ function move(data, i, loops) {
   }
   const x1 = data.x1[i] + loops * (data.x1[count - 1] - data.x1[0])
   caption.data.text[0] = `frame at x1 = ${x1.toPrecision(5)} ${caption.data.unit[0]}`.trimEnd() +
-    `, its walk over the ground drawn ×${magnified}`
+    `,\nits walk over the ground drawn ×${magnified}`  // two lines, to fit a phone
   for (const part of [block, spring, plates, ground, caption]) part.change.emit()
 }
 
