@@ -7,7 +7,8 @@ share the source of the loop.
 
 An engine has ``n`` equations with ``m`` margins. Its root functions are, in this order, the ``m``
 margins (plus their bias), the ``m`` rates of the margins and one section: ``2 m + 1`` in all.
-A method may leave out rates of guards whose closest approaches are no events and that have no bias.
+A method may leave out rates of margins without bias, unless closest approaches of the guard are
+events and are searched.
 `step` takes exactly one internal step of the method, or stops at the first root in it, or in the
 remainder of the last step after a root. Steps do not depend on output times, so a run is the same
 with and without samples.
@@ -100,6 +101,11 @@ def sharpen(engine: Any, share: float, flight_time: float) -> None:
 def reset(engine: Any, max_step: float) -> None:
     """Restore the initial state of the engine, with the longest step `max_step`."""
     engine.reset(max_step)
+
+
+def search_approaches(engine: Any, search: int) -> None:
+    """Search closest approaches from the next step on if `search` is 1; a method may always do."""
+    engine.approach_search = search
 
 
 def method_memory(engine: Any, mode: int) -> int:

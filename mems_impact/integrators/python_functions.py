@@ -113,6 +113,7 @@ class Functions(SingleMethodEngine):
         self.n, self.m = equations.n, equations.m
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(equations.m)
+        self.approach_search = 1
         self._fault: Fault | None = None
 
     def method_memory(self, mode: int) -> int:

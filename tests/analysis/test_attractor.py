@@ -211,7 +211,7 @@ def test_a_regular_approach_is_continued(differences, latest, extended):
     s = SimpleNamespace(n=1, end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
     w = SimpleNamespace(
         memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
-        returns=420, transient=300.0, length=100.0, tolerance=1e-6,
+        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=0,
     )  # fmt: skip
     assert returns.extend_approach(s, w) == extended
     assert (s.end_cycle > 400) == extended

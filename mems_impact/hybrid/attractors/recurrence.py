@@ -94,6 +94,7 @@ WORK = np.dtype(
         ("opened", np.int64),  # first return of the present window
         ("at_rest", np.int64),  # 1 if all non-cyclic components are at rest
         ("failed", np.int64),  # 1 if an observable has failed
+        ("covered", np.int64),  # first return whose closest approaches were searched, or NONE
     ]
 )
 
@@ -312,28 +313,33 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
         while w.outcome == UNDECIDED:
             if quota <= 0:
                 return PAUSED
-            status = advance(engine, s, w)
+            advance_point(engine, s, w)
             quota -= 1
-            update_sizes(s, w)
-            if s.events_written + s.samples_written > 0:
-                process_events(engine, s, w)
-            if w.outcome == UNDECIDED and s.steps >= w.rest_check:
-                check_rest(engine, s, w)
-            if w.outcome == UNDECIDED:
-                if status == DONE and not extend_approach(s, w):
-                    w.outcome = APERIODIC
-                elif status not in (DONE, PAUSED, BUFFER_FULL):
-                    w.outcome = FAILED
             if s.collapse_length > 0.0 and w.outcome != FAILED:
                 return PAUSED
-        if w.failed == 1:
-            w.outcome = FAILED
         write_result(engine, s, w)
         w.point += 1
         w.begun = 0
         if w.outcome == FAILED:
             return FAILED
     return DONE
+
+
+def advance_point(engine: Any, s: Any, w: Any) -> None:
+    """Take one step of a point, and decide about its outcome."""
+    status = advance(engine, s, w)
+    update_sizes(s, w)
+    if s.events_written + s.samples_written > 0:
+        process_events(engine, s, w)
+    if w.outcome == UNDECIDED and s.steps >= w.rest_check:
+        check_rest(engine, s, w)
+    if w.outcome == UNDECIDED:
+        if status == DONE and not extend_approach(s, w):
+            w.outcome = APERIODIC
+        elif status not in (DONE, PAUSED, BUFFER_FULL):
+            w.outcome = FAILED
+    if w.failed == 1 and w.outcome != UNDECIDED:
+        w.outcome = FAILED
 
 
 def start_point(engine: Any, s: Any, w: Any) -> None:
@@ -401,6 +407,13 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     w.since = s.t
     w.last = s.t
     w.rest_check = REST_CHECK_STEPS
+    w.covered = NONE
+    impacts = False
+    for i in range(s.m):
+        impacts = impacts or table_row(s, IMPACT)[i] == 1
+    if w.transient <= 1.0 or not impacts:
+        w.covered = 0
+    interface.search_approaches(engine, int(w.covered == 0))
     reset_row(s, w, scratch_row(w, NOW))
     reset_row(s, w, scratch_row(w, ALL))
     for i in range(w.memory_width):
@@ -497,8 +510,11 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
         kept = return_statistics(w, k)
         for i in range(w.memory_width):
             kept[i] = now[i]
-        if when - now[DURATION] >= w.transient * s.period * (1.0 - 1e-12):
+        begin = w.transient * s.period * (1.0 - 1e-12)
+        if when - now[DURATION] >= begin and NONE < w.covered <= k:
             accumulate_aperiodic(s, w)
+        elif when + now[DURATION] >= begin:
+            cover_returns(engine, w, k)
     reset_row(s, w, now)
     here = return_row(w, k)
     here[WHEN] = when
@@ -517,7 +533,20 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
         open_window(w)
     w.repeats = repeats_after(s, w)
     if w.repeats > 0:
-        w.outcome = PERIODIC
+        cover_returns(engine, w, k)
+        if w.returns - w.repeats >= w.covered:
+            w.outcome = PERIODIC
+
+
+def cover_returns(engine: Any, w: Any, k: int) -> None:
+    """Search closest approaches from now on, unless they are, after return `k`.
+
+    They take a third of the time of a motion between stoppers, and only the statistics contain
+    them. The step in which a return lies may extend beyond an approach that follows it.
+    """
+    if w.covered == NONE:
+        w.covered = k + 2
+        interface.search_approaches(engine, 1)
 
 
 def repeats_after(s: Any, w: Any) -> int:
@@ -572,6 +601,11 @@ def extend_approach(s: Any, w: Any) -> bool:
     So they must decrease twice, at similar rates. A motion that comes near the orbit later has far
     smaller latest differences. Only `repeats_after` decides whether the motion is periodic.
     """
+    if w.repeats > 0:  # the statistics of its period are not complete
+        duration = return_statistics(w, w.returns - 1)[DURATION] / s.period
+        s.end_cycle += math.ceil((w.covered + w.repeats - w.returns + 1) * duration)
+        s.first_arc = 1
+        return True
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
     # The length of a window is a fixed part of the returns before it, which gives their starts.
@@ -627,7 +661,7 @@ def write_result(engine: Any, s: Any, w: Any) -> None:
     """Write the result of a point."""
     n, result = s.n, result_of(w)
     result[OUTCOME] = w.outcome
-    result[REPEATS] = w.repeats
+    result[REPEATS] = w.repeats if w.outcome == PERIODIC else 0
     result[RETURNS] = w.returns
     result[AT_REST] = w.at_rest
     y, width = table_row(s, Y), width_of(s.m, s.modes, w.gains, w.marks)

@@ -146,6 +146,7 @@ def hand_over(engine: Any) -> None:
 
 def step_explicit(engine: Any, one: Any) -> int:
     """Take a step; request BDF if steps have been too short repeatedly and the flow is stiff."""
+    interface.search_approaches(one, engine.approach_search)
     status = interface.step(one)
     mirror_active(engine, one)
     if status != interface.STEPPED:

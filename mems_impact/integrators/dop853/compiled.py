@@ -46,7 +46,7 @@ _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_
 HANDLE = np.dtype(
     [
         *ENGINE_FIELDS,
-        *((name, np.int64) for name in ("stages", "dense", *_WORDS, *_COUNTS)),
+        *((name, np.int64) for name in ("stages", "dense", "begin", *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
     ],
     align=True,
@@ -61,6 +61,7 @@ SIGNATURES = {
     **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
     "dense": types.void(_word),
+    "begin": _word(_word),
 }
 
 
@@ -113,8 +114,8 @@ def method_memory(engine: Any, mode: int) -> int:
 @cache
 def functions() -> dict[str, Any]:
     """Compile the stepper to C functions over a HANDLE, or load them from the cache."""
-    run_stages, run_dense, run_step, run_interpolate = take_snapshot(
-        method.stages, method.dense, stepper.step, stepper.interpolate
+    run_stages, run_dense, run_begin, run_step, run_interpolate = take_snapshot(
+        method.stages, method.dense, stepper.begin, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
     run_end_margins, run_restart, run_sharpen, run_reset, run_method_memory = take_snapshot(
         end_margins, stepper.restart, sharpen, stepper.reset, method_memory
@@ -126,7 +127,10 @@ def functions() -> dict[str, Any]:
     def dense(engine):  # type: ignore[no-untyped-def]
         run_dense(_handle(engine))
 
-    entries: list[Callable[..., Any]] = [stages, dense]
+    def begin(engine):  # type: ignore[no-untyped-def]
+        return run_begin(_handle(engine))
+
+    entries: list[Callable[..., Any]] = [stages, dense, begin]
     entries += method_entries(
         "dop853",
         _handle,
@@ -140,7 +144,7 @@ def functions() -> dict[str, Any]:
             run_method_memory,
         ),
     )
-    contracted = {"stages", "dense", "step", "interpolate"}
+    contracted = {"stages", "dense", "begin", "step", "interpolate"}
     return {
         function.__name__: compile_callback(
             function,
@@ -181,7 +185,9 @@ def _component(engine, j):  # type: ignore[no-untyped-def]
 @overload(method.records_approaches, jit_options={**JIT, **INNER})
 def _records_approaches(engine, i):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine, i: pointer(engine.approaches)[i] == 1.0
+        return lambda engine, i: (
+            engine.approach_search == 1 and pointer(engine.approaches)[i] == 1.0
+        )
 
 
 @overload(method.set_fired, jit_options={**JIT, **INNER})
@@ -197,6 +203,7 @@ def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
 # Calls of the compiled functions by their addresses in the handle.
 _call_stages = caller(SIGNATURES["stages"])
 _call_dense = caller(SIGNATURES["dense"])
+_call_begin = caller(SIGNATURES["begin"])
 
 
 @overload(method.try_step, jit_options={**JIT, **INNER})
@@ -209,3 +216,17 @@ def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
 def _make_dense(engine):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine: _call_dense(engine.dense, (address(engine),))
+
+
+def begin(engine: Any) -> int:
+    """Begin an arc by the compiled function."""
+    return stepper.begin(engine)
+
+
+mark_overloaded(begin)
+
+
+@overload(begin, jit_options={**JIT, **INNER})
+def _begin(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_begin(engine.begin, (address(engine),))

@@ -150,6 +150,8 @@ D = (
 
 # --- Stages, error estimate, dense output
 
+SMALLEST_TOTAL = 1e-300  # of the two error estimates, as a divisor
+
 # Data of each component of the state: the slopes of stages 0 to 15, then seven coefficients of the
 # dense output.
 DENSE = 16
@@ -180,8 +182,8 @@ def set_fired(engine: Any, i: int, direction: int) -> None:
 
 
 def records_approaches(engine: Any, i: int) -> bool:
-    """Return whether closest approaches of margin `i` are events."""
-    return bool(engine.approaches[i] == 1)
+    """Return whether closest approaches of margin `i` are events, and are searched."""
+    return bool(engine.approach_search == 1 and engine.approaches[i] == 1)
 
 
 def stages(engine: Any, t: float, h: float) -> float:
@@ -293,9 +295,7 @@ def stages(engine: Any, t: float, h: float) -> float:
         # Slopes without a weight in the error estimate.
         probe += k[1] + k[2] + k[3] + k[4]
     # fmt: on
-    total = error_5 + 0.01 * error_3
-    if total == 0.0:
-        total = 1.0
+    total = max(error_5 + 0.01 * error_3, SMALLEST_TOTAL)
     return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
 
 
@@ -712,6 +712,15 @@ def take_step(engine: Any) -> int:
         rejected = True
         if h < smallest:
             return failure
+    accept_step(engine, t, ahead, planned, error, rejected)
+    return interface.STEPPED
+
+
+def accept_step(
+    engine: Any, t: float, ahead: float, planned: float, error: float, rejected: bool
+) -> None:
+    """Record a step from `t` to `ahead` that passes the error test, and choose the next one."""
+    h = ahead - t
     leave_section(engine, row(engine, HIGH), 0)
     engine.steps += 1
     engine.t_start = t
@@ -722,7 +731,6 @@ def take_step(engine: Any) -> int:
     # A step shortened by the stop does not limit the next one.
     engine.h_next = max(longer, planned) if h < planned else longer
     check_stability(engine, h)
-    return interface.STEPPED
 
 
 def check_stability(engine: Any, h: float) -> None:

@@ -77,6 +77,7 @@ ENGINE_FIELDS = [
     ("parameter_count", np.int64),
     ("t", np.float64),
     ("mode", np.int64),
+    ("approach_search", np.int64),
     ("last_instant", np.float64),
     ("section", np.int64),  # component, -1 for none
     ("level", np.float64),
@@ -349,6 +350,10 @@ class CompiledEngine(SingleMethodEngine):
         All fields.
     head : record
         Those of every engine, for the event loop; the same memory.
+    address : int
+        Of the record.
+    memory : float array
+        The arrays whose addresses are in the record.
     """
 
     def __init__(
@@ -367,7 +372,7 @@ class CompiledEngine(SingleMethodEngine):
         fired = 2 * m + 1  # as 32-bit integers, two to a number
         block = np.zeros(sum(sizes.values()) + fired // 2 + 1)
         handles = np.zeros(1, dtype=dtype)
-        self._memory = block
+        self.memory = block
         self.address = handles.ctypes.data
         # A record that keeps the arrays alive. Access by item is ten times as fast as by attribute.
         self.handle = handle = handles[0]
@@ -386,6 +391,7 @@ class CompiledEngine(SingleMethodEngine):
             begin += size
         handle["fired"] = place + WORD * begin
         handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
+        handle["approach_search"] = 1
         handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address
@@ -400,7 +406,7 @@ class CompiledEngine(SingleMethodEngine):
 
 def is_handle(kind: Any) -> bool:
     """Return whether the numba type `kind` is the record of an engine."""
-    return isinstance(kind, types.Record) and "last_instant" in kind.fields
+    return isinstance(kind, types.Record) and "transition" in kind.fields
 
 
 mark_overloaded(
@@ -414,6 +420,7 @@ mark_overloaded(
     interface.reset,
     interface.sharpen,
     interface.method_memory,
+    interface.search_approaches,
     interface.bias,
     interface.set_bias,
     interface.parameter,
@@ -507,6 +514,16 @@ def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
         return lambda engine, mode: _call_method_memory(
             engine.method_memory, (address(engine), mode)
         )
+
+
+@overload(interface.search_approaches, jit_options={**JIT, **INNER})
+def _search_approaches(engine, search):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, search):  # type: ignore[no-untyped-def]
+            engine.approach_search = search
+
+        return implementation
 
 
 @overload(interface.bias, jit_options={**JIT, **INNER})
