@@ -6,6 +6,7 @@ block free, resting on the right stopper, resting on the left one).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -238,7 +239,8 @@ def actuator_automaton(
             a2 = eq.block_acceleration(direction, load, p)
             rate = eq.load_rate(y[V2], a2, force_rate, p)
             g[BREAK_AWAY] = eq.static_limit(p) - abs(load)
-            r[BREAK_AWAY] = -rate if load > 0.0 else rate
+            # Without a branch, so that the function compiles for lanes.
+            r[BREAK_AWAY] = -math.copysign(1.0, load) * rate
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         if code in (RIGHT_IMPACT, LEFT_IMPACT):

@@ -16,8 +16,8 @@ from mems_impact.analysis.lyapunov import SIGNIFICANCE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
-from mems_impact.hybrid.attractors.mapper import AttractorMapper, RecurrenceResult
-from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.attractors.mapper import AttractorMapper, PointMapper, RecurrenceResult
+from mems_impact.hybrid.problem import Problem, is_compiled
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator, largest
 from mems_impact.integrators.options import Options
@@ -50,6 +50,9 @@ LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
 MAX_PERIOD_FACTOR = 4  # of `longest`: the longest period of a motion unsettled otherwise
+# Fewest points for which functions are compiled for lanes, which takes as long as 500 points; and
+# fewest that are mapped in lanes then.
+LEAST_LANE_POINTS, LEAST_LATER_POINTS = 128, 16
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -236,6 +239,20 @@ def map_attractors(
     return found
 
 
+def maps_in_lanes(system: HybridSystem) -> bool:
+    """Return whether many points of a system are mapped in lanes, by vector instructions.
+
+    Its functions must consist of arithmetic and functions of `math`, without branches on the state.
+    """
+    if not system.forced or not is_compiled(STUDY_OPTIONS):
+        return False
+    from mems_impact.integrators.jit.lanes import lane_kernels
+
+    automaton = system.automaton
+    n, m = len(automaton.states), len(automaton.guards)
+    return lane_kernels(automaton.flow, automaton.margins, n, m) is not None
+
+
 def _followed(
     batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
     recurrence: RecurrenceOptions,
@@ -299,15 +316,21 @@ def _followed(
             error=each.error,
         )
 
-    device = None
-    if gpu:
-        from mems_impact.hybrid.attractors.cuda import GpuMapper
-
-        plain = replace(problem.options, engine="interpreted", method="dop853")
-        device = GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))
     with closing(mapper_of(recurrence.longest)) as mapper:
+        devices: list[PointMapper] = []
+        if gpu:
+            from mems_impact.hybrid.attractors.cuda import GpuMapper
+
+            plain = replace(problem.options, engine="interpreted", method="dop853")
+            devices.append(
+                GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))
+            )
+        elif len(batch) >= LEAST_LANE_POINTS and is_compiled(problem.options):
+            from mems_impact.hybrid.attractors.lanes import lane_mappers
+
+            devices += lane_mappers(mapper)
         points = [(each.numbers, start) for _, each, start in batch]
-        settled = mapper.follow(points, transient, length, report, falls, device)
+        settled = mapper.follow(points, transient, length, report, falls, devices)
         found = [attractor(i, one) for i, one in enumerate(settled)]
         ends = [(point[0], one.final) for point, one in zip(points, settled, strict=True)]
 
@@ -317,7 +340,8 @@ def _followed(
             """Follow some points from their last states; all at once, in compiled code."""
             if not chosen:
                 return iter(())
-            later = mapper.follow([ends[i] for i in chosen], transient, length, on)
+            beside = devices if len(chosen) >= LEAST_LATER_POINTS and not gpu else ()
+            later = mapper.follow([ends[i] for i in chosen], transient, length, on, devices=beside)
             return zip(chosen, later, strict=True)
 
         approaching, lasting = [], []

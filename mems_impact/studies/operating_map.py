@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    InitialCondition,
+    RecurrenceOptions,
+    maps_in_lanes,
+)
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
@@ -131,6 +136,11 @@ class OperatingMap(Result):
     x: Axis = field(repr=False)
     y: Axis = field(repr=False)
     table: pd.DataFrame = field(repr=False)
+
+    @property
+    def lanes(self) -> bool:
+        """Whether many points of the system are mapped in lanes, by vector instructions."""
+        return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
         size = f"{len(self.x.values)} x {len(self.y.values)}"

@@ -14,7 +14,12 @@ import pandas as pd
 from scipy.stats import sobol_indices
 
 from mems_impact._util.arrays import Floats
-from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    InitialCondition,
+    RecurrenceOptions,
+    maps_in_lanes,
+)
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
@@ -296,6 +301,11 @@ class ToleranceAnalysis(Spread, Result):
     """
 
     system: HybridSystem = field(repr=False)
+
+    @property
+    def lanes(self) -> bool:
+        """Whether many points of the system are mapped in lanes, by vector instructions."""
+        return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
         drawn, counted = ", ".join(self.drawn), self._counted()

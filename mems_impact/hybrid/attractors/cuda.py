@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Callable
 from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any, cast
@@ -59,10 +60,18 @@ class GpuMapper:
         count = len(observed.gains + observed.marks)
         self._functions = take_snapshot(*functions), n, m, count
 
-    def follow(self, inputs: Floats, results: Floats, transient: float, length: float) -> None:
+    def follow(
+        self,
+        inputs: Floats,
+        results: Floats,
+        transient: float,
+        length: float,
+        watch: Callable[[float], None] | None = None,
+    ) -> None:
         """Write rows of results of `recurrence`, except those that the GPU cannot complete.
 
-        These are points whose run fails, is stiff, has collapsed steps, or takes too many.
+        These are points whose run fails, is stiff, has collapsed steps, or takes too many. A launch
+        cannot be watched.
 
         Raises
         ------

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,6 @@ from mems_impact.hybrid.problem import (
     create_engine,
 )
 from mems_impact.hybrid.state import HybridState
-
-if TYPE_CHECKING:
-    from mems_impact.hybrid.attractors.cuda import GpuMapper
 
 __all__ = [
     "AttractorMapper",
@@ -200,6 +197,23 @@ class RecurrenceResult:
     states: Floats
 
 
+class PointMapper(Protocol):
+    """Maps many points at once, of those that an `AttractorMapper` maps one by one."""
+
+    def follow(
+        self,
+        inputs: Floats,
+        results: Floats,
+        transient: float,
+        length: float,
+        watch: Callable[[float], None] | None,
+    ) -> None:
+        """Write rows of results of `recurrence`, except those that are left to single runs.
+
+        The other parameters are those of `AttractorMapper.follow`.
+        """
+
+
 class AttractorMapper:
     """Maps initial states to attractors, for points of one automaton.
 
@@ -246,8 +260,8 @@ class AttractorMapper:
         self.problem = problem
         self._bound = bound = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        self._loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
-        clock = self._loop.clock
+        self.loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
+        clock = self.loop.clock
         observe = self.observed.function if gains + marks else None
         places, self._kept = bound.kernel_addresses(clock, observe, n, gains + marks)
         self._work = bound.record(
@@ -274,8 +288,8 @@ class AttractorMapper:
         self._places = {
             name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
         }
-        self._memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
-        self._put("memory", "memory_width", self._memory)
+        self.memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
+        self._put("memory", "memory_width", self.memory)
 
     def follow(
         self,
@@ -284,7 +298,7 @@ class AttractorMapper:
         length: float,
         watch: Callable[[float], None] | None = None,
         discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
-        gpu: GpuMapper | None = None,
+        devices: Sequence[PointMapper] = (),
     ) -> list[RecurrenceResult]:
         """Compute the attractors of points.
 
@@ -299,8 +313,8 @@ class AttractorMapper:
             Called several times a second with the number of completed points; it may raise.
         discontinuity_check : callable, optional
             As `Problem.discontinuity_check`, with the number of the point as first argument.
-        gpu : GpuMapper, optional
-            Computes the points that a GPU can complete.
+        devices : sequence of PointMapper, optional
+            Map the points that they can, one device after another.
 
         Returns
         -------
@@ -312,9 +326,13 @@ class AttractorMapper:
         width = recurrence.result_width(n, m, modes, self._work)
         results = np.zeros((len(points), width))
         results[:, OUTCOME] = math.nan  # of points that are not completed
-        if gpu is not None:
-            gpu.follow(inputs, results, transient, length)
-        (left,) = np.nonzero(np.isnan(results[:, OUTCOME]))
+        left = np.arange(len(points))
+        for device in devices:
+            if len(left) > 0:
+                rows = results[left]
+                device.follow(inputs[left], rows, transient, length, watch)
+                results[left] = rows
+                left = left[np.isnan(rows[:, OUTCOME])]
         inputs, rows = inputs[left], results[left]
         work = self._work
         self._put("inputs", "input_width", inputs)
@@ -332,7 +350,7 @@ class AttractorMapper:
                 )
             except FunctionError:  # an ordinary run of the point reports it
                 status = workspace.PAUSED
-            collapse = self._loop.take_step_collapse()
+            collapse = self.loop.take_step_collapse()
             if collapse is not None and discontinuity_check is not None:
                 discontinuity_check(int(left[work["point"]]), *collapse)
             if watch is not None:

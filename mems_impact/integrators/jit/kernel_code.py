@@ -44,9 +44,13 @@ class KernelCode:
 
     Attributes
     ----------
+    kind : LLVM type
+        That of the C function.
     mode, code, t, y, parameters, size, out : LLVM values
         The arguments.
     """
+
+    kind = KERNEL
 
     def __init__(self, builder: ir.IRBuilder, function: Any) -> None:
         self._builder, self._function = builder, function
@@ -148,6 +152,7 @@ def compile_kernel(
     body: Callable[[KernelCode], Any],
     name: str,
     lasting: bool,
+    code: type[KernelCode] = KernelCode,
     **options: Any,
 ) -> Kernel:
     """Compile a function of an automaton to a C function, or load it from the cache.
@@ -165,6 +170,7 @@ def compile_kernel(
         The symbol; identifies the function, its dependencies and `body`.
     lasting : bool
         Whether the name is valid in other processes, so that the code can be kept on disk.
+    code : type of KernelCode, optional
     options
         Additional options of numba.
     """
@@ -173,7 +179,7 @@ def compile_kernel(
         library = cache.load_overload(name, cpu_target.target_context)
         if library is None:
             try:
-                library = _link(function(), tuple(arguments), body, name, options)
+                library = _link(function(), tuple(arguments), body, name, code, options)
             except Exception:
                 forget_copies()
                 raise
@@ -193,6 +199,7 @@ def _link(
     arguments: tuple[Any, ...],
     body: Callable[[KernelCode], Any],
     name: str,
+    code: type[KernelCode],
     options: dict[str, Any],
 ) -> Any:
     compiled = _inlined(function, tuple(options.items()))
@@ -201,8 +208,8 @@ def _link(
     library = cpu_target.target_context.codegen().create_library(name)
     library.enable_object_caching()
     module = library.create_ir_module(name)
-    builder = ir.IRBuilder(ir.Function(module, KERNEL, name).append_basic_block())
-    builder.ret(body(KernelCode(builder, done)))
+    builder = ir.IRBuilder(ir.Function(module, code.kind, name).append_basic_block())
+    builder.ret(body(code(builder, done)))
     library.add_linking_library(done.library)
     library.add_ir_module(module)
     library.finalize()

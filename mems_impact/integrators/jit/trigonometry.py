@@ -54,11 +54,22 @@ def sin(x: float) -> float:
 
 
 class Reduction:
-    """LLVM instructions for an argument reduced to a quadrant and an angle in [-pi/4, pi/4]."""
+    """LLVM instructions for an argument reduced to a quadrant and an angle in [-pi/4, pi/4].
+
+    Attributes
+    ----------
+    angle, tail, square : LLVM values
+        The angle, its rounding error, and its square.
+    quadrant : LLVM value
+    """
+
+    real, word, bit = DOUBLE, WORD, ir.IntType(1)
+    suffix = "f64"  # of LLVM's intrinsics
 
     def __init__(self, builder: Any, x: Any) -> None:
-        kind = ir.FunctionType(DOUBLE, [DOUBLE] * 3)
-        self._fma = cgutils.get_or_insert_function(builder.module, kind, "llvm.fma.f64")
+        kind = ir.FunctionType(self.real, [self.real] * 3)
+        name = f"llvm.fma.{self.suffix}"
+        self._fma = cgutils.get_or_insert_function(builder.module, kind, name)
         self._builder = builder
         shifted = self.fma(x, self.constant(2.0 / math.pi), self.constant(SHIFTER))
         count = builder.fsub(shifted, self.constant(SHIFTER))
@@ -73,11 +84,12 @@ class Reduction:
         )
         error = builder.fadd(error, self.fma(count, second, builder.fneg(product)))
         self.tail = self.fma(count, third, error)
-        self.quadrant = builder.bitcast(shifted, WORD)
+        self.quadrant = builder.bitcast(shifted, self.word)
         self.square = builder.fmul(self.angle, self.angle)
 
     def constant(self, value: float) -> Any:
-        return ir.Constant(DOUBLE, value)
+        """Return a real constant."""
+        return constant(self.real, value)
 
     def fma(self, a: Any, b: Any, c: Any) -> Any:
         return self._builder.call(self._fma, [a, b, c])
@@ -101,10 +113,17 @@ class Reduction:
         error = b.fsub(b.fsub(self.constant(1.0), weight), half)
         error = self.fma(b.fneg(r), tail, error)
         cosine = b.fadd(weight, self.fma(fourth, self.polynomial(COSINE, fourth), error))
-        turns = b.add(self.quadrant, ir.Constant(WORD, quarter_turns))
-        chosen = b.select(b.trunc(turns, ir.IntType(1)), cosine, sine)
-        sign = b.shl(b.and_(turns, ir.Constant(WORD, 2)), ir.Constant(WORD, 62))
-        return b.bitcast(b.xor(b.bitcast(chosen, WORD), sign), DOUBLE)
+        word = self.word
+        turns = b.add(self.quadrant, constant(word, quarter_turns))
+        chosen = b.select(b.trunc(turns, self.bit), cosine, sine)
+        sign = b.shl(b.and_(turns, constant(word, 2)), constant(word, 62))
+        return b.bitcast(b.xor(b.bitcast(chosen, word), sign), self.real)
+
+
+def constant(kind: Any, value: float) -> Any:
+    """Return a constant; a vector has it in all lanes."""
+    vector = isinstance(kind, ir.VectorType)
+    return ir.Constant(kind, [value] * kind.count if vector else value)
 
 
 def _advanced_sine(quarter_turns: int) -> Any:
@@ -132,6 +151,8 @@ def _overload(
 ) -> None:
     @overload(stand_in, jit_options={**FOR_C, **INNER}, strict=False)
     def _compiled(x: Any) -> Any:
+        if not isinstance(x, types.Number):
+            return None
         if x != types.float64 or not has_fma():
             return lambda x: library(x)
 

@@ -118,9 +118,9 @@ def test_an_edit_compiles_the_functions_that_depend_on_it(compiled, monkeypatch)
     names = []
     link = kernel_code._link
 
-    def counted(function, arguments, body, name, options):
+    def counted(function, arguments, body, name, *others):
         names.append(name.partition("_")[0])
-        return link(function, arguments, body, name, options)
+        return link(function, arguments, body, name, *others)
 
     monkeypatch.setattr(kernel_code, "_link", counted)
     monkeypatch.setattr(kernel_code, "library_cache", lambda *_: NullCache())

@@ -1,0 +1,593 @@
+"""Lanes: vectors of numbers, one of each of several trajectories, in compiled functions.
+
+A function of an automaton is compiled unchanged with vectors in place of numbers, if it consists of
+arithmetic and functions of `math`. It cannot if it branches on the state, since trajectories would
+branch differently; modes may differ only between calls. Each lane has the bits of the function
+compiled for numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import NumbaError
+from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.registry import cpu_target
+from numba.core.typeconv import Conversion
+from numba.core.typing import signature
+from numba.core.typing.templates import AbstractTemplate, infer_global
+from numba.extending import intrinsic, models, overload, register_model
+
+from mems_impact.integrators.jit import trigonometry
+from mems_impact.integrators.jit.closures import Snapshot, take_snapshot
+from mems_impact.integrators.jit.kernel_code import Kernel, KernelCode, compile_kernel
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD
+
+LANES = 8
+"""Trajectories in a vector: doubles in the widest vector registers."""
+
+DOUBLE, INTEGER, BIT = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+REALS, BITS = ir.VectorType(DOUBLE, LANES), ir.VectorType(BIT, LANES)
+
+# --- Types
+
+
+class _Lanes(types.Type):
+    def __init__(self) -> None:
+        super().__init__("Lanes")
+
+    def unify(self, _typing: Any, other: Any) -> Any:
+        """Return the common type with a number."""
+        return self if isinstance(other, types.Float | types.Integer) else None
+
+    def can_convert_from(self, _typing: Any, other: Any) -> Any:
+        """Return that a number becomes a vector of equal numbers."""
+        return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
+
+
+class _Mask(types.Type):
+    def __init__(self) -> None:
+        super().__init__("Mask")
+
+
+class _LanePointer(types.Type):
+    def __init__(self) -> None:
+        super().__init__("LanePointer")
+
+
+class _LaneVector(types.Type):
+    def __init__(self) -> None:
+        super().__init__("LaneVector")
+
+
+Lanes, Mask = _Lanes(), _Mask()
+LanePointer = _LanePointer()  # to vectors, without a length
+LaneVector = _LaneVector()  # an array of vectors, in place of an array of numbers
+
+
+@register_model(_Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, REALS)
+
+
+@register_model(_Mask)
+class _MaskModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, BITS)
+
+
+@register_model(_LanePointer)
+class _LanePointerModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, INTEGER)
+
+
+@register_model(_LaneVector)
+class _LaneVectorModel(models.StructModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        members = [("address", types.int64), ("length", types.int64)]
+        super().__init__(manager, kind, members)
+
+
+def splat(builder: Any, value: Any) -> Any:
+    """Return a vector of equal numbers."""
+    none = ir.Constant(ir.VectorType(value.type, LANES), ir.Undefined)
+    first = builder.insert_element(none, value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, none, zeros)
+
+
+@lower_cast(types.Float, _Lanes)
+@lower_cast(types.Integer, _Lanes)
+def _cast_number(context: Any, builder: Any, given: Any, _kind: Any, value: Any) -> Any:
+    return splat(builder, context.cast(builder, value, given, types.float64))
+
+
+# --- Arithmetic
+
+
+def _number(kind: Any) -> bool:
+    return isinstance(kind, _Lanes | types.Float | types.Integer)
+
+
+def _operation(operation: Any, count: int, result: Any, emit: Callable[..., Any]) -> None:
+    """Register `operation` on `count` vectors."""
+
+    @infer_global(operation)
+    class _Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            if kws or len(args) != count or not all(map(_number, args)) or Lanes not in args:
+                return None
+            return signature(result, *[Lanes] * count)
+
+    @lower_builtin(operation, *[_Lanes] * count)
+    def _lower(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return emit(context, builder, *args)
+
+
+def _call(builder: Any, name: str, *args: Any) -> Any:
+    kind = ir.FunctionType(REALS, [REALS] * len(args))
+    full = f"llvm.{name}.v{LANES}f64"
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, full), args)
+
+
+# Minimum and maximum return the first argument unless the second one is beyond, as those of numba.
+def _minimum(_: Any, builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered("<", b, a), b, a)
+
+
+def _maximum(_: Any, builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered(">", b, a), b, a)
+
+
+for _name, _emit in {
+    "add": lambda _, builder, a, b: builder.fadd(a, b),
+    "sub": lambda _, builder, a, b: builder.fsub(a, b),
+    "mul": lambda _, builder, a, b: builder.fmul(a, b),
+    "truediv": lambda _, builder, a, b: builder.fdiv(a, b),
+}.items():
+    _operation(getattr(operator, _name), 2, Lanes, _emit)
+    _operation(getattr(operator, f"i{_name}"), 2, Lanes, _emit)
+for _name, _sign in {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "=="}.items():
+    _operation(
+        getattr(operator, _name),
+        2,
+        Mask,
+        lambda _, builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b),
+    )
+_operation(operator.ne, 2, Mask, lambda _, builder, a, b: builder.fcmp_unordered("!=", a, b))
+_operation(min, 2, Lanes, _minimum)
+_operation(max, 2, Lanes, _maximum)
+_operation(operator.neg, 1, Lanes, lambda _, builder, a: builder.fneg(a))
+_operation(operator.pos, 1, Lanes, lambda _, builder, a: a)
+for _function, _intrinsic in {
+    abs: "fabs", math.fabs: "fabs", math.sqrt: "sqrt", math.floor: "floor", math.ceil: "ceil",
+    math.trunc: "trunc",
+}.items():  # fmt: skip
+    _operation(_function, 1, Lanes, lambda _, builder, a, name=_intrinsic: _call(builder, name, a))
+_operation(math.copysign, 2, Lanes, lambda _, builder, a, b: _call(builder, "copysign", a, b))
+
+# --- Functions of `math`
+
+
+def _each_lane(function: Any, context: Any, builder: Any, args: Any) -> Any:
+    """Call a function of numbers for each lane."""
+    typing = context.typing_context
+    kind = typing.resolve_value_type(function)
+    resolved = kind.get_call_type(typing, (types.float64,) * len(args), {})
+    call = context.get_function(kind, resolved)
+    context.add_linking_libs(getattr(call, "libs", ()))
+    result = ir.Constant(REALS, ir.Undefined)
+    for i in range(LANES):
+        place = ir.Constant(ir.IntType(32), i)
+        values = [builder.extract_element(vector, place) for vector in args]
+        result = builder.insert_element(result, call(builder, values), place)
+    return result
+
+
+def _by_lane(function: Any, count: int) -> None:
+    _operation(
+        function,
+        count,
+        Lanes,
+        lambda context, builder, *args: _each_lane(function, context, builder, args),
+    )
+
+
+for _function in (
+    math.exp, math.expm1, math.log, math.log1p, math.log2, math.log10, math.tan, math.asin,
+    math.acos, math.atan, math.sinh, math.cosh, math.tanh, math.asinh, math.acosh, math.atanh,
+    math.erf, math.erfc, math.gamma, math.lgamma, math.sin, math.cos,
+):  # fmt: skip
+    _by_lane(_function, 1)
+for _function in (math.atan2, math.hypot, math.pow, operator.mod):
+    _by_lane(_function, 2)
+
+
+@infer_global(operator.pow)
+class _PowerTemplate(AbstractTemplate):
+    prefer_literal = True
+
+    def generic(self, args: Any, kws: Any) -> Any:
+        if kws or not all(map(_number, args)) or Lanes not in args:
+            return None
+        constant = isinstance(args[1], types.IntegerLiteral)
+        return signature(Lanes, Lanes, args[1] if constant else Lanes)
+
+
+@lower_builtin(operator.pow, _Lanes, _Lanes)
+def _variable_power(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    return _each_lane(operator.pow, context, builder, args)
+
+
+@lower_builtin(operator.pow, _Lanes, types.IntegerLiteral)
+def _constant_power(_context: Any, builder: Any, given: Any, args: Any) -> Any:
+    """Raise to a constant power, by the same products as numba for numbers."""
+    power, square, result = given.args[1].literal_value, args[0], splat(builder, DOUBLE(1.0))
+    left = abs(power)
+    while left > 0:
+        if left & 1:
+            result = builder.fmul(result, square)
+        left >>= 1
+        square = builder.fmul(square, square)
+    return builder.fdiv(splat(builder, DOUBLE(1.0)), result) if power < 0 else result
+
+
+class _Reduction(trigonometry.Reduction):
+    """The reduction of `trigonometry` for vectors."""
+
+    real, word, bit = REALS, ir.VectorType(INTEGER, LANES), BITS
+    suffix = f"v{LANES}f64"
+
+
+def _wave(stand_in: Callable[..., Any], library: Callable[..., Any], quarter_turns: int) -> None:
+    """Register the sine or cosine of `trigonometry`, with the bits of that of numbers."""
+
+    @intrinsic
+    def advanced_sine(_typing: Any, x: Any) -> Any:
+        def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return _Reduction(builder, args[0]).value(quarter_turns)
+
+        return signature(Lanes, Lanes), codegen
+
+    @overload(stand_in, jit_options={**FOR_C, **INNER}, strict=False)
+    def _compiled(x):  # type: ignore[no-untyped-def]
+        if x != Lanes:
+            return None
+        if not trigonometry.has_fma():
+            return lambda x: library(x)
+
+        def implementation(x):  # type: ignore[no-untyped-def]
+            size = abs(x)
+            within = (size > 0.0) & (size < trigonometry.LARGEST_ARGUMENT)
+            value = advanced_sine(x)
+            if bits(within) != ALL:
+                value = select(within, value, library(x))
+            return value
+
+        return implementation
+
+
+ALL = 2**LANES - 1
+_wave(trigonometry.sin, math.sin, 0)
+_wave(trigonometry.cos, math.cos, 1)
+
+# --- Masks and memory
+
+
+@intrinsic
+def select(_typing: Any, mask: Any, a: Any, b: Any) -> Any:
+    """Return `a` in the lanes of a mask, `b` in the others."""
+
+    def codegen(context: Any, builder: Any, given: Any, args: Any) -> Any:
+        values = [
+            context.cast(builder, value, kind, Lanes)
+            for value, kind in zip(args[1:], (a, b), strict=True)
+        ]
+        return builder.select(args[0], *values)
+
+    return signature(Lanes, mask, a, b), codegen
+
+
+@intrinsic
+def bits(_typing: Any, mask: Any) -> Any:
+    """Return a mask as an integer, with the first lane in the lowest bit."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), INTEGER)
+
+    return signature(types.int64, mask), codegen
+
+
+@intrinsic
+def mask_of(_typing: Any, number: Any) -> Any:
+    """Return the mask of an integer of `bits`."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.bitcast(builder.trunc(args[0], ir.IntType(LANES)), BITS)
+
+    return signature(Mask, types.int64), codegen
+
+
+@intrinsic
+def first_lane(_typing: Any, number: Any) -> Any:
+    """Return the first lane in an integer of `bits`, which is not zero."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(BIT, 1))
+
+    return signature(types.int64, types.int64), codegen
+
+
+for _operator, _instruction in {
+    operator.and_: "and_", operator.or_: "or_", operator.xor: "xor",
+}.items():  # fmt: skip
+
+    @infer_global(_operator)
+    class _MaskTemplate(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            return signature(Mask, Mask, Mask) if args == (Mask, Mask) and not kws else None
+
+    @lower_builtin(_operator, _Mask, _Mask)
+    def _lower_mask(
+        _context: Any, builder: Any, _signature: Any, args: Any, name: str = _instruction
+    ) -> Any:
+        return getattr(builder, name)(*args)
+
+
+@infer_global(operator.invert)
+class _InvertTemplate(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(Mask, Mask) if args == (Mask,) and not kws else None
+
+
+@lower_builtin(operator.invert, _Mask)
+def _lower_invert(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    return builder.not_(args[0])
+
+
+@intrinsic
+def lane_pointer(_typing: Any, address: Any) -> Any:
+    """Convert an address to a pointer to vectors."""
+
+    def codegen(_context: Any, _builder: Any, _signature: Any, args: Any) -> Any:
+        return args[0]
+
+    return signature(LanePointer, types.int64), codegen
+
+
+def _place(builder: Any, address: Any, index: Any) -> Any:
+    step = builder.mul(index, ir.Constant(INTEGER, WORD * LANES))
+    return builder.inttoptr(builder.add(address, step), REALS.as_pointer())
+
+
+def _load(builder: Any, address: Any, index: Any) -> Any:
+    return builder.load(_place(builder, address, index), align=WORD * LANES)
+
+
+def _store(builder: Any, address: Any, index: Any, value: Any) -> None:
+    builder.store(value, _place(builder, address, index), align=WORD * LANES)
+
+
+@infer_global(operator.getitem)
+class _GetTemplate(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if args[0] == LanePointer and isinstance(args[1], types.Integer):
+            return signature(Lanes, LanePointer, types.int64)
+        return None
+
+
+@lower_builtin(operator.getitem, _LanePointer, types.Integer)
+def _get(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    return _load(builder, *args)
+
+
+@infer_global(operator.setitem)
+class _SetTemplate(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if args[0] == LanePointer and isinstance(args[1], types.Integer) and _number(args[2]):
+            return signature(types.none, LanePointer, types.int64, Lanes)
+        return None
+
+
+@lower_builtin(operator.setitem, _LanePointer, types.Integer, _Lanes)
+def _set(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    _store(builder, *args)
+    return context.get_dummy_value()
+
+
+@intrinsic
+def _address(_typing: Any, vector: Any) -> Any:
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return cgutils.create_struct_proxy(LaneVector)(context, builder, value=args[0]).address
+
+    return signature(types.int64, LaneVector), codegen
+
+
+@intrinsic
+def _length(_typing: Any, vector: Any) -> Any:
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return cgutils.create_struct_proxy(LaneVector)(context, builder, value=args[0]).length
+
+    return signature(types.int64, LaneVector), codegen
+
+
+def vector_at(context: Any, builder: Any, address: Any, length: Any) -> Any:
+    """Return an array of vectors as an LLVM value."""
+    view = cgutils.create_struct_proxy(LaneVector)(context, builder)
+    view.address, view.length = address, length
+    return view._getvalue()
+
+
+@intrinsic
+def _part(_typing: Any, address: Any, length: Any) -> Any:
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return vector_at(context, builder, *args)
+
+    return signature(LaneVector, types.int64, types.int64), codegen
+
+
+@overload(len, jit_options={**FOR_C, **INNER})
+def _len(vector):  # type: ignore[no-untyped-def]
+    if vector == LaneVector:
+        return lambda vector: _length(vector)
+
+
+@overload(operator.getitem, jit_options={**FOR_C, **INNER})
+def _get_checked(vector, index):  # type: ignore[no-untyped-def]
+    if vector != LaneVector:
+        return None
+    if isinstance(index, types.Integer):
+
+        def number(vector, index):  # type: ignore[no-untyped-def]
+            place = index + _length(vector) if index < 0 else index
+            if place < 0 or place >= _length(vector):
+                raise IndexError("index out of range")
+            return lane_pointer(_address(vector))[place]
+
+        return number
+    if isinstance(index, types.SliceType) and not index.has_step:
+
+        def part(vector, index):  # type: ignore[no-untyped-def]
+            start, stop, _ = index.indices(_length(vector))
+            return _part(_address(vector) + STRIDE * start, max(0, stop - start))
+
+        return part
+    return None
+
+
+STRIDE = WORD * LANES
+
+
+@overload(operator.setitem, jit_options={**FOR_C, **INNER})
+def _set_checked(vector, index, value):  # type: ignore[no-untyped-def]
+    if vector != LaneVector or not isinstance(index, types.Integer) or not _number(value):
+        return None
+
+    def number(vector, index, value):  # type: ignore[no-untyped-def]
+        place = index + _length(vector) if index < 0 else index
+        if place < 0 or place >= _length(vector):
+            raise IndexError("index out of range")
+        lane_pointer(_address(vector))[place] = value
+
+    return number
+
+
+# --- Functions of an automaton
+
+# kernel(mode, address of t, y, parameters, number of parameters, out) -> 1 after a fault
+LANE_KERNEL = ir.FunctionType(INTEGER, [INTEGER] * 6)
+
+
+class LaneKernelCode(KernelCode):
+    """The body of a C function over vectors."""
+
+    kind = LANE_KERNEL
+
+    def __init__(self, builder: ir.IRBuilder, function: Any) -> None:
+        self._builder, self._function = builder, function
+        self._context = cpu_target.target_context
+        self.mode, time, self.y, self.parameters, self.size, self.out = builder.function.args
+        self.t = _load(builder, time, self.count(0))
+
+    def vector(self, address: Any, size: Any) -> Any:
+        """Return `size` vectors at `address` as an array."""
+        return vector_at(self._context, self._builder, address, size)
+
+    def after(self, address: Any, size: Any) -> Any:
+        """Return the address after `size` vectors at `address`."""
+        return self._builder.add(address, self._builder.mul(size, self.count(STRIDE)))
+
+    def fill(self, address: Any, size: int, value: float) -> None:
+        """Set `size` vectors at `address` to `value`."""
+        for i in range(size):
+            _store(self._builder, address, self.count(i), splat(self._builder, DOUBLE(value)))
+
+
+_compiling = threading.Lock()  # simultaneous threads compile a system only once
+
+
+class LaneKernels(NamedTuple):
+    """Flow and margins of an automaton over vectors, which must live as long as their addresses."""
+
+    flow: Kernel
+    margins: Kernel
+
+
+def lane_kernels(
+    flow: Callable[..., Any], margins: Callable[..., Any], n: int, m: int
+) -> LaneKernels | None:
+    """Compile functions of an automaton for lanes; None if they branch on the state."""
+    with _compiling:
+        return _lane_kernels(take_snapshot(flow), take_snapshot(margins), n, m)
+
+
+@cache
+def _lane_kernels(flow: Snapshot, margins: Snapshot, n: int, m: int) -> LaneKernels | None:
+    def flow_body(code: KernelCode) -> Any:
+        code.fill(code.out, n, math.nan)
+        state, slope = code.vector(code.y, code.count(n)), code.vector(code.out, code.count(n))
+        parameters = code.vector(code.parameters, code.size)
+        with code.call(code.mode, code.t, state, parameters, slope):
+            code.fill(code.out, n, math.nan)
+        return code.either(if_failed=1, otherwise=0)
+
+    def margins_body(code: KernelCode) -> Any:
+        code.fill(code.out, 2 * m, 1.0)
+        state = code.vector(code.y, code.count(n))
+        parameters = code.vector(code.parameters, code.size)
+        g = code.vector(code.out, code.count(m))
+        r = code.vector(code.after(code.out, code.count(m)), code.count(m))
+        with code.call(code.mode, code.t, state, parameters, g, r):
+            code.fill(code.out, m, math.nan)
+        return code.either(if_failed=1, otherwise=0)
+
+    kinds = types.int64, Lanes, LaneVector, LaneVector, LaneVector
+    try:
+        return LaneKernels(
+            _compile("flow", flow, kinds, flow_body, (n,)),
+            _compile("margins", margins, (*kinds, LaneVector), margins_body, (n, m)),
+        )
+    except NumbaError:
+        return None
+
+
+def _compile(
+    role: str,
+    snapshot: Snapshot,
+    kinds: tuple[Any, ...],
+    body: Callable[[KernelCode], Any],
+    sizes: tuple[int, ...],
+) -> Kernel:
+    name = "_".join([f"{role}_lanes", snapshot.name, *(f"{size:d}" for size in sizes)])
+    return compile_kernel(
+        lambda: snapshot.frozen()[0], kinds, body, name, snapshot.lasting, code=LaneKernelCode
+    )
+
+
+@intrinsic
+def call_lane_kernel(
+    _typing: Any,
+    address: Any,
+    mode: Any,
+    time: Any,
+    y: Any,
+    parameters: Any,
+    size: Any,
+    out: Any,
+) -> Any:
+    """Call the kernel at `address`."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.call(builder.inttoptr(args[0], LANE_KERNEL.as_pointer()), args[1:])
+
+    return signature(types.int64, *[types.int64] * 7), codegen

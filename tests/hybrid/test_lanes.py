@@ -1,0 +1,400 @@
+"""Lanes: vectors of trajectories have the bits of single ones."""
+
+import math
+import operator
+
+import numpy as np
+import pytest
+from numba import njit, types
+
+import mems_impact as mi
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis import attractor
+from mems_impact.analysis.attractor import InitialCondition, map_attractors
+from mems_impact.hybrid.attractors import lanes
+from mems_impact.integrators.jit import lanes as vectors
+from mems_impact.integrators.jit.closures import take_snapshot
+from mems_impact.integrators.jit.kernel_code import compile_kernel
+from mems_impact.integrators.jit.lanes import (
+    LANES,
+    LaneKernelCode,
+    Lanes,
+    LaneVector,
+    call_lane_kernel,
+    lane_kernels,
+)
+
+POINTS = 24
+BRIEF = mi.RecurrenceOptions(periods=20, transient=60, exponents="none")
+
+# --- Arithmetic
+
+SPECIAL = (
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.3,
+    -2.7,
+    1e-310,
+    1e10,
+    -3e9,
+    700.0,
+    math.inf,
+    -math.inf,
+    math.nan,
+)
+UNARY = {
+    "sin": lambda x: math.sin(x),
+    "cos": lambda x: math.cos(x),
+    "tanh": lambda x: math.tanh(x),
+    "exp": lambda x: math.exp(x),
+    "square root": lambda x: math.sqrt(x),
+    "absolute value": lambda x: abs(x),
+    "negative": lambda x: -x,
+    "square": lambda x: x**2,
+    "inverse cube": lambda x: (abs(x) + 0.1) ** -3,
+    "number first": lambda x: 2 - 1 / (3 + x),
+}
+BINARY = {
+    "minimum": lambda x, y: min(x, y),
+    "maximum": lambda x, y: max(x, y),
+    "sign": lambda x, y: math.copysign(x, y),
+    "angle": lambda x, y: math.atan2(x, y),
+    "power": lambda x, y: math.pow(abs(x), y),
+    "sum of products": lambda x, y: x * y + y * y - x,
+    "quotient": lambda x, y: x / y,
+}
+
+
+def aligned(rows):
+    return lanes._aligned(rows * LANES).reshape(rows, LANES)
+
+
+@njit
+def call(kernel, mode, t, y, p, size, out):
+    return call_lane_kernel(kernel, mode, t, y, p, size, out)
+
+
+def in_lanes(function, states):
+    """Return a function ``function(mode, t, y, p, out)`` of states in columns, for one output."""
+    kinds = types.int64, Lanes, LaneVector, LaneVector, LaneVector
+    snapshot = take_snapshot(function)
+
+    def body(code):
+        state = code.vector(code.y, code.count(len(states)))
+        out, p = code.vector(code.out, code.count(1)), code.vector(code.parameters, code.size)
+        with code.call(code.mode, code.t, state, p, out):
+            code.fill(code.out, 1, math.nan)
+        return code.either(if_failed=1, otherwise=0)
+
+    kernel = compile_kernel(
+        lambda: snapshot.frozen()[0], kinds, body, f"test_{snapshot.name}", False, LaneKernelCode
+    )
+    count = states.shape[1]
+    y, time, out, found = aligned(len(states)), aligned(1), aligned(1), []
+    for first in range(0, count, LANES):
+        part = states[:, first : first + LANES]
+        y[:, : part.shape[1]] = part
+        addresses = (each.ctypes.data for each in (time, y, time))
+        call(kernel.address, 0, *addresses, 1, out.ctypes.data)
+        found.append(out[0, : part.shape[1]].copy())
+    return np.concatenate(found)
+
+
+def by_number(function, states):
+    (frozen,) = take_snapshot(function).frozen()
+    compiled, found, out = njit(error_model="numpy")(frozen), [], np.zeros(1)
+    for column in states.T:
+        compiled(0, 0.0, np.ascontiguousarray(column), out, out)
+        found.append(out[0])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", UNARY)
+def test_a_function_of_a_vector_has_the_bits_of_one_of_numbers(name):
+    given = UNARY[name]
+
+    def function(mode, t, y, p, out):
+        out[0] = given(y[0])
+
+    near = np.random.default_rng(1).normal(scale=30.0, size=40)
+    states = np.array([[*SPECIAL, *near]])
+    np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
+@pytest.mark.parametrize("name", BINARY)
+def test_a_function_of_two_vectors_has_the_bits_of_one_of_numbers(name):
+    given = BINARY[name]
+
+    def function(mode, t, y, p, out):
+        out[0] = given(y[0], y[-1])
+
+    x, y = np.meshgrid(SPECIAL, SPECIAL)
+    states = np.array([x.ravel(), y.ravel()])
+    np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
+def test_whole_parts():
+    def function(mode, t, y, p, out):
+        out[0] = math.floor(y[0]) + 10 * math.ceil(y[0]) + 100 * math.trunc(y[0])
+
+    states = np.array([[-2.7, -2.0, -0.3, 0.0, 0.3, 1.0, 1e9 + 0.5]])
+    np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
+def test_an_index_out_of_range_is_an_error():
+    def function(mode, t, y, p, out):
+        out[0] = y[len(y) + mode]
+
+    assert np.isnan(in_lanes(function, np.ones((2, LANES)))).all()
+
+
+def test_a_part_of_an_array_begins_and_ends_as_in_python():
+    def function(mode, t, y, p, out):
+        part = y[1:-1]
+        out[0] = part[0] + 10 * part[-1] + 100 * len(part)
+
+    states = np.arange(5.0)[:, None] * np.ones(LANES)
+    assert in_lanes(function, states).tolist() == [331.0] * LANES
+
+
+# --- Systems
+
+
+def flow(mode, t, y, p):
+    return y.v, p.A * math.cos(p.omega * t) - p.k * y.x - p.cubic * y.x**3 - p.c * math.tanh(y.v)
+
+
+def gap(mode, t, y, p):
+    return p.d - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (p.d, -p.e * y.v)
+
+
+OSCILLATOR = mi.System(
+    states=("x", "v"),
+    flow=flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={
+        "c": 0.1, "k": 1.0, "cubic": 0.1, "d": 1.0, "e": 0.8, "A": 0.6, "omega": 0.8,
+    },
+    guards=[mi.Impact("stop", gap, rebound)],
+)  # fmt: skip
+
+
+def array_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[-1] = p.A * math.cos(p.omega * t) - y[0] - 0.1 * y[1]
+
+
+def array_rebound(mode, t, y, p, new):
+    new[0] = p.d
+    new[1] = -0.8 * y[1]
+    return mode
+
+
+ARRAYS = mi.System(
+    states=("x", "v"),
+    flow=array_flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"d": 0.6, "A": 0.6, "omega": 0.8},
+    guards=[mi.Impact("stop", lambda mode, t, y, p: p.d - y[0], array_rebound)],
+)
+
+
+FORWARD, BACKWARD = mi.modes("forward", "backward")
+
+
+def switched_flow(mode, t, y, p):
+    drive = p.A if mode == FORWARD else -p.A
+    return y.v, drive - y.x - 0.1 * y.v
+
+
+SWITCHED = mi.System(
+    states=("x", "v"),
+    flow=switched_flow,
+    modes=(FORWARD, BACKWARD),
+    period=lambda p: 2.0 * math.pi / p.omega,
+    switches=lambda p: (math.pi / p.omega, 2.0 * math.pi / p.omega),
+    switch_transition=lambda mode, t, y, p: (BACKWARD if mode == FORWARD else FORWARD, (y.x, y.v)),
+    parameters={"d": 0.6, "A": 0.6, "omega": 0.8},
+    guards=[mi.Impact("stop", gap, lambda mode, t, y, p: (mode, (p.d, -0.8 * y.v)))],
+)
+
+
+def branching_flow(mode, t, y, p):
+    return y.v, p.A * math.cos(p.omega * t) - (2.0 if y.x > 0.0 else 1.0) * y.x - 0.1 * y.v
+
+
+BILINEAR = mi.System(
+    states=("x", "v"),
+    flow=branching_flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"d": 0.6, "A": 0.6, "omega": 0.8},
+    guards=[mi.Impact("stop", gap, lambda mode, t, y, p: (mode, (p.d, -0.8 * y.v)))],
+)
+
+
+def stiff_flow(mode, t, y, p):
+    return y.v, p.stiffness * (p.A * math.cos(p.omega * t) - y.x - y.v)
+
+
+STIFF = mi.System(
+    states=("x", "v"),
+    flow=stiff_flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"stiffness": 1e5, "d": 5.0, "A": 0.6, "omega": 0.8},
+    guards=[mi.Impact("stop", gap, lambda mode, t, y, p: (mode, (p.d, -0.8 * y.v)))],
+)
+
+
+def failing_flow(mode, t, y, p):
+    return y.v, math.sqrt(p.A - y.x * y.x) * math.cos(p.omega * t) - y.x - 0.4 * y.v
+
+
+FAILING = mi.System(
+    states=("x", "v"),
+    flow=failing_flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"d": 5.0, "A": 40.0, "omega": 0.8},
+)
+
+
+def grid(system, amplitudes=(0.2, 1.6), frequencies=(0.5, 1.6)):
+    numbers = np.random.default_rng(3)
+    values = zip(
+        numbers.uniform(*amplitudes, POINTS), numbers.uniform(*frequencies, POINTS), strict=True
+    )
+    return [InitialCondition(system.shifted({"A": a, "omega": w})) for a, w in values]
+
+
+def actuators():
+    actuator, numbers = mi.load_actuator("zhao2004"), np.random.default_rng(4)
+    start = mi.kicked_state(actuator)
+    values = zip(numbers.uniform(0.15, 0.4, POINTS), numbers.uniform(0.4, 0.6, POINTS), strict=True)
+    return [
+        InitialCondition(ActuatorSystem(actuator, mi.Sine(amplitude=a, omega=w)), start)
+        for a, w in values
+    ]
+
+
+@pytest.fixture
+def mapped(monkeypatch):
+    """Return attractors by single runs, those in lanes, and the number of steps in lanes."""
+    steps = []
+
+    class Counted(lanes.LaneMapper):
+        def follow(self, *given):
+            super().follow(*given)
+            steps.append(int(self.group["plain_steps"]))
+
+    monkeypatch.setattr(lanes, "LaneMapper", Counted)
+
+    def both(cases, recurrence=BRIEF, **options):
+        given = mi.Options(**{"method": "auto", **options})
+        monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 10**9)
+        single = map_attractors(cases, recurrence, given)
+        monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 1)
+        return single, map_attractors(cases, recurrence, given), sum(steps)
+
+    return both
+
+
+def content(found):
+    at = found.instant
+    final = None if at is None else (at.cycle, at.time, at.mode, at.y.tolist())
+    return (
+        found.motion, found.period, found.returns, found.status, final, repr(found.measures),
+        repr(found.exponent), repr(found.states),
+    )  # fmt: skip
+
+
+CASES = {
+    "oscillator": lambda: grid(OSCILLATOR),
+    "arrays": lambda: grid(ARRAYS),
+    "actuator": actuators,
+    "switches": lambda: grid(SWITCHED),
+}
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+@pytest.mark.parametrize("name", CASES)
+def test_points_in_lanes_have_the_bits_of_single_runs(mapped, name, method):
+    single, together, steps = mapped(CASES[name](), method=method)
+    assert steps > 1000
+    assert [content(each) for each in together] == [content(each) for each in single]
+    assert len({each.returns for each in single}) > 1
+
+
+def test_exponents_and_longer_runs_are_the_same(mapped):
+    recurrence = mi.RecurrenceOptions(periods=20, transient=60, chaos_persistence=2)
+    single, together, _ = mapped(actuators(), recurrence)
+    assert [content(each) for each in together] == [content(each) for each in single]
+
+
+def test_tight_tolerances(mapped):
+    single, together, steps = mapped(grid(OSCILLATOR), method="dop853", rtol=1e-12, atol=1e-14)
+    assert steps > 1000
+    assert [content(each) for each in together] == [content(each) for each in single]
+
+
+def test_stiff_motions_are_left_to_single_runs(mapped):
+    single, together, _ = mapped(grid(STIFF))
+    assert [content(each) for each in together] == [content(each) for each in single]
+    assert {each.motion for each in single} <= {"periodic", "off"}
+
+
+def test_failures_are_left_to_single_runs(mapped):
+    single, together, _ = mapped(grid(FAILING, (0.5, 40.0)))
+    assert [content(each) for each in together] == [content(each) for each in single]
+    assert 0 < sum(each.motion == "failed" for each in single) < POINTS
+
+
+def test_a_flow_that_branches_on_the_state_is_computed_point_by_point(mapped):
+    automaton = BILINEAR.automaton
+    assert lane_kernels(automaton.flow, automaton.margins, 2, 1) is None
+    single, together, steps = mapped(grid(BILINEAR))
+    assert steps == 0
+    assert [content(each) for each in together] == [content(each) for each in single]
+
+
+def test_an_interrupted_map_can_be_repeated(monkeypatch):
+    monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 1)
+    monkeypatch.setattr(lanes, "STEPS_PER_CALL", 50)
+    cases, options = grid(OSCILLATOR), mi.Options(method="auto")
+    calls = []
+
+    def watch(done):
+        calls.append(done)
+        if len(calls) == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        map_attractors(cases, BRIEF, options, watch)
+    assert 0.0 <= max(calls) < POINTS
+    whole = map_attractors(cases, BRIEF, options)
+    monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 10**9)
+    assert [content(each) for each in whole] == [
+        content(each) for each in map_attractors(cases, BRIEF, options)
+    ]
+
+
+def test_results_tell_whether_lanes_are_used():
+    def tiny(system):
+        return mi.operating_map(
+            system, x=("A", [0.5]), y=("omega", [0.8]), recurrence=BRIEF, progress=False
+        )
+
+    assert tiny(OSCILLATOR).lanes
+    assert not tiny(BILINEAR).lanes
+
+
+def test_masks_are_no_conditions():
+    def function(mode, t, y, p, out):
+        out[0] = 1.0 if operator.lt(y[0], y[1]) else 0.0
+
+    with pytest.raises(vectors.NumbaError):
+        in_lanes(function, np.ones((2, LANES)))
