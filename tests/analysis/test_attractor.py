@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
 from mems_impact.hybrid.attractors import mapper
 from mems_impact.hybrid.attractors import recurrence as returns
@@ -215,6 +216,34 @@ def test_a_regular_approach_is_continued(differences, latest, extended):
     )  # fmt: skip
     assert returns.extend_approach(s, w) == extended
     assert (s.end_cycle > 400) == extended
+
+
+@pytest.mark.parametrize(("end", "extended"), [(400, True), (64 * 400, False)])
+def test_a_period_is_completed_within_a_bounded_time(end, extended):
+    memory = np.zeros((returns.RING + 3, 4))
+    memory[returns.RING + 2, returns.DURATION] = 1.0  # of the latest return
+    s = SimpleNamespace(n=1, end_cycle=end, end_phase=0.0, period=1.0, first_arc=0)
+    w = SimpleNamespace(
+        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
+        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=1, covered=421,
+    )  # fmt: skip
+    assert returns.extend_approach(s, w) == extended
+    assert s.end_cycle == end + 3
+
+
+@pytest.mark.parametrize("transient", [0, 1, 40, 300])
+def test_closest_approaches_are_those_of_a_run(transient):
+    actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.18, omega=0.5)
+    system = ActuatorSystem(actuator, drive)
+    start = mi.kicked_state(actuator)
+    recurrence = RecurrenceOptions(transient=transient, periods=150, exponents="none")
+    (found,) = map_attractors([InitialCondition(system, start)], recurrence)
+    assert found.motion == "off"
+    run = mi.simulate(actuator, drive, periods=400, initial=start)
+    x2 = run.samples(per_period=2000, first=398.0)["x2"]
+    assert found.measures["closest approach"] == pytest.approx(
+        actuator.delta - np.abs(x2).max(), rel=1e-5
+    )
 
 
 def test_chaos_is_classified_by_the_exponent():

@@ -601,13 +601,13 @@ def extend_approach(s: Any, w: Any) -> bool:
     So they must decrease twice, at similar rates. A motion that comes near the orbit later has far
     smaller latest differences. Only `repeats_after` decides whether the motion is periodic.
     """
-    if w.repeats > 0:  # the statistics of its period are not complete
-        duration = return_statistics(w, w.returns - 1)[DURATION] / s.period
-        s.end_cycle += math.ceil((w.covered + w.repeats - w.returns + 1) * duration)
-        s.first_arc = 1
-        return True
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
+    if w.repeats > 0:  # periodic, but the statistics of its period are not complete
+        duration = return_statistics(w, w.returns - 1)[DURATION] / s.period
+        s.end_cycle += max(1, math.ceil((w.covered + w.repeats - w.returns + 1) * duration))
+        s.first_arc = 1
+        return bool(done < LONGEST_EXTENSION * length)
     # The length of a window is a fixed part of the returns before it, which gives their starts.
     begun = w.opened / (1.0 + WINDOW_SHARE)
     span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
