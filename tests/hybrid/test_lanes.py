@@ -25,6 +25,7 @@ from mems_impact.integrators.jit.lanes import (
 )
 
 POINTS = 24
+MANY = 128
 BRIEF = mi.RecurrenceOptions(periods=20, transient=60, exponents="none")
 
 # --- Arithmetic
@@ -263,10 +264,10 @@ FAILING = mi.System(
 )
 
 
-def grid(system, amplitudes=(0.2, 1.6), frequencies=(0.5, 1.6)):
+def grid(system, amplitudes=(0.2, 1.6), frequencies=(0.5, 1.6), points=POINTS):
     numbers = np.random.default_rng(3)
     values = zip(
-        numbers.uniform(*amplitudes, POINTS), numbers.uniform(*frequencies, POINTS), strict=True
+        numbers.uniform(*amplitudes, points), numbers.uniform(*frequencies, points), strict=True
     )
     return [InitialCondition(system.shifted({"A": a, "omega": w})) for a, w in values]
 
@@ -316,7 +317,7 @@ CASES = {
     "oscillator": lambda: grid(OSCILLATOR),
     "arrays": lambda: grid(ARRAYS),
     "actuator": actuators,
-    "switches": lambda: grid(SWITCHED),
+    "switches": lambda: grid(SWITCHED, points=MANY),
 }
 
 

@@ -37,6 +37,7 @@ from mems_impact.hybrid.event_loop.loop import (
     COLLAPSE_RATIO,
     REBASE_PERIODS,
     RECENT_STEP_DECAY,
+    SWITCH_RTOL,
     begin_arc,
     sample_due,
     sample_time,
@@ -281,7 +282,7 @@ def serve(group: Any, place: Any, quota: int) -> int:
             place[CONDITION] = READY
             words(group.ready)[s.mode] += 1
             return quota
-        if quota <= 0:
+        if quota <= 0 and not left_lane:
             return quota
         left_lane = False
         advance_point(engine, s, w)
@@ -363,6 +364,7 @@ def load_numbers(vector: Any, lane: int, place: Any) -> None:
     for k in range(s.m):
         rows[LANES * (lanes.RATE_CHANGE * width + k) + lane] = table_row(s, RATE_CHANGE)[k]
     limit = min((s.end_cycle - s.cycle) * s.period + s.end_phase, REBASE_PERIODS * s.period)
+    limit = min(limit, s.stop - 2.0 * SWITCH_RTOL * s.period)  # an instant near it is the switch
     if sample_due(s):
         limit = min(limit, sample_time(s))
     t = explicit.t_end
