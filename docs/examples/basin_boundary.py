@@ -51,10 +51,11 @@ print(saddle, saddle.multipliers)
 # The orbit has three points in the section. The manifolds integrate through all impacts. Where the
 # stable manifold (dashed) meets the stop, it continues at the velocity on the other side of the
 # impact. So it also bounds the parts of the basin that are not connected in the section. The
-# unstable manifold (solid) leads to both attractors.
+# unstable manifold (solid) leads towards both attractors; farther on, impacts fold it again and
+# again.
 
 boundary = mi.manifold(saddle, "stable", length=3.0, distance=0.04)
-outgoing = mi.manifold(saddle, "unstable", length=1.5, distance=0.04, max_points=600)
+outgoing = mi.manifold(saddle, "unstable", length=0.6, distance=0.04)
 ax = mi.plot_basins(basins)
 mi.plot_manifold([outgoing, boundary], ax)
 ax.figure.savefig("basin_boundary_basins.png")
