@@ -74,7 +74,7 @@ def aligned(rows):
 
 @njit
 def call(kernel, mode, t, y, p, size, out):
-    return call_lane_kernel(kernel, mode, t, y, p, size, out)
+    return call_lane_kernel(kernel, (mode, t, y, p, size, out))
 
 
 def in_lanes(function, states):

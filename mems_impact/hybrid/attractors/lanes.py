@@ -14,9 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import from_dtype, types
-from numba.extending import intrinsic
+from numba import from_dtype
 
 from mems_impact._util.arrays import Floats
 from mems_impact.hybrid.attractors.mapper import AttractorMapper
@@ -64,8 +62,8 @@ from mems_impact.integrators.dop853.compiled import begin
 from mems_impact.integrators.dop853.lanes import LANE_ENGINE, advance_lanes, attempt_step
 from mems_impact.integrators.dop853.stepper import END, HIGH, LOW, START, STATE, ULP, component, row
 from mems_impact.integrators.jit.kernels import ENGINE as ENGINE_RECORD
-from mems_impact.integrators.jit.lanes import LANES, first_lane, lane_kernels
-from mems_impact.integrators.jit.numba_support import WORD, pointer, record_at
+from mems_impact.integrators.jit.lanes import LANES, count_lanes, first_lane, lane_kernels
+from mems_impact.integrators.jit.numba_support import WORD, pointer, record_at, words
 
 # --- Places and lanes
 
@@ -87,32 +85,11 @@ GROUP = np.dtype(
         ("next_point", np.int64),
         ("points", np.int64),
         ("completed", np.int64),
-        ("vector_steps", np.int64),  # attempts, and plain steps in them
-        ("plain_steps", np.int64),
+        ("plain_steps", np.int64),  # in all lanes
     ],
     align=True,
 )
 FEWEST_LANES = LANES // 2
-
-
-@intrinsic
-def words(_typing: Any, address: Any) -> Any:
-    """Convert an address to a pointer to integers."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], ir.IntType(64).as_pointer())
-
-    return types.CPointer(types.int64)(types.int64), codegen
-
-
-@intrinsic
-def count_lanes(_typing: Any, number: Any) -> Any:
-    """Return the number of lanes in an integer with a bit for each."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.ctpop(args[0])
-
-    return types.int64(types.int64), codegen
 
 
 _engine_at, auto_at = record_at(from_dtype(ENGINE_RECORD)), record_at(from_dtype(AUTO_RECORD))
@@ -172,7 +149,6 @@ def map_lanes(group: Any, vector: Any, quota: int) -> int:
             fill_lanes(group, vector)
         while group.active != 0 and quota > 0:
             attempt_step(vector, group.active)
-            group.vector_steps += 1
             group.plain_steps += count_lanes(vector.plain)
             quota -= 1
             leaving, kept = group.active & ~(vector.plain | vector.rejected), 0
@@ -571,7 +547,7 @@ class LaneMapper:
         group = self.group
         group["count"] = min(PLACES, len(inputs))
         group["points"], group["next_point"], group["completed"] = len(inputs), 0, 0
-        group["active"] = group["vector_steps"] = group["plain_steps"] = 0
+        group["active"] = group["plain_steps"] = 0
         self._ready[:] = 0
         self._places[:, CONDITION] = SERVED
         for place in self._places:

@@ -2,8 +2,8 @@
 
 The stages are those of `stepper`, over a record with vectors in place of numbers. A step is *plain*
 if it passes the error test, ends before the next stop or sample, and contains no event by its
-margins and rates at both ends. A lane takes plain steps here; `store` hands any other step to the
-engine of its trajectory, which continues from the computed stages with the same bits.
+margins and rates at both ends. A lane takes plain steps here; `hybrid.attractors.lanes` hands any
+other step to the engine of its trajectory, which continues from the stages with the same bits.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from mems_impact.integrators.jit.lanes import (
 )
 from mems_impact.integrators.jit.numba_support import INNER, JIT, data, pointer
 
-# Rows of vectors beside those of `stepper`: biases, the recent change of the rates, and the largest
-# sizes of the components.
-BIAS, RATE_CHANGE, SIZES = 7, 8, 9
-ROWS = 10
+# Rows of vectors beside those of `stepper`: biases, the recent change of the rates before and after
+# a step, and the largest sizes of the components.
+BIAS, RATE_CHANGE, CHANGE_AHEAD, SIZES = 7, 8, 9, 10
+ROWS = 11
 # Numbers of each lane: time; step to be tried, and that planned by the last step; longest step and
 # size of the largest; next stop; time at which another step is not plain; recent step length; 1
 # after a rejection; plain steps that may follow, and that were taken; error and end of the step
@@ -103,7 +103,8 @@ def attempt_step(engine: Any, active: int) -> None:
     n, m, mode = engine.n, engine.m, engine.mode
     x, end, slope = numbers(engine), row(engine, END), row(engine, SLOPE)
     low, high = row(engine, LOW), row(engine, HIGH)
-    bias, rate_change, sizes = row(engine, BIAS), row(engine, RATE_CHANGE), row(engine, SIZES)
+    bias, sizes = row(engine, BIAS), row(engine, SIZES)
+    rate_change, change_ahead = row(engine, RATE_CHANGE), row(engine, CHANGE_AHEAD)
     t, trial = x[T], x[TRIAL]
     ahead = t + trial
     h = ahead - t
@@ -123,6 +124,7 @@ def attempt_step(engine: Any, active: int) -> None:
         rate, rate_ahead = low[m + i], high[m + i]
         changes = (high[i] != low[i]) | (rate_ahead != rate)
         change = max(abs(rate_ahead - rate) / h, engine.rate_change_decay * rate_change[i])
+        change_ahead[i] = select(changes, change, rate_change[i])
         begin, finish = low[i] + bias[i], high[i] + bias[i]
         # As `event_detection.certify_no_crossing`.
         defect = abs(finish - begin - 0.5 * h * (rate + rate_ahead))
@@ -143,10 +145,7 @@ def attempt_step(engine: Any, active: int) -> None:
     shorter = h * max(SHRINK, SAFETY / eighth_root(error))
     rejected = mask & before_stop & (error > 1.0) & (error < INFINITY) & (shorter >= smallest)
     for i in range(m):
-        rate, rate_ahead = low[m + i], high[m + i]
-        changes = plain & ((high[i] != low[i]) | (rate_ahead != rate))
-        change = max(abs(rate_ahead - rate) / h, engine.rate_change_decay * rate_change[i])
-        rate_change[i] = select(changes, change, rate_change[i])
+        rate_change[i] = select(plain, change_ahead[i], rate_change[i])
     for j in range(n):
         sizes[j] = select(plain, max(sizes[j], abs(end[j])), sizes[j])
     advance_lanes(engine, bits(plain))
@@ -202,7 +201,7 @@ def _flow(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
         def implementation(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
             time, size, p = engine.argument_time, engine.parameter_count, engine.parameters
             lane_pointer(time)[0] = t
-            call_lane_kernel(engine.flow, mode, time, data(y), p, size, data(dy))
+            call_lane_kernel(engine.flow, (mode, time, data(y), p, size, data(dy)))
 
         return implementation
 
@@ -214,7 +213,7 @@ def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
         def implementation(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
             time, size, p = engine.argument_time, engine.parameter_count, engine.parameters
             lane_pointer(time)[0] = t
-            call_lane_kernel(engine.margins, mode, time, data(y), p, size, data(out))
+            call_lane_kernel(engine.margins, (mode, time, data(y), p, size, data(out)))
 
         return implementation
 

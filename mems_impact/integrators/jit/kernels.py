@@ -149,8 +149,9 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
     )
 
 
-@cache
-def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
+def flow_body(n: int, bounds: bool) -> Callable[[KernelCode], Any]:
+    """Return the body of the C function of a flow."""
+
     def body(code: KernelCode) -> Any:
         if bounds:
             code.fill(code.out, n, math.nan)  # reveals unwritten components
@@ -161,12 +162,12 @@ def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
             code.fill(code.out, n, math.nan)
         return code.mode
 
-    kinds = (_word, _real, VECTOR, VECTOR, VECTOR)
-    return _compile("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+    return body
 
 
-@cache
-def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
+def margins_body(n: int, m: int) -> Callable[[KernelCode], Any]:
+    """Return the body of the C function of margins."""
+
     def body(code: KernelCode) -> Any:
         code.fill(code.out, 2 * m, 1.0)
         state, parameters = (
@@ -180,7 +181,18 @@ def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
             code.fill(code.out, m, math.nan)
         return code.mode
 
-    kinds = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR)
+    return body
+
+
+@cache
+def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
+    kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR), flow_body(n, bounds)
+    return _compile("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+
+
+@cache
+def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
+    kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR), margins_body(n, m)
     return _compile("margins", snapshot, kinds, body, (n, m, bounds), boundscheck=bounds)
 
 

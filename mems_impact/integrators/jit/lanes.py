@@ -29,7 +29,8 @@ from numba.extending import intrinsic, models, overload, register_model
 from mems_impact.integrators.jit import trigonometry
 from mems_impact.integrators.jit.closures import Snapshot, take_snapshot
 from mems_impact.integrators.jit.kernel_code import Kernel, KernelCode, compile_kernel
-from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD
+from mems_impact.integrators.jit.kernels import flow_body, margins_body
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD, caller
 
 LANES = 8
 """Trajectories in a vector: doubles in the widest vector registers."""
@@ -328,9 +329,17 @@ def first_lane(_typing: Any, number: Any) -> Any:
     return signature(types.int64, types.int64), codegen
 
 
-for _operator, _instruction in {
-    operator.and_: "and_", operator.or_: "or_", operator.xor: "xor",
-}.items():  # fmt: skip
+@intrinsic
+def count_lanes(_typing: Any, number: Any) -> Any:
+    """Return the number of lanes in an integer of `bits`."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.ctpop(args[0])
+
+    return signature(types.int64, types.int64), codegen
+
+
+for _operator, _instruction in {operator.and_: "and_", operator.or_: "or_"}.items():
 
     @infer_global(_operator)
     class _MaskTemplate(AbstractTemplate):
@@ -484,7 +493,7 @@ def _set_checked(vector, index, value):  # type: ignore[no-untyped-def]
 
 # --- Functions of an automaton
 
-# kernel(mode, address of t, y, parameters, number of parameters, out) -> 1 after a fault
+# kernel(mode, address of t, y, parameters, number of parameters, out) -> mode
 LANE_KERNEL = ir.FunctionType(INTEGER, [INTEGER] * 6)
 
 
@@ -512,6 +521,9 @@ class LaneKernelCode(KernelCode):
         for i in range(size):
             _store(self._builder, address, self.count(i), splat(self._builder, DOUBLE(value)))
 
+    def record_fault(self, role: int, n: int) -> None:
+        """Do nothing: a call for a single trajectory repeats and records the fault."""
+
 
 _compiling = threading.Lock()  # simultaneous threads compile a system only once
 
@@ -533,29 +545,11 @@ def lane_kernels(
 
 @cache
 def _lane_kernels(flow: Snapshot, margins: Snapshot, n: int, m: int) -> LaneKernels | None:
-    def flow_body(code: KernelCode) -> Any:
-        code.fill(code.out, n, math.nan)
-        state, slope = code.vector(code.y, code.count(n)), code.vector(code.out, code.count(n))
-        parameters = code.vector(code.parameters, code.size)
-        with code.call(code.mode, code.t, state, parameters, slope):
-            code.fill(code.out, n, math.nan)
-        return code.either(if_failed=1, otherwise=0)
-
-    def margins_body(code: KernelCode) -> Any:
-        code.fill(code.out, 2 * m, 1.0)
-        state = code.vector(code.y, code.count(n))
-        parameters = code.vector(code.parameters, code.size)
-        g = code.vector(code.out, code.count(m))
-        r = code.vector(code.after(code.out, code.count(m)), code.count(m))
-        with code.call(code.mode, code.t, state, parameters, g, r):
-            code.fill(code.out, m, math.nan)
-        return code.either(if_failed=1, otherwise=0)
-
     kinds = types.int64, Lanes, LaneVector, LaneVector, LaneVector
     try:
         return LaneKernels(
-            _compile("flow", flow, kinds, flow_body, (n,)),
-            _compile("margins", margins, (*kinds, LaneVector), margins_body, (n, m)),
+            _compile("flow", flow, kinds, flow_body(n, bounds=True), (n,)),
+            _compile("margins", margins, (*kinds, LaneVector), margins_body(n, m), (n, m)),
         )
     except NumbaError:
         return None
@@ -574,20 +568,4 @@ def _compile(
     )
 
 
-@intrinsic
-def call_lane_kernel(
-    _typing: Any,
-    address: Any,
-    mode: Any,
-    time: Any,
-    y: Any,
-    parameters: Any,
-    size: Any,
-    out: Any,
-) -> Any:
-    """Call the kernel at `address`."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.call(builder.inttoptr(args[0], LANE_KERNEL.as_pointer()), args[1:])
-
-    return signature(types.int64, *[types.int64] * 7), codegen
+call_lane_kernel = caller(types.int64(*[types.int64] * 6))
