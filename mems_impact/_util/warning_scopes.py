@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import threading
 import warnings
@@ -20,7 +21,8 @@ __all__ = [
     "warned_once",
 ]
 
-_OURS = (str(Path(__file__).parents[1]), contextlib.__file__)  # files that are not the caller's
+# Files that are not the caller's.
+_OURS = (f"{Path(__file__).parents[1]}{os.sep}", contextlib.__file__)
 _here = threading.local()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from os import PathLike, fspath
@@ -15,6 +14,7 @@ from pydantic import Field, model_validator
 
 from mems_impact._util.formatting import html_table, shown
 from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive, unknown
 from mems_impact.actuator.plausibility import check_plausible_device, check_plausible_drive
@@ -629,7 +629,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
             'without units they are dimensionless; write units = "SI" above [parameters], or '
             'units = "dimensionless" if they are'
         )
-        warnings.warn(message, UnitsWarning, stacklevel=2)
+        warn(message, UnitsWarning, source)
     check_plausible_device(actuator)
     return actuator
 

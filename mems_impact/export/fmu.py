@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import warnings
 import zipfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from xml.sax.saxutils import quoteattr
 from mems_impact._util.files import replacing
 from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.quantities import base_powers
+from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel
 from mems_impact.export.model_source import (
@@ -527,11 +527,11 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
     if binary:
         contents[binary_path(fmi, name)] = binary
     else:
-        warnings.warn(
+        message = (
             f"{target.name} contains C sources without a binary: {reason}; "
-            "an importer has to compile them",
-            stacklevel=3,
+            "an importer has to compile them"
         )
+        warn(message, UserWarning)
     with replacing(target) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for place, data in contents.items():
             entry = zipfile.ZipInfo(place, DATE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import has_unit, percentage
+from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import results
 from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
@@ -429,7 +429,7 @@ def fit(
     )
     if found.verdict != "good":
         message = f"{found.verdict}: {found.note}; {REMEDIES[found.verdict]}"
-        warnings.warn(message, FitWarning, stacklevel=2)
+        warn(message, FitWarning)
     return found
 
 
