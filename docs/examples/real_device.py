@@ -231,7 +231,7 @@ print(pd.DataFrame(rows).round(2).to_string(index=False))
 ratios = []
 for ohms, farads in ((2e8, 3e-12), (2e6, 3e-10)):
     changed = {"series_resistance.resistance": ohms, "series_resistance.parasitic": farads}
-    filtered = settled(leads.setting(changed), brisk, 20).statistics["mean speed"]
+    filtered = settled(leads.changed(**changed), brisk, 20).statistics["mean speed"]
     lag = brisk.omega * ohms * (farads + 2 * mita.alpha / mita.d)
     weaker = brisk.replace(amplitude=brisk.amplitude / math.hypot(1.0, lag))
     direct = settled(air, weaker, 20).statistics["mean speed"]

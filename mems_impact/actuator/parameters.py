@@ -219,12 +219,12 @@ class Actuator(Checked):
         kept = (term for term in self.terms if names and term.name() not in names)
         return self.replace(terms=tuple(kept))
 
-    def setting(self, values: Mapping[str, float]) -> Self:
-        """Return the device with some numbers changed, including those of terms.
+    def changed(self, /, **values: float) -> Self:
+        """Return the device with other values of some numbers, including those of terms.
 
         Parameters
         ----------
-        values : mapping of str to float
+        **values : float or str
             New values by name, those of a term as ``tilt.angle``. A term that the device does not
             have is added. Parameters may have their names in data sheets (see `DataSheet`).
 
@@ -236,7 +236,7 @@ class Actuator(Checked):
         Examples
         --------
         >>> import mems_impact as mi
-        >>> uphill = mi.load_actuator("zhao2004").setting({"e": 0.7, "tilt.angle": 0.05})
+        >>> uphill = mi.load_actuator("zhao2004").changed(e=0.7, **{"tilt.angle": 0.05})
         """
         own: dict[str, Any] = {}
         of_terms: dict[str, dict[str, float]] = {}

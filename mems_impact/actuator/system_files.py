@@ -328,7 +328,7 @@ class _Reader:
         actuator = load_actuator(self.file.parent / device if beside else device)
         terms = {name: value for name, value in varied.items() if "." in name}
         changes = {**terms, **dict(_flat(self.content.get("set", {}), "set"))}
-        return actuator.setting(changes) if changes else actuator
+        return actuator.changed(**changes) if changes else actuator
 
     def _drive(self, varied: Mapping[str, float]) -> Drive:
         """Return the drive; varied parameters may be absent from its table."""

@@ -122,7 +122,7 @@ class Symmetry:
             ends = point.ends.tolist()
             i = next(i for i, end in enumerate(ends) if (end > time if after else end >= time))
             mode, begin = found.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
-            variational = shooting.variational(point.setting)
+            variational = shooting.variational(point.parameter_point)
             y = variational.arc(mode, begin, float(point.starts[i]), time).end
         return self.found.modes.get(mode, mode), self.found.state(y)
 

@@ -116,8 +116,8 @@ def command(
         show_table("residuals", found.residuals, digits=6)
         names = map(parameter_named, free)
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in names}}
-        settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-        show(f"Fitted device, for other commands: {device} {settings}\n")
+        device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
+        show(f"Fitted device, for other commands: {device} {device_options}\n")
         files.show()
     if found.verdict != "good":
         ctx.exit(FAILED)

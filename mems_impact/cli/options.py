@@ -168,9 +168,9 @@ def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> li
     return [*names, CompletionItem(begun, type="file")]
 
 
-def device_argument(**settings: Any) -> Decorator:
+def device_argument(**attributes: Any) -> Decorator:
     """Return the argument that names the device of a command."""
-    return click.argument("device", shell_complete=_devices, **settings)
+    return click.argument("device", shell_complete=_devices, **attributes)
 
 
 changes_option = click.option(
@@ -275,10 +275,10 @@ def transient_option(text: str, default: float, kind: type = int) -> Decorator:
     return click.option("--transient", type=kind, default=default, show_default=True, help=text)
 
 
-def workers_option(text: str, **settings: Any) -> Decorator:
+def workers_option(text: str, **attributes: Any) -> Decorator:
     """Return the option --workers."""
-    settings = {"show_default": True, **settings}
-    return click.option("--workers", type=click.IntRange(1, 64), help=text, **settings)
+    attributes = {"show_default": True, **attributes}
+    return click.option("--workers", type=click.IntRange(1, 64), help=text, **attributes)
 
 
 SUITED = "adams; auto with a term that may be stiff"
@@ -510,7 +510,7 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
     if text is not None and not actuator.scales.named:
         problem = f"{device} is dimensionless; give a number without a unit"
         raise click.UsageError(f"{text!r}: {problem}")
-    return actuator.setting(changes)
+    return actuator.changed(**changes)
 
 
 def refuse_system(device: str) -> None:
@@ -806,16 +806,16 @@ def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
     return read
 
 
-def ranges_option(option: str, example: str, text: str, **settings: Any) -> Callable[[Any], Any]:
-    """Return an option NAME=LOW:HIGH that may be repeated; `settings` as of `click.option`."""
-    half_open = settings.pop("half_open", False)
+def ranges_option(option: str, example: str, text: str, **attributes: Any) -> Callable[[Any], Any]:
+    """Return an option NAME=LOW:HIGH that may be repeated; `attributes` as of `click.option`."""
+    half_open = attributes.pop("half_open", False)
     return click.option(
         option,
         multiple=True,
         metavar="NAME=LOW:HIGH",
         callback=ranges(example, half_open=half_open),
         help=f"{text} May be repeated.",
-        **settings,
+        **attributes,
     )
 
 

@@ -318,7 +318,7 @@ def _nearest(
 ) -> float:
     """Return the distance of a state from segment `i` of a cycle, which starts at `y`."""
     mode, free = shooting.segments[i].mode, shooting.free
-    variational = shooting.variational(point.setting)
+    variational = shooting.variational(point.parameter_point)
     times = np.linspace(point.starts[i], point.ends[i], SAMPLES_PER_SEGMENT + 1)
     passed = [y]
     for begin, end in pairwise(times.tolist()):

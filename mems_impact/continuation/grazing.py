@@ -106,7 +106,7 @@ def contact_coefficients(
     segment = shooting.segments[i]
     states, _ = shooting.unpack(point.unknowns)
     free = shooting.free
-    variational = shooting.variational(point.setting)
+    variational = shooting.variational(point.parameter_point)
     to_touch = variational.arc(segment.mode, states[i], point.starts[i], time)
     from_touch = variational.arc(segment.mode, to_touch.end, time, point.ends[i])
 
@@ -157,7 +157,7 @@ def impact_direction(
         If the run does not return to the mode.
     """
     problem = shooting.problem(point)
-    free, variational = shooting.free, shooting.variational(point.setting)
+    free, variational = shooting.free, shooting.variational(point.parameter_point)
 
     def left_behind(speed: float) -> Floats:
         before = low_velocity_contact(variational, mode, guard, time, y, speed)
@@ -435,7 +435,7 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     i, time = touch.segment, touch.time
     segment = orbit.segments[i]
     states, _ = shooting.unpack(point.unknowns)
-    variational = shooting.variational(point.setting)
+    variational = shooting.variational(point.parameter_point)
     contact = variational.arc(segment.mode, states[i], point.starts[i], time).end
     weak = low_velocity_contact(variational, segment.mode, guard, time, contact, ENTRY_RATE)
     problem = orbit.problem

@@ -94,7 +94,7 @@ def has_large_error_growth(point: ShootingEvaluation) -> bool:
 def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats, int]:
     """Return the least speed of a cycle, its mode, state and scales, and the slow passages."""
     shooting, point = orbit.shooting, orbit.point
-    variational, free = shooting.variational(point.setting), shooting.free
+    variational, free = shooting.variational(point.parameter_point), shooting.free
     modes, states, slopes = [], [], []
     for i, y in enumerate(shooting.unpack(point.unknowns)[0]):
         times = np.linspace(point.starts[i], point.ends[i], SEGMENT_SAMPLES + 1)

@@ -205,7 +205,7 @@ class Junction:
         self.event, self.shooting, self.point = event, orbit.shooting, orbit.point
         self.automaton, self.m = self.shooting.automaton, self.shooting.m
         self.parameters = np.asarray(orbit.problem.parameters, dtype=float)
-        self.time_scale = self.shooting.variational(self.point.setting).time_scale
+        self.time_scale = self.shooting.variational(self.point.parameter_point).time_scale
         segments, count = self.shooting.segments, len(self.shooting.segments)
         short = self.point.ends - self.point.starts < MAX_VANISHING_LENGTH
         self.passed: tuple[int, ...] = ()

@@ -288,7 +288,7 @@ def _half_cycle(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
         return None
     states, _ = shooting.unpack(point.unknowns)
     mode = orbit.segments[half].mode
-    arc = shooting.variational(point.setting).arc(mode, states[half], begin, middle)
+    arc = shooting.variational(point.parameter_point).arc(mode, states[half], begin, middle)
     free, keep = shooting.free, reduced_components(shooting, point)
     matrix = (arc.by_state[free] @ shooting.monodromy(point, half))[np.ix_(keep, keep)]
     apart = float(np.abs(arc.end - states[0])[free].max())

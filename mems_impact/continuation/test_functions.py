@@ -116,7 +116,7 @@ def choice_margins(shooting: Shooting, point: ShootingEvaluation, i: int, mode: 
     """Return the margins in `mode` after the event that ends segment `i`, shape (m,)."""
     event = point.events[i]
     assert event is not None
-    variational = shooting.variational(point.setting)
+    variational = shooting.variational(point.parameter_point)
     return variational.margins(mode, float(point.ends[i]), np.array(event.after))[0]
 
 

@@ -177,9 +177,10 @@ def subject_of_device(
 
     def source(system: HybridSystem) -> str:
         assert isinstance(system, ActuatorSystem)
+        changes = _change_source(_numbers(system.actuator), _numbers(loaded))
         lines = [
             *_imports(system.drive, drive_source),
-            f"actuator = mi.load_actuator({name!r}){_setting_source(loaded, system.actuator)}",
+            f"actuator = mi.load_actuator({name!r}){changes}",
             f"drive = {_drive_source(system.drive, drive_source)}",
             "system = actuator.under(drive)",
         ]
@@ -230,9 +231,8 @@ def subject_of_code(
     begin = load_system(name)
 
     def source(system: HybridSystem) -> str:
-        changed = _changed_values(system.parameters, begin.parameters)
-        changing = f".changed(**{changed!r})" if changed else ""
-        return f"system = mi.load_system({name!r}){changing}"
+        changes = _change_source(system.parameters, begin.parameters)
+        return f"system = mi.load_system({name!r}){changes}"
 
     return Subject(
         system=begin.changed(**changes) if changes else begin,
@@ -242,12 +242,6 @@ def subject_of_code(
         groups={"parameters": tuple(begin.parameters)},
         options=options,
     )
-
-
-def _setting_source(loaded: Actuator, actuator: Actuator) -> str:
-    """Return the Python source of the calls that change a loaded device to another."""
-    changed = _changed_values(_numbers(actuator), _numbers(loaded))
-    return f".setting({changed!r})" if changed else ""
 
 
 def _numbers(actuator: Actuator) -> dict[str, float]:
@@ -277,8 +271,10 @@ def _imports(drive: Drive, source: str) -> list[str]:
     return [f"from {kind.__module__} import {kind.__name__}"]
 
 
-def _changed_values(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in here.items() if there.get(name) != value}
+def _change_source(new: Mapping[str, float], loaded: Mapping[str, float]) -> str:
+    """Return the Python source of the call that changes loaded numbers to the new ones."""
+    changed = {name: value for name, value in new.items() if loaded.get(name) != value}
+    return f".changed(**{changed!r})" if changed else ""
 
 
 # --- Sliders

@@ -168,7 +168,7 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
     begin = _middle(marks, point.period) if marks.size else 0.0
     source = int(np.flatnonzero(point.starts <= begin)[-1])
     mode, since = shooting.segments[source].mode, float(point.starts[source])
-    arc = shooting.variational(point.setting).arc(mode, states[source], since, begin)
+    arc = shooting.variational(point.parameter_point).arc(mode, states[source], since, begin)
     first = np.array(arc.end)
     first[list(shooting.automaton.cyclic)] = 0.0
     # The last and the first segment are one, divided at the former start.

@@ -72,38 +72,36 @@ class UnknownLayout:
         self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
         self.switch = np.array([s.switch for s in segments], dtype=np.int64)
 
-    def instants(
-        self, setting: ParameterPoint, times: Floats
-    ) -> tuple[Floats, Floats, Floats, Floats]:
+    def instants(self, at: ParameterPoint, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return starts and ends of the segments, and their derivatives by the parameters.
 
         Shapes (N,), (N,), (N, k), (N, k). The derivatives are nonzero only for ends that are not
         unknowns.
         """
         count = len(self.codes)
-        ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
+        ends, end_rates = np.zeros(count), np.zeros((count, at.values.size))
         ends[self.events] = times
-        ends[self.period_ends], end_rates[self.period_ends] = setting.period, setting.period_rates
+        ends[self.period_ends], end_rates[self.period_ends] = at.period, at.period_rates
         if self.at_switch.any():
             switch = self.switch[self.at_switch]
-            ends[self.at_switch] = setting.switches[switch]
-            end_rates[self.at_switch] = setting.switch_rates[:, switch].T
+            ends[self.at_switch] = at.switches[switch]
+            end_rates[self.at_switch] = at.switch_rates[:, switch].T
         starts, start_rates = np.zeros(count), np.zeros_like(end_rates)
         starts[self.follows] = ends[:-1][self.follows[1:]]
         start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
         return starts, ends, start_rates, end_rates
 
     def segment_times(
-        self, setting: ParameterPoint, starts: Floats, ends: Floats
+        self, at: ParameterPoint, starts: Floats, ends: Floats
     ) -> tuple[Floats, Floats | None]:
         """Return times and motions, the arguments of `Variational.traverse`."""
         rooms, margin_times = np.full(ends.size, math.inf), ends
-        if not setting.switches.size:
+        if not at.switches.size:
             return np.stack([starts, ends, rooms, margin_times], axis=1), None
-        rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
+        rooms[self.events] = [at.room(time) for time in ends[self.events].tolist()]
         # Just before a switch.
         margin_times = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)
-        motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
+        motions = [at.motion(*span) for span in zip(starts, ends, strict=True)]
         return np.stack([starts, ends, rooms, margin_times], axis=1), np.array(motions)
 
 
@@ -177,7 +175,7 @@ class ShootingEvaluation:
     Attributes
     ----------
     unknowns : float array, shape (N f + events,), or one more
-    setting : ParameterPoint
+    parameter_point : ParameterPoint
         The problem's numbers at the values of the active parameters; the period is that of the
         cycle if the system is autonomous.
     residual : float array, shape of `unknowns`
@@ -194,7 +192,7 @@ class ShootingEvaluation:
     """
 
     unknowns: Floats
-    setting: ParameterPoint
+    parameter_point: ParameterPoint
     residual: Floats
     jacobian: Floats
     by_parameter: Floats
@@ -208,12 +206,12 @@ class ShootingEvaluation:
     @property
     def values(self) -> Floats:
         """Values of the active parameters, shape (k,)."""
-        return self.setting.values
+        return self.parameter_point.values
 
     @property
     def period(self) -> float:
         """Period of the forcing at these values, or of the limit cycle."""
-        return self.setting.period
+        return self.parameter_point.period
 
 
 class Sensitivities(NamedTuple):
@@ -324,7 +322,7 @@ class Shooting:
         own[self.events] += squares[f * count : f * count + len(self.events)]
         return math.sqrt(own.max() + squares[f * count + len(self.events) :].sum())
 
-    def setting(self, values: Floats) -> ParameterPoint:
+    def parameter_point(self, values: Floats) -> ParameterPoint:
         """Return the problem's numbers at values of the active parameters.
 
         Raises
@@ -334,10 +332,10 @@ class Shooting:
         """
         # Corrections at fixed values request the same numbers repeatedly.
         if self._last is None or not np.array_equal(self._last.values, values):
-            setting = ParameterPoint.of(self.family, self.active, values)
+            at = ParameterPoint.of(self.family, self.active, values)
             if self.phase is None:
-                setting.check_period(self.family, self.active, self._last or self._first)
-            self._last = setting
+                at.check_period(self.family, self.active, self._last or self._first)
+            self._last = at
         return self._last
 
     @cached_property
@@ -346,13 +344,13 @@ class Shooting:
         values = np.array([self.family.value(name) for name in self.active])
         return ParameterPoint.of(self.family, self.active, values)
 
-    def variational(self, setting: ParameterPoint) -> Variational:
-        """Return the engine of arcs and events at the numbers `setting`."""
-        there = setting.time_scale / self._variational.time_scale
+    def variational(self, at: ParameterPoint) -> Variational:
+        """Return the engine of arcs and events at a point of the parameters."""
+        there = at.time_scale / self._variational.time_scale
         if not 1.0 / TIME_SCALE_RATIO < there < TIME_SCALE_RATIO:
-            values = dict(zip(self.active, setting.values.tolist(), strict=True))
+            values = dict(zip(self.active, at.values.tolist(), strict=True))
             vars(self)["_variational"] = self._engine(self.family.at(**values))
-        return self._variational.at(setting.parameters, setting.directions)
+        return self._variational.at(at.parameters, at.directions)
 
     def evaluate(self, unknowns: Floats, values: Floats) -> ShootingEvaluation:
         """Evaluate residual and derivatives.
@@ -362,14 +360,14 @@ class Shooting:
         OrbitError
             If an arc cannot be integrated.
         """
-        setting, layout, free = self.setting(values), self.layout, self.free
+        at, layout, free = self.parameter_point(values), self.layout, self.free
         if self.phase is not None:
-            setting = setting.with_period(self.unit * float(unknowns[-1]))
-        k, scales = len(self.active), setting.scales
+            at = at.with_period(self.unit * float(unknowns[-1]))
+        k, scales = len(self.active), at.scales
         states, times = self.unpack(unknowns)
-        starts, ends, start_rates, end_rates = layout.instants(setting, times)
-        arcs, events = self.variational(setting).traverse(
-            layout.codes, states, *layout.segment_times(setting, starts, ends)
+        starts, ends, start_rates, end_rates = layout.instants(at, times)
+        arcs, events = self.variational(at).traverse(
+            layout.codes, states, *layout.segment_times(at, starts, ends)
         )
         end = self._sensitivities_at_end(arcs, scales, start_rates, end_rates)
         after = self._sensitivities_after(events, end, scales, end_rates)
@@ -401,7 +399,7 @@ class Shooting:
         has_event = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
         return ShootingEvaluation(
             unknowns=unknowns,
-            setting=setting,
+            parameter_point=at,
             residual=residual,
             jacobian=jacobian,
             by_parameter=by_parameter,
@@ -556,7 +554,7 @@ class Shooting:
 
     def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:
         """Return the flow of the free components at a state projected onto its mode's manifold."""
-        automaton, p = self.automaton, point.setting.parameters
+        automaton, p = self.automaton, point.parameter_point.parameters
         if mode in automaton.constrained:
             _, y = automaton.state_after(mode, automaton.projection_code, time, y, p)
         return automaton.slope_at(mode, time, y, p)[self.free]
@@ -574,7 +572,7 @@ def _left_null_space(matrix: Floats) -> Floats:
 def length_gradient(shooting: Shooting, point: ShootingEvaluation, i: int) -> Floats:
     """Return the derivatives of the length of segment `i`."""
     layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
-    _, _, start_rates, end_rates = layout.instants(point.setting, times)
+    _, _, start_rates, end_rates = layout.instants(point.parameter_point, times)
     by_unknown = layout.by_end[i] - layout.by_start[i]
     return np.append(by_unknown, end_rates[i] - start_rates[i])
 
@@ -588,7 +586,7 @@ def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: 
     by_end = event.margin_by_state[row]
     by_unknown = by_end @ point.end_by_unknown[i]
     by_unknown = by_unknown + float(event.margin_by_time[row]) * shooting.layout.by_end[i]
-    by_parameter = event.margin_by_parameter[row, :k] * point.setting.scales
+    by_parameter = event.margin_by_parameter[row, :k] * point.parameter_point.scales
     return np.append(by_unknown, by_end @ point.end_by_parameter[i] + by_parameter)
 
 
@@ -597,20 +595,20 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
 
     The rate of the margin is zero there, so that a change of the time has no effect.
     """
-    setting, layout, k = point.setting, shooting.layout, len(shooting.active)
+    at, layout, k = point.parameter_point, shooting.layout, len(shooting.active)
     arc, mode = point.arcs[i], shooting.segments[i].mode
     y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
     time = float(arc.minima_time[guard])
-    event = shooting.variational(setting).event(mode, guard, time, y, setting.room(time))
+    event = shooting.variational(at).event(mode, guard, time, y, at.room(time))
     by_column = columns @ event.margin_by_state[guard]
     f = len(shooting.free)
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
     # The sensitivities by parameters refer to times that vary with the parameters.
-    moved = setting.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
+    moved = at.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
     by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
-    by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * setting.scales
+    by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales
     by_start = -float(by_state @ arc.slope_start[shooting.free])
-    _, _, start_rates, _ = layout.instants(setting, shooting.unpack(point.unknowns)[1])
+    _, _, start_rates, _ = layout.instants(at, shooting.unpack(point.unknowns)[1])
     by_unknown = by_start * layout.by_start[i]
     by_unknown[f * i : f * (i + 1)] += by_state
     return np.append(by_unknown, by_parameter + by_start * start_rates[i])

@@ -282,7 +282,7 @@ class ParameterSample:
     values : float array, shape (points, names)
     parameters : tuple of str
         The parameters of the system computed from the sample.
-    settings : float array, shape (points, parameters)
+    parameter_values : float array, shape (points, parameters)
     blocks : tuple of str
         Sample of each block of points; one block without indices.
     identity : dict
@@ -292,7 +292,7 @@ class ParameterSample:
     names: tuple[str, ...]
     values: Floats
     parameters: tuple[str, ...]
-    settings: Floats
+    parameter_values: Floats
     blocks: tuple[str, ...]
     identity: dict[str, Any]
 
@@ -368,20 +368,20 @@ def draw(
             blocks.append(mixed)
         which = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
     values = np.concatenate(blocks)
-    parameters, settings = _made(system, names, values, making)
+    parameters, parameter_values = _made(system, names, values, making)
     identity = {
         "over": {name: _result_columns(given) for name, given in over.items()},
         "samples": samples,
         "sampling": sampling,
         "seed": seed,
         "indices": indices,
-        "points": digest_of(np.hstack([values, settings])),
+        "points": digest_of(np.hstack([values, parameter_values])),
     }
     return ParameterSample(
         names=names,
         values=values,
         parameters=parameters,
-        settings=settings,
+        parameter_values=parameter_values,
         blocks=which,
         identity=identity,
     )

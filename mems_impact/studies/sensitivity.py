@@ -87,15 +87,15 @@ class TangentOrbit:
         """
         shooting, before, value = self._shooting, self._point, self._value + step
         unknowns = before.unknowns + step * self._rate
-        setting = shooting.setting(np.array([value]))
+        at = shooting.parameter_point(np.array([value]))
         if shooting.phase is not None:
-            setting = setting.with_period(shooting.unit * float(unknowns[-1]))
-        starts, ends, _, _ = shooting.layout.instants(setting, shooting.unpack(unknowns)[1])
+            at = at.with_period(shooting.unit * float(unknowns[-1]))
+        starts, ends, _, _ = shooting.layout.instants(at, shooting.unpack(unknowns)[1])
         moved = [self._moved(i, step) for i in range(len(before.arcs))]
         point = replace(
             before,
             unknowns=unknowns,
-            setting=setting,
+            parameter_point=at,
             starts=starts,
             ends=ends,
             arcs=tuple(arc for arc, _ in moved),
@@ -127,7 +127,7 @@ class TangentOrbit:
         shooting, point = self._shooting, self._point
         arc, event, own = point.arcs[i], point.events[i], shooting.segments[i].guard(shooting.m)
         layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
-        _, _, start_rates, end_rates = layout.instants(point.setting, times)
+        _, _, start_rates, end_rates = layout.instants(point.parameter_point, times)
         end = point.end_by_unknown[i] @ self._rate + point.end_by_parameter[i, :, 0]
         # A later start reduces the gain of cyclic states, which are not part of the equations.
         begins = float(layout.by_start[i] @ self._rate + start_rates[i, 0])
@@ -140,7 +140,7 @@ class TangentOrbit:
             return end, end, minima, 0.0
         instant = layout.by_end[i] @ self._rate + end_rates[i, 0]
         after = event.jump_by_state @ end + event.jump_by_time * instant
-        after = after + event.jump_by_parameter[:, 0] * point.setting.scales[0]
+        after = after + event.jump_by_parameter[:, 0] * point.parameter_point.scales[0]
         rate = 0.0
         if own >= 0 and i in shooting.events:
             rate = float(rate_gradient(shooting, point, i, own) @ self._by_both)

@@ -247,13 +247,13 @@ class ToleranceStudy(AttractorStudy):
         return {**attrs, "drawn": list(self.draws.names)}
 
     def _case(self, number: int) -> InitialCondition:
-        row = self.draws.settings[number].tolist()
+        row = self.draws.parameter_values[number].tolist()
         values = dict(zip(self.draws.parameters, row, strict=True))
         return InitialCondition(self.measuring.system.changed(**values), self.initial)
 
     def _places(self, first: int, last: int) -> Columns:
         draws, block = self.draws, self.points // len(self.draws.blocks)
-        made = dict(zip(draws.parameters, draws.settings[first:last].T, strict=True))
+        made = dict(zip(draws.parameters, draws.parameter_values[first:last].T, strict=True))
         drawn = dict(zip(draws.names, draws.values[first:last].T, strict=True))
         which = [draws.blocks[number // block] for number in range(first, last)]
         return {**made, **drawn, SAMPLE: np.array(which, dtype=object)}

@@ -52,7 +52,7 @@ def test_in_parameters():
     assert mi.Tilt(angle="3 deg").angle == pytest.approx(math.radians(3))
     mita = mi.load_actuator("mita2003")
     assert mita.replace(d="6 um").d == 6e-6
-    assert mita.setting({"tilt.angle": "1 deg", "e": "70 %"}).e == 0.7
+    assert mita.changed(e="70 %", **{"tilt.angle": "1 deg"}).e == 0.7
     system = mita.under(mi.Sine(amplitude=100, omega=6.0)).changed(amplitude="90 V", omega="1 Hz")
     assert (system.drive.amplitude, system.drive.omega) == (90.0, 2 * math.pi)
 

@@ -43,7 +43,7 @@ def test_the_words_are_those_of_python(folder):
         + "[study.recurrence]\ntransient = 20\nperiods = 5\n[study.options]\nrtol = 1e-8\n"
     )
     study = mi.load_study(written(folder, text))
-    actuator = mi.load_actuator("zhao2004").setting({"e": 0.7, "tilt.angle": 0.01})
+    actuator = mi.load_actuator("zhao2004").changed(e=0.7, **{"tilt.angle": 0.01})
     assert study.system == actuator.under(mi.Sine(amplitude=0.22, omega=0.49))
     given = study.arguments
     assert given["initial"] == mi.kicked_state(actuator)

@@ -397,11 +397,11 @@ def test_ranges_depend_on_other_parameters(terms, name, allowed, refused):
     text = verilog_a(device, "dev")
     sources = {"p": lambda t: 0.0}
     Circuit(text, sources, **{name.replace(".", "_"): allowed})
-    device.setting({name: allowed})
+    device.changed(**{name: allowed})
     with pytest.raises(VerilogError, match="out of range"):
         Circuit(text, sources, **{name.replace(".", "_"): refused})
     with pytest.raises(InvalidParameter):
-        device.setting({name: refused})
+        device.changed(**{name: refused})
 
 
 # --- The interpreter itself, against closed forms

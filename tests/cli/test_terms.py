@@ -29,15 +29,15 @@ def test_a_term_is_added_and_changed(cli, tmp_path):
     assert done.status == 0
     first = pd.read_csv(tmp_path / "out" / "simulate-impacts.csv").iloc[0]
     assert -first["v2 after"] / first["v2 before"] == pytest.approx(0.5)
-    device = mi.load_actuator("zhao2004").setting({"tilt.angle": 0.1})
-    changed = device.setting({"tilt.angle": 0.2, "frame_load.force": 0.3, "e": 0.7})
+    device = mi.load_actuator("zhao2004").changed(**{"tilt.angle": 0.1})
+    changed = device.changed(e=0.7, **{"tilt.angle": 0.2, "frame_load.force": 0.3})
     assert changed == mi.load_actuator("zhao2004").replace(e=0.7).adding(
         mi.Tilt(angle=0.2), mi.FrameLoad(force=0.3)
     )
 
 
 @pytest.mark.parametrize(
-    ("setting", "named"),
+    ("change", "named"),
     [
         ("compliant_stopper.damping=0.3", ["compliant_stopper.stiffness", "missing"]),
         ("tilt.angel=0.3", ["tilt.angel", "did you mean angle?"]),
@@ -45,8 +45,8 @@ def test_a_term_is_added_and_changed(cli, tmp_path):
         ("tlit.angle=0.3", ["tlit", "one of", "tilt"]),
     ],
 )
-def test_bad_terms_are_one_line(cli, setting, named):
-    said = cli(*RUN, "--set", setting).complaint()
+def test_bad_terms_are_one_line(cli, change, named):
+    said = cli(*RUN, "--set", change).complaint()
     for word in named:
         assert word in said
 

@@ -60,7 +60,7 @@ def test_the_python_has_terms_and_files_of_drives(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     wave = tmp_path / "wave.toml"
     wave.write_text('[drive]\nkind = "sine"\namplitude = 0.2\nomega = 0.5\n')
-    device = mi.load_actuator("zhao2004").setting({"tilt.angle": 0.01, "e": 0.7})
+    device = mi.load_actuator("zhao2004").changed(e=0.7, **{"tilt.angle": 0.01})
     subject = subject_of_device(
         "zhao2004", device, mi.load_drive("wave.toml").varied({"omega": 0.45}),
         drive_source='mi.load_drive("wave.toml")',

@@ -399,10 +399,10 @@ def test_bounds_of_numbers_by_others(tmp_path, terms, name, allowed, refused, sa
         unit.exitInitializationMode()
     assert said in messages[-1]
     with pytest.raises(mi.InvalidParameter):
-        device.setting({name: refused})
+        device.changed(**{name: refused})
     unit.setFloat64([reference], [allowed])
     unit.exitInitializationMode()
-    device.setting({name: allowed})
+    device.changed(**{name: allowed})
     unit.freeInstance()
 
 

@@ -82,7 +82,7 @@ def test_trace_grows_as_one_over_the_impact_speed():
 def grazing_instant(orbit):
     shooting, point = orbit.shooting, orbit.point
     time = float(point.arcs[0].minima_time[0])
-    return time, shooting.variational(point.setting).arc(0, orbit.state, 0.0, time).end[2:]
+    return time, shooting.variational(point.parameter_point).arc(0, orbit.state, 0.0, time).end[2:]
 
 
 def test_chatter_and_rest_forget_the_state():

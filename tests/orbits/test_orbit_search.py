@@ -221,8 +221,8 @@ def test_a_period_may_change_by_any_factor(share):
     orbit = find_periodic_orbit(
         oscillator(amplitude=0.1), at((0.0, 0.0)), transient=100, active=("omega",)
     )
-    setting = orbit.shooting.setting(np.array([1.0 / share]))
-    assert setting.period == pytest.approx(share * 2.0 * math.pi)
+    there = orbit.shooting.parameter_point(np.array([1.0 / share]))
+    assert there.period == pytest.approx(share * 2.0 * math.pi)
 
 
 @pytest.mark.parametrize("value", [0.301, 0.31, 0.5])
@@ -237,9 +237,10 @@ def test_a_period_that_jumps_is_refused(value):
 
     family = FunctionFamily(dict(smooth.values), build)
     orbit = find_periodic_orbit(family, at((0.0, 0.0)), transient=100, active=("omega",))
-    assert orbit.shooting.setting(np.array([1.299])).period == pytest.approx(2.0 * math.pi / 1.299)
+    there = orbit.shooting.parameter_point(np.array([1.299]))
+    assert there.period == pytest.approx(2.0 * math.pi / 1.299)
     with pytest.raises(OrbitError, match="period jumps"):
-        orbit.shooting.setting(np.array([1.0 + value]))
+        orbit.shooting.parameter_point(np.array([1.0 + value]))
 
 
 def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():

@@ -102,7 +102,9 @@ def test_what_depends_on_one_thing_together():
     )
     assert draws.parameters == ("k", "d")
     width = draws.values[:, 0]
-    assert draws.settings == pytest.approx(np.stack([width**3, 2.0 - width], axis=1), rel=1e-15)
+    assert draws.parameter_values == pytest.approx(
+        np.stack([width**3, 2.0 - width], axis=1), rel=1e-15
+    )
     with pytest.raises(mi.InvalidParameter, match="not width"):
         mi.tolerance_analysis(
             SYSTEM, over={"width": stats.norm(1.0, 0.05)}, parameters=lambda width: {"width": width}

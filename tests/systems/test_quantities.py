@@ -110,7 +110,7 @@ def test_design_functions():
     # The squared voltage is proportional to the stiffness.
     stiffness = MITA.k * (35.0 / mi.pull_in_voltage(MITA)) ** 2
     assert found.actuator.k == pytest.approx(stiffness, rel=1e-6)
-    assert MITA.setting({"restitution": "70 %", "stiffness": "3 N/m"}) == MITA.replace(e=0.7, k=3.0)
+    assert MITA.changed(restitution="70 %", stiffness="3 N/m") == MITA.replace(e=0.7, k=3.0)
 
 
 UNIT = r"must be a number \[{}\], or a text with a unit of that kind"
@@ -150,7 +150,7 @@ REFUSED = {
         "frequency = '2 V': " + UNIT.format("Hz"),
     ),
     "loads": (lambda: mi.load_curve(MITA, DRIVE, ["1 V"]), "loads = '1 V': " + UNIT.format("N")),
-    "a derived quantity": (lambda: MITA.setting({"quality": 10}), DERIVED),
+    "a derived quantity": (lambda: MITA.changed(quality=10), DERIVED),
     "a free derived quantity": (
         lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], free=["frequency"]),
         "free = 'frequency': " + DERIVED,
@@ -187,7 +187,7 @@ def test_dimensionless_devices_refuse_units(what):
 
 
 def test_pure_numbers_may_be_texts():
-    assert ZHAO.setting({"tilt.angle": "18 deg", "e": "70 %"}).e == 0.7
+    assert ZHAO.changed(e="70 %", **{"tilt.angle": "18 deg"}).e == 0.7
     assert DIMENSIONLESS.changed(e="70 %", phase="180 deg").drive.phase == pytest.approx(math.pi)
     ZHAO.under(mi.Sine(amplitude=0.2, omega=0.5, phase="90 deg"))
 

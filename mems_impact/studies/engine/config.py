@@ -221,7 +221,7 @@ def _argument(name: str, value: Any, default: Any, reader: _Reader | None) -> An
     if reader is not None:
         return reader(name, value)
     if is_dataclass(default) and not isinstance(default, type):
-        return _settings(name, value, default)
+        return _options(name, value, default)
     return value
 
 
@@ -266,7 +266,7 @@ def _text(name: str, value: Any) -> str:
     return value
 
 
-def _settings(name: str, value: Any, default: Any) -> Any:
+def _options(name: str, value: Any, default: Any) -> Any:
     known = [each.name for each in fields(default)]
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, f"a table of some of {', '.join(known)}")

@@ -85,7 +85,7 @@ def test_a_sweep_over_the_force():
     assert list(mi.sweep_summary(table)["blows per period"]) == [1.0, 0.0]
     rests = []
     for force in (0.0, 0.2):
-        run = mi.simulate(device.setting({"adhesion.force": force}), held, periods=1,
+        run = mi.simulate(device.changed(**{"adhesion.force": force}), held, periods=1,
                           initial=mi.State(x2=0.5), options=PLAIN, window=(0, 1))  # fmt: skip
         rests.append(run.statistics["share resting"])
     # 0.3 V hold it with 0.36 + 0.2 > 0.5, and do not without.
