@@ -36,9 +36,9 @@ __all__ = [
     "CHATTER_ENDS",
     "DRIVE_SWITCHES",
     "Labels",
-    "bare",
     "branch",
     "captions",
+    "category_column",
     "codimension_two",
     "corners",
     "curve",
@@ -67,7 +67,7 @@ __all__ = [
     "unit_of",
     "verification",
     "with_units",
-    "words",
+    "without_units",
 ]
 
 # --- Headings, units, provenance, categories
@@ -195,7 +195,7 @@ def with_units(shown: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def bare(shown: pd.DataFrame) -> pd.DataFrame:
+def without_units(shown: pd.DataFrame) -> pd.DataFrame:
     """Return a table with units in ``attrs`` instead of its headings: the inverse of `with_units`.
 
     A table without units in its headings is returned as it is.
@@ -225,8 +225,8 @@ def states(names: Sequence[str], y: Floats) -> dict[str, Any]:
     return {name: y[:, i] for i, name in enumerate(names)}
 
 
-def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
-    """Return names for numbers, as categories, which save memory."""
+def category_column(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
+    """Return a column of names by their numbers, as categories, which save memory."""
     import pandas as pd
 
     return pd.Categorical.from_codes(numbers, categories=list(names))
@@ -470,7 +470,7 @@ def impacts(
     columns = {
         **time_columns(hits.cycle, hits.time, period, labels),
         **({"phase": hits.time / period} if labels.forced else {}),
-        "event": words([guard.name for guard in labels.automaton.guards], hits.guard),
+        "event": category_column([guard.name for guard in labels.automaton.guards], hits.guard),
         **_states_around(hits, labels),
         **observed,
     }
@@ -482,9 +482,9 @@ def _transitions(log: Events, period: float, labels: Labels) -> dict[str, Any]:
     automaton = labels.automaton
     return {
         **time_columns(log.cycle, log.time, period, labels),
-        "event": words(event_names(automaton)[:-1], event_codes(log, automaton)),
-        "mode before": words(automaton.modes, log.mode_before),
-        "mode after": words(automaton.modes, log.mode_after),
+        "event": category_column(event_names(automaton)[:-1], event_codes(log, automaton)),
+        "mode before": category_column(automaton.modes, log.mode_before),
+        "mode after": category_column(automaton.modes, log.mode_after),
     }
 
 
@@ -511,8 +511,8 @@ def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
     """Return one row per change of method: when, the mode, the method from then on."""
     columns = {
         **time_columns(log.cycle, log.time, period, labels),
-        "mode": words(labels.automaton.modes, log.mode_after),
-        "method": words(("dop853", "bdf"), (log.guard < 0).astype(np.int64)),
+        "mode": category_column(labels.automaton.modes, log.mode_after),
+        "method": category_column(("dop853", "bdf"), (log.guard < 0).astype(np.int64)),
     }
     return table(columns, labels)
 
@@ -523,7 +523,7 @@ def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
         **time_columns(grid.cycle, grid.time, period, labels),
         **states(labels.automaton.states, grid.y),
         **labels.derived_columns(grid.cycle, grid.time, grid.y),
-        "mode": words(labels.automaton.modes, grid.mode),
+        "mode": category_column(labels.automaton.modes, grid.mode),
     }
     return table(columns, labels)
 
@@ -539,7 +539,7 @@ def segments(
     """Return one row per arc of an orbit: period, mode, start, end and final event."""
     columns = {
         "period": np.asarray(period, dtype=np.int64),
-        "mode": words(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
+        "mode": category_column(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
         "start": start,
         "end": end,
         "ends with": texts(ends),
@@ -697,7 +697,7 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     >>> mi.sweep_summary(table)[["amplitude", "impacting"]].values.tolist()
     [[0.2, False], [0.24, True]]
     """
-    table = bare(table)
+    table = without_units(table)
     parameter, count, state = table.columns[0], table.columns[2], table.columns[3]
     # A sweep may contain a value twice: successive rows with the same value and direction belong
     # together. A crossing earlier than the one before it begins a new point.

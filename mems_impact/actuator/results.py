@@ -23,7 +23,14 @@ from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
-from mems_impact.tables import Labels, parameter_columns, table, texts, time_columns, words
+from mems_impact.tables import (
+    Labels,
+    category_column,
+    parameter_columns,
+    table,
+    texts,
+    time_columns,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -304,7 +311,7 @@ def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
 
 
 def _stopper(impacts: Events) -> Any:
-    return words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
+    return category_column(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
 
 
 # --- Runs and orbits of an actuator

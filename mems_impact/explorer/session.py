@@ -485,8 +485,12 @@ def first_setting(subject: Subject) -> PageSetting:
 
 def address_of(subject: Subject, setting: PageSetting) -> str:
     """Return the query of a page's address, with all digits of every number."""
-    words = {f"{SETTING_PREFIX}{name}": text for name, text in _words(subject, setting).items()}
-    return urlencode({**{name: repr(value) for name, value in setting.values.items()}, **words})
+    values = {name: repr(value) for name, value in setting.values.items()}
+    fields = {
+        f"{SETTING_PREFIX}{key}": str(getattr(setting, field)).removesuffix(".0")
+        for key, (field, _) in _choices(subject).items()
+    }
+    return urlencode({**values, **fields})
 
 
 def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
@@ -525,14 +529,6 @@ def length_name(system: HybridSystem) -> str:
 def plane_axes(system: HybridSystem) -> tuple[str, ...]:
     """Return the possible axes of a phase plane."""
     return (*system.states, TIME)
-
-
-def _words(subject: Subject, setting: PageSetting) -> dict[str, str]:
-    """Return the page's own keys and their values."""
-    return {
-        word: str(getattr(setting, field)).removesuffix(".0")
-        for word, (field, _) in _choices(subject).items()
-    }
 
 
 def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:

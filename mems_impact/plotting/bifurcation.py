@@ -37,7 +37,7 @@ from mems_impact.plotting.style import (
     thickness,
 )
 from mems_impact.studies.engine.store import StoredStudy
-from mems_impact.tables import NUMBER, PERIOD, bare, impact_changes, sweep_summary
+from mems_impact.tables import NUMBER, PERIOD, impact_changes, sweep_summary, without_units
 
 __all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
 
@@ -123,7 +123,7 @@ def plot_branch(
             raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
     parameter, state = first.columns[0], _ordinate(first, quantity)
-    dots = None if sweep is None else bare(sweep)
+    dots = None if sweep is None else without_units(sweep)
     over = [diagram.table.columns[0] for diagram in diagrams]
     over += [] if dots is None else [dots.columns[0]]
     if set(over) != {parameter}:
@@ -210,7 +210,7 @@ def plot_diagram(diagram: BranchTree, ax: Any = None, *, quantity: str | None = 
         raise InvalidParameter("diagram", type(diagram).__name__, allowed)
     if not diagram.branches:
         return plot_sweep(diagram.cloud, ax, quantity=quantity)
-    dots = diagram.cloud if quantity is None or quantity in bare(diagram.cloud) else None
+    dots = diagram.cloud if quantity is None or quantity in without_units(diagram.cloud) else None
     return plot_branch(diagram.branches, dots, ax, quantity=quantity)
 
 
@@ -466,7 +466,7 @@ def plot_sweep(
     >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
     >>> mi.plot_sweep(table, quantity="speed").figure.savefig("sweep.png")
     """
-    table = bare(table.table if isinstance(table, StoredStudy) else table)
+    table = without_units(table.table if isinstance(table, StoredStudy) else table)
     if not set(BRANCH_COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)

@@ -23,7 +23,7 @@ from mems_impact.studies.attractor_study import (
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.systems.statistics import CHAOTIC, FAILED, OFF, QUASI_PERIODIC, RESTING, UNSETTLED
-from mems_impact.tables import bare
+from mems_impact.tables import without_units
 
 __all__ = ["plot_basins", "plot_map"]
 
@@ -318,10 +318,10 @@ def _given(found: Any) -> tuple[pd.DataFrame, Cells]:
     elif isinstance(found, StoredStudy):
         table = found.table
         values = [found.identity.get(name, {}).get("values") for name in ("x", "y")]
-    if not isinstance(table, pd.DataFrame) or MOTION not in tuple(bare(table).columns)[2:]:
+    if not isinstance(table, pd.DataFrame) or MOTION not in tuple(without_units(table).columns)[2:]:
         allowed = "an OperatingMap, as mems_impact.operating_map returns it, or its table or store"
         raise InvalidParameter("found", type(found).__name__, allowed)
-    table = bare(table)
+    table = without_units(table)
     places = []
     for i, given in enumerate(values):
         there = table.iloc[:, i].to_numpy(dtype=float)
@@ -459,7 +459,7 @@ def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
         table = each if isinstance(each, pd.DataFrame) else getattr(each, "table", None)
         if not isinstance(table, pd.DataFrame):
             raise _no_boundary(each, x, y)
-        table = bare(table)
+        table = without_units(table)
         if not {x, y} <= set(table.columns):
             raise _no_boundary(each, x, y)
         if "boundary" in table:  # of a chart

@@ -22,7 +22,7 @@ from mems_impact.plotting.style import color, inches, new_figure, styled
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.sampling import deviations
 from mems_impact.studies.uncertainty import Spread
-from mems_impact.tables import bare
+from mems_impact.tables import without_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,7 +75,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     >>> mi.plot_pareto(front).figure.savefig("pareto.png")
     """
     start = getattr(front, "start", None)
-    table = bare(getattr(front, "table", front))
+    table = without_units(getattr(front, "table", front))
     aims = table.attrs.get("aims")
     if not aims:
         raise InvalidParameter("front", None, "", problem="not of mems_impact.pareto_front")

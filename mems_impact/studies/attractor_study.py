@@ -36,7 +36,7 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
     counted_periods,
 )
-from mems_impact.tables import bare, captions, unit_of
+from mems_impact.tables import captions, unit_of, without_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,7 +120,7 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
     >>> summary[["motion", "points"]].values.tolist()
     [['off', 1], ['period 1', 3]]
     """
-    table = bare(table)
+    table = without_units(table)
     x, y = table.columns[:2]
     groups = table.groupby(motions(table).rename(None))
     ends = {f"{name} {which}": (name, which) for name in (x, y) for which in ("min", "max")}
@@ -235,7 +235,7 @@ class AttractorEvaluator:
     def columns(self, found: Sequence[Attractor]) -> Columns:
         """Return the columns of `schema`."""
         columns: Columns = {
-            MOTION: _words([each.motion for each in found]),
+            MOTION: _text_column([each.motion for each in found]),
             PERIOD: np.array([each.period for each in found], dtype=np.int64),
         }
         for name in self.system.measure_names:
@@ -244,7 +244,7 @@ class AttractorEvaluator:
             columns[EXPONENT] = np.array([each.exponent for each in found])
             columns[ERROR] = np.array([each.error for each in found])
         columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
-        columns[STATUS] = _words([each.status for each in found])
+        columns[STATUS] = _text_column([each.status for each in found])
         return columns
 
     def lost(self, count: int, reason: str) -> list[Attractor]:
@@ -259,8 +259,8 @@ class AttractorEvaluator:
             map_attractors([InitialCondition(self.system)], brief, self.options, gpu=self.gpu)
 
 
-def _words(words: Sequence[str]) -> Any:
-    return np.array(words, dtype=object)
+def _text_column(texts: Sequence[str]) -> Any:
+    return np.array(texts, dtype=object)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -596,7 +596,7 @@ class DiagramBuilder:
         self.branches, self.parents = list(diagram.branches), list(diagram.parents)
         self.origins = list(diagram.origins)
         self.motions = motions_of(diagram)
-        self.cloud = [diagram_tables.bare(diagram.cloud)]
+        self.cloud = [diagram_tables.without_units(diagram.cloud)]
 
     def build(self) -> None:
         """Compute the parts of the diagram that are missing."""
@@ -929,7 +929,7 @@ def attractor_table(
 
 def motions_of(diagram: BifurcationDiagram) -> list[Motion]:
     """Return the attractors of a diagram."""
-    table = diagram_tables.bare(diagram.attractors)
+    table = diagram_tables.without_units(diagram.attractors)
     found = []
     for row in table.to_dict("records"):
         values = {name: row[name] for name in diagram.system.states}

@@ -78,7 +78,7 @@ class QuantityBounds:
             return np.ones(signs.size), np.zeros((signs.size, gradient.size))
         return signs * (value - bounds) / self.scale, np.outer(signs, gradient) / self.scale
 
-    def words(self, unit: str) -> list[str]:
+    def sentences(self, unit: str) -> list[str]:
         """Return the bounds in words."""
         name, word = self.quantity.name, {1.0: "least", -1.0: "most"}
         return [f"{name} at {word[sign]} {bound:.6g} {unit}".rstrip() for sign, bound in self.sides]
@@ -423,20 +423,20 @@ class Objective:
 
     def violated(self, found: Iterate[Orbit]) -> list[str]:
         """Return the violated constraints of an orbit, in words."""
-        return self._words(found, found.local.margins < -CONSTRAINT_TOLERANCE)
+        return self._sentences(found, found.local.margins < -CONSTRAINT_TOLERANCE)
 
     def holding(self, found: Iterate[Orbit]) -> list[str]:
         """Return the active constraints of an orbit, in words."""
-        return self._words(found, np.abs(found.local.margins) <= CONSTRAINT_TOLERANCE)
+        return self._sentences(found, np.abs(found.local.margins) <= CONSTRAINT_TOLERANCE)
 
-    def _words(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
+    def _sentences(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
         system = found.item.system
-        words = [
+        sentences = [
             sentence
             for each in self.limits
-            for sentence in each.words(each.quantity.unit if system.units else "")
+            for sentence in each.sentences(each.quantity.unit if system.units else "")
         ]
-        return [sentence for sentence, yes in zip(words, chosen, strict=True) if yes]
+        return [sentence for sentence, yes in zip(sentences, chosen, strict=True) if yes]
 
     def _bounds(self, found: Iterate[Orbit]) -> list[str]:
         return [
@@ -446,9 +446,9 @@ class Objective:
         ]
 
     def _end(self, found: Iterate[Orbit]) -> list[str]:
-        words = [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
+        sentences = [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
         here = _sequence(found.item)
-        return words + [
+        return sentences + [
             f"a corner, beyond which the events are {_sequence(other)} in place of {here}"
             for other in found.edge
         ]

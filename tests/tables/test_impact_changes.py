@@ -1,6 +1,6 @@
 """Where a sweep begins or ceases to impact."""
 
-from mems_impact.tables import bare, impact_changes, with_units
+from mems_impact.tables import impact_changes, with_units, without_units
 from tests.plotting.sweeps import made_table
 
 CHANGES = [("up", 0.3, True), ("down", 0.1, False)]
@@ -20,6 +20,6 @@ def test_impact_changes_of_a_table_with_units_in_its_headings():
     assert table.columns[0] == "amplitude [V]"
     assert (
         impact_changes(table)
-        == impact_changes(bare(table))
+        == impact_changes(without_units(table))
         == [("up", 0.3, True), ("down", 0.1, False)]
     )

@@ -8,7 +8,7 @@ import mems_impact as mi
 from mems_impact import tables
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Samples
-from mems_impact.tables import bare, event_names, sweep, unit_of, with_units
+from mems_impact.tables import event_names, sweep, unit_of, with_units, without_units
 
 FREE, HELD = mi.modes("free", "held")
 PERIOD = 2.0
@@ -105,9 +105,9 @@ def test_units_stand_beside_the_headings():
     shown = with_units(table)
     assert dict(zip(table, shown, strict=True))["v after"] == "v after [m/s]"
     assert dict(zip(table, shown, strict=True))["event"] == "event"
-    pd.testing.assert_frame_equal(bare(shown), table)
-    assert bare(shown).attrs["units"] == units
-    assert bare(table) is table
+    pd.testing.assert_frame_equal(without_units(shown), table)
+    assert without_units(shown).attrs["units"] == units
+    assert without_units(table) is table
 
 
 def test_where_a_table_comes_from():

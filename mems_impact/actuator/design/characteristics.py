@@ -22,7 +22,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.sweep import sweep
 from mems_impact.systems.result import Result, SummaryRepr
 from mems_impact.systems.state import State
-from mems_impact.tables import bare, sweep_summary
+from mems_impact.tables import sweep_summary, without_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -400,7 +400,7 @@ def resolution(speeds: pd.DataFrame) -> float:
     >>> f"{mi.resolution(speeds):.2e}"
     '1.45e-04'
     """
-    table = bare(speeds)
+    table = without_units(speeds)
     if "displacement per blow" not in table:
         raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
     blows, moved = table["blows per period"], table["displacement per blow"]

@@ -28,7 +28,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number
-from mems_impact.tables import table, words
+from mems_impact.tables import category_column, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -258,7 +258,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
         "height": height,
     }
     found = table(columns, system)
-    found.insert(1, "stopper", words(["right", "left"], (side != 1).astype(np.int64)))
+    found.insert(1, "stopper", category_column(["right", "left"], (side != 1).astype(np.int64)))
     return Closing(
         closing_time=float(system.out("time", when[hits[0]])) if closed else math.nan,
         impact_speed=float(system.out("impact speed", speeds[0])) if closed else math.nan,
