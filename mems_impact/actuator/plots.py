@@ -273,10 +273,10 @@ def device_scene(
     words = caption(above)
     shapes = _draw_shapes(above, device.delta / device.d, sorted(volts))
     reach = scale * np.array([path.min(), path.max()]) / device.d
-    _set_limits(above, device.delta / device.d, reach)
+    _set_limits(above, reach)
     line, head = _draw_path(below, run, frames, path)
     seconds = frames.samples["t"].to_numpy()
-    sides = _sides(run, frames)
+    sides = _sides(frames)
     slipping = shown["mode"].astype(str).map(slips).to_numpy()
     period = run.system.forcing_period
     sliding = color("frame")
@@ -331,7 +331,7 @@ def _volts(run: ActuatorRun, value: float) -> str:
     return f"$v$ = {number} V" if run.actuator.units == "SI" else f"$v$ = {number}"
 
 
-def _sides(run: ActuatorRun, frames: Frames) -> pd.DataFrame:
+def _sides(frames: Frames) -> pd.DataFrame:
     """Return times and sides of impacts."""
     hits = frames.corners[frames.corners["impact"].astype(bool)]
     side = np.where(hits["x2 after"] > 0.0, "right", "left")
@@ -404,7 +404,7 @@ def _draw_labels(ax: Any, right: float) -> list[tuple[Any, float, bool]]:
     ]  # fmt: skip
 
 
-def _set_limits(ax: Any, delta: float, reach: Any) -> None:
+def _set_limits(ax: Any, reach: Any) -> None:
     """Set the limits of the axes for all positions, and draw marks on the ground."""
     half = BLOCK_HALF_WIDTH + 1.12 + FRAME_THICKNESS
     low, high = -half + min(0.0, reach[0]) - 0.15, half + max(0.0, reach[1]) + 0.15

@@ -10,7 +10,7 @@ in the kernel: the zeros of the reduced equation of Lyapunov and Schmidt, solved
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Generic, NamedTuple
 
@@ -107,10 +107,10 @@ class CrossingBranch(Generic[P]):
             other = np.array([-first[1], first[0]])
         self.own, self.other = first @ self._kernel, _oriented(other @ self._kernel)
 
-    def first_point(self, distances: Sequence[float] = FIRST_DISTANCES) -> FirstPoint[P]:
+    def first_point(self) -> FirstPoint[P]:
         """Return a point of the other branch.
 
-        It has the least of the distances at which the parameter changes significantly.
+        It has the least of `FIRST_DISTANCES` at which the parameter changes significantly.
 
         Raises
         ------
@@ -121,7 +121,8 @@ class CrossingBranch(Generic[P]):
         significant = MIN_PARAMETER_CHANGE * abs(self._start[-1])
         # An error of the equations separates the branches within this radius.
         radius = UNFOLDING_RATIO * self._error ** (1.0 / 3.0)
-        for distance in [each for each in distances if each > radius] or distances[-1:]:
+        distances = [each for each in FIRST_DISTANCES if each > radius]
+        for distance in distances or FIRST_DISTANCES[-1:]:
             try:
                 point = self._at(distance)
             except OrbitError:

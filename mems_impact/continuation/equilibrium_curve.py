@@ -60,7 +60,6 @@ __all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curv
 
 SECOND_DERIVATIVE_STEP = 1e-4  # difference step of second derivatives, relative to the state
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
-NEUTRAL_SADDLE = "the pair of eigenvalues is real, that of a neutral saddle"
 END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
 
 

@@ -211,7 +211,7 @@ def text(value: str) -> str:
     return f'"{escaped}"'
 
 
-def named_values(model: ExportedModel, source: CSource) -> tuple[Tuple, str]:
+def named_values(model: ExportedModel) -> tuple[Tuple, str]:
     """Return the kind of the parameters by name, and their C expression."""
     names = tuple(number.name for number in model.numbers)
     kind = Tuple((REAL,) * len(names), names)
@@ -220,7 +220,7 @@ def named_values(model: ExportedModel, source: CSource) -> tuple[Tuple, str]:
 
 def called(function: Any, model: ExportedModel, source: CSource) -> str:
     """Return the value of a user's function of the parameters, as C."""
-    kind, values = named_values(model, source)
+    kind, values = named_values(model)
     return f"{source.function(function, (kind,)).name}({values})"
 
 
@@ -248,7 +248,7 @@ def parameter_function(model: ExportedModel, source: CSource) -> str:
     if model.rate_step_place is not None and (model.period or model.time_scale):
         lines.append(f"p[{model.rate_step_place}] = {literal(RATE_STEP)} * *scale;")
     if model.switches is not None and problem.switches:
-        kind, values = named_values(model, source)
+        kind, values = named_values(model)
         found = source.function(model.switches, (kind,))
         lines.append(f"{{ {found.result.ctype} times = {found.name}({values});")
         lines += [
@@ -282,7 +282,7 @@ def mode_function(model: ExportedModel, source: CSource) -> str:
     if model.mode_by_switch:
         lines.append(f"return MODEL_TRANSITION(mode, {2 * len(model.automaton.guards)}, t, y, p);")
     elif model.mode_of is not None:
-        kind, values = named_values(model, source)
+        kind, values = named_values(model)
         state = Tuple((REAL,) * n, model.automaton.states)
         found = source.function(model.mode_of, (INTEGER, REAL, state, kind))
         y = ", ".join(f"y[{i}] * STATE_UNITS[{i}]" for i in range(n))

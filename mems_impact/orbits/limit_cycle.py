@@ -36,7 +36,6 @@ def limit_cycle_guess(
     *,
     transient: float = 0.0,
     period: float | None = None,
-    active: tuple[str, ...] = (),
 ) -> tuple[Shooting, OrbitGuess]:
     """Return the equations of a cycle and a guess of it, from a run.
 
@@ -48,7 +47,6 @@ def limit_cycle_guess(
         Time to run before a return is sought.
     period : float, optional
         Period of the cycle near `start`; detected by default.
-    active : tuple of str
 
     Raises
     ------
@@ -68,7 +66,7 @@ def limit_cycle_guess(
     begin = _longest_quiet_instant(problem, start)
     guess = read_guess(problem, begin, 1)
     phase = Phase.across(flow_at(problem, begin)[free], begin.y[free], period)
-    return Shooting(family.suited(guess.stiff), guess.segments, active, phase=phase), guess
+    return Shooting(family.suited(guess.stiff), guess.segments, (), phase=phase), guess
 
 
 def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:

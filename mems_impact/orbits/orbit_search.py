@@ -223,7 +223,6 @@ def find_cycle(
     *,
     period: float | None = None,
     transient: float = 0.0,
-    active: tuple[str, ...] = (),
 ) -> PeriodicOrbit:
     """Find a limit cycle, a periodic orbit of an autonomous system, near a state.
 
@@ -236,17 +235,13 @@ def find_cycle(
         Approximate period of the cycle near `guess`; detected in a run by default.
     transient : float
         Time to run first.
-    active
-        As for `find_orbit`.
 
     Raises
     ------
     OrbitError
         If the motion does not return or reaches an equilibrium, or if no cycle is found.
     """
-    shooting, read = limit_cycle_guess(
-        family, guess, transient=transient, period=period, active=active
-    )
+    shooting, read = limit_cycle_guess(family, guess, transient=transient, period=period)
     found = _corrected(shooting, read)
     lasted = float(read.times[-1])
     if found.point.period > 0.0:
@@ -269,7 +264,7 @@ def find_cycle(
     again = _passes(found)
     if again > 1:
         once = found.point.period / again
-        shooting, read = limit_cycle_guess(found.family, found.instant, period=once, active=active)
+        shooting, read = limit_cycle_guess(found.family, found.instant, period=once)
         found = _corrected(shooting, read)
     if phase_is_clear(found.shooting, found.point):
         return found

@@ -101,7 +101,7 @@ BOX_MARGIN = 1.2  # size of the box of starting states, in sizes of the states t
 BOX_PERIODS = 50  # length of the runs that determine it
 CLOUD_PERIODS = 150  # forcing periods drawn of a motion that is not periodic
 STORE_INTERVAL = 30.0  # seconds between two savings of a partial result
-ATTRACTORS, BRANCHES, OTHERS, CLOUD = PARTS = "attractors", "branches", "other orbits", "cloud"
+PARTS = ("attractors", "branches", "other orbits", "cloud")
 BRANCH = "branch"
 NO_BRANCH = -1
 

@@ -215,9 +215,9 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
     by_voltage = unknown_constant and plates and not by_capacitance and voltage in known
     if by_capacitance or by_voltage or (unknown_constant and not plates):
         known["electrode_constant"] = 1e-20  # corrected below
-    for parameter, name in OF_PARAMETER.items():
+    for name in OF_PARAMETER.values():
         if name not in known:
-            raise _missing(name, parameter, known, relations)
+            raise _missing(name, known, relations)
     values = {parameter: known[name] for parameter, name in OF_PARAMETER.items()}
     try:
         actuator = Actuator(**values, units="SI", terms=tuple(terms))
@@ -352,7 +352,7 @@ def _contradiction(name: str, value: float, other: float, source: str) -> Invali
 
 
 def _missing(
-    name: str, parameter: str, known: Mapping[str, float], relations: Sequence[Relation]
+    name: str, known: Mapping[str, float], relations: Sequence[Relation]
 ) -> InvalidParameter:
     """Return the error about a quantity that is not determined, with what would determine it."""
     near = [each for each in relations if name in each.names]

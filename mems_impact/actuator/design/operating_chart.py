@@ -649,7 +649,8 @@ class ChartBuilder:
                     self.notes.append(f"the grazing curve: {curve.ended}")
                 return curve
         raise OrbitError(
-            f"{self._not_grazing(low)}, and {self._not_grazing(high)}", self._remedy(low, high)
+            f"{self._not_grazing(low)}, and {self._not_grazing(high)}",
+            "lower the damping c, or take another range of frequency",
         )
 
     def _first(self, omega: float) -> tuple[float, str]:
@@ -764,10 +765,6 @@ class ChartBuilder:
                 return sorted(p for p in points if slack < p[0] - left.omega
                               and slack < right.omega - p[0])  # fmt: skip
         return None
-
-    def _remedy(self, *omegas: float) -> str:
-        """Return the remedy for an orbit without impacts that does not graze."""
-        return "lower the damping c, or take another range of frequency"
 
     def _grazing(self, omega: float) -> BranchEvent:
         """Return the grazing of the orbit without impacts; OrbitError if there is none."""
