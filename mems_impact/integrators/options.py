@@ -15,7 +15,7 @@ ENGINES = ("auto", "compiled", "interpreted")
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Settings of the integrator; immutable, shared by both engines.
+    """Options of the integrator; immutable, shared by both engines.
 
     Parameters
     ----------

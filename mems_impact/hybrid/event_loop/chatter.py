@@ -221,7 +221,7 @@ def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard
     ended = first_violated_guard(engine, s, mode, t + remaining, left, guard, NONE)
     if ended == NONE:
         return True
-    if table_row(s, IMPACT)[ended] == 1 or not affects(engine, s, mode, t, ended, guard):
+    if table_row(s, IMPACT)[ended] == 1 or not affects(engine, s, mode, t, ended):
         return False
     low, high = 0.0, remaining
     for _ in range(CHATTER_BISECTIONS):
@@ -238,8 +238,8 @@ def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard
     return first_violated_guard(engine, s, s.mode, t + remaining, left, guard, NONE) == NONE
 
 
-def affects(engine: Any, s: Any, mode: int, t: float, other: int, guard: int) -> bool:
-    """Return whether the impact without rebound at `guard`, PAST to ENTERED, changes `other`."""
+def affects(engine: Any, s: Any, mode: int, t: float, other: int) -> bool:
+    """Return whether the impact without rebound, PAST to ENTERED, changes the margin of `other`."""
     g = table_row(s, G)
     past, entered = table_row(s, PAST), table_row(s, ENTERED)
     interface.margins(engine, mode, t, past, g)

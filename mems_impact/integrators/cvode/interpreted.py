@@ -100,7 +100,7 @@ class InterpretedCvode(Functions):
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
         self._roots = roots
         self._otherwise = -np.array(roots.direction)  # type: ignore[attr-defined]
-        self._settings: dict[str, Any] = {
+        self._arguments: dict[str, Any] = {
             "rhsfn": rhs,
             "method": options.method,
             "jacfn": jacobian_entries if jacobian is not None else None,
@@ -128,7 +128,7 @@ class InterpretedCvode(Functions):
         rtol, atol = scaled_tolerances(self._rtol, self._atol, share)
         first = first_step(self._max_step, rtol, flight_time)
         self._solver = CVODE(
-            **self._settings, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
+            **self._arguments, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
         )
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:

@@ -466,66 +466,18 @@ def _root_directions(engine, i):  # type: ignore[no-untyped-def]
         return lambda engine, i: np.int64(integers(engine.fired)[i])
 
 
-# Calls of the method's functions by their addresses in the handle.
-_call_step = caller(METHOD_SIGNATURES["step"])
-_call_end_margins = caller(METHOD_SIGNATURES["end_margins"])
-_call_interpolate = caller(METHOD_SIGNATURES["interpolate"])
-_call_restart = caller(METHOD_SIGNATURES["restart"])
-_call_sharpen = caller(METHOD_SIGNATURES["sharpen"])
-_call_reset = caller(METHOD_SIGNATURES["reset"])
-_call_method_memory = caller(METHOD_SIGNATURES["method_memory"])
+def _overload_method(name: str) -> None:
+    """Let compiled code call a function of the method by its address in the handle."""
+    call = caller(METHOD_SIGNATURES[name])
+
+    @overload(getattr(interface, name), jit_options={**JIT, **INNER})
+    def method(engine, *arguments):  # type: ignore[no-untyped-def]
+        if is_handle(engine):
+            return lambda engine, *arguments: call(engine[name], (address(engine), *arguments))
 
 
-@overload(interface.step, jit_options={**JIT, **INNER})
-def _step(engine):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine: _call_step(engine.step, (address(engine),))
-
-
-@overload(interface.end_margins, jit_options={**JIT, **INNER})
-def _end_margins(engine, out):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, out: _call_end_margins(
-            engine.end_margins, (address(engine), data(out))
-        )
-
-
-@overload(interface.interpolate, jit_options={**JIT, **INNER})
-def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, t, y: _call_interpolate(
-            engine.interpolate, (address(engine), t, data(y))
-        )
-
-
-@overload(interface.restart, jit_options={**JIT, **INNER})
-def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, mode, t, y, stop: _call_restart(
-            engine.restart, (address(engine), mode, t, data(y), stop)
-        )
-
-
-@overload(interface.sharpen, jit_options={**JIT, **INNER})
-def _sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, share, flight_time: _call_sharpen(
-            engine.sharpen, (address(engine), share, flight_time)
-        )
-
-
-@overload(interface.reset, jit_options={**JIT, **INNER})
-def _reset(engine, max_step):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, max_step: _call_reset(engine.reset, (address(engine), max_step))
-
-
-@overload(interface.method_memory, jit_options={**JIT, **INNER})
-def _method_memory(engine, mode):  # type: ignore[no-untyped-def]
-    if is_handle(engine):
-        return lambda engine, mode: _call_method_memory(
-            engine.method_memory, (address(engine), mode)
-        )
+for _name in METHOD_SIGNATURES:
+    _overload_method(_name)
 
 
 @overload(interface.search_approaches, jit_options={**JIT, **INNER})

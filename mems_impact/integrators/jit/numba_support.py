@@ -183,12 +183,21 @@ def words(_typing: Any, address: Any) -> Any:
 
 
 def caller(signature: Any) -> Any:
-    """Return an intrinsic that calls a C function by address, with a tuple of arguments."""
+    """Return an intrinsic that calls a C function by address, with a tuple of arguments.
+
+    Of arrays and pointers it passes the address.
+    """
 
     @intrinsic
     def call(_typing: Any, function: Any, arguments: Any) -> Any:
         def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+            values = []
+            for i, (given, wanted) in enumerate(zip(arguments, signature.args, strict=True)):
+                value = builder.extract_value(args[1], i)
+                if isinstance(given, types.Array | types.CPointer):
+                    values.append(_data(given, context, builder, value))
+                else:
+                    values.append(context.cast(builder, value, given, wanted))
             kinds = [context.get_value_type(kind) for kind in signature.args]
             void = signature.return_type == types.void
             result = ir.VoidType() if void else context.get_value_type(signature.return_type)
@@ -196,7 +205,7 @@ def caller(signature: Any) -> Any:
             answer = builder.call(builder.inttoptr(args[0], pointer), values)
             return context.get_dummy_value() if void else answer
 
-        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
+        return signature.return_type(types.int64, arguments), codegen
 
     return call
 
@@ -205,13 +214,16 @@ def caller(signature: Any) -> Any:
 def data(_typing: Any, vector: Any) -> Any:
     """Return the address of the data of an array or a pointer."""
 
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        first = args[0]
-        if isinstance(vector, types.Array):
-            first = make_array(vector)(context, builder, first).data
-        return builder.ptrtoint(first, ir.IntType(64))
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return _data(vector, context, builder, args[0])
 
     return types.int64(vector), codegen
+
+
+def _data(vector: Any, context: Any, builder: Any, value: Any) -> Any:
+    if isinstance(vector, types.Array):
+        value = make_array(vector)(context, builder, value).data
+    return builder.ptrtoint(value, ir.IntType(64))
 
 
 @intrinsic
