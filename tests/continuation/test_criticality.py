@@ -6,7 +6,6 @@ import pytest
 
 import mems_impact as mi
 
-PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
 ABOVE, BELOW = "supercritical", "subcritical"
 
 
@@ -101,6 +100,7 @@ def odd(y, p):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("engine", ["compiled", "interpreted"])
 @pytest.mark.parametrize(
     ("function", "guess", "low", "high", "label", "value", "coefficient", "criticality"),
     [
@@ -112,16 +112,18 @@ def odd(y, p):
         (odd, {"x": 0.0}, -0.5, -1.5, "PD", -1.0, -1.0, BELOW),
     ],
 )
-def test_maps(function, guess, low, high, label, value, coefficient, criticality):
+def test_maps(function, guess, low, high, label, value, coefficient, criticality, engine):
+    still = (0.0,) * len(guess)
     system = mi.System(
         states=tuple(guess),
-        flow=lambda mode, t, y, p: (0.0,) * len(guess),
+        flow=lambda mode, t, y, p: still,
         switch_transition=lambda mode, t, y, p: (mode, function(y, p)),
         switches=(0.5,),
         period=1.0,
         parameters={"r": low},
     )
-    orbit = mi.find_orbit(system, periods=1, guess=guess, options=PLAIN)
+    options = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine=engine)
+    orbit = mi.find_orbit(system, periods=1, guess=guess, options=options)
     (point,) = mi.continue_orbit(orbit, "r", high).special_points
     assert (point.label, point.value) == (label, pytest.approx(value, abs=1e-9))
     assert point.criticality == criticality

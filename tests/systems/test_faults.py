@@ -230,10 +230,19 @@ def test_what_ends_a_run_is_tried(until, sentence):
 
 
 KNOWN = {"g": 9.81}
+KNOWN_LIST = [9.81]
 
 
 def of_a_dict(mode, t, y, p):
     return y.v, -KNOWN["g"]
+
+
+def of_a_list(mode, t, y, p):
+    return y.v, -KNOWN_LIST[0]
+
+
+def of_an_assignment_expression(mode, t, y, p):
+    return (y.v, -p.g) if (x := y.x) < FAR else (x, 0.0)
 
 
 def of_texts(mode, t, y, p):
@@ -258,7 +267,9 @@ def misspelt_far_away(mode, t, y, p):
 
 
 UNCOMPILED = [
-    (of_a_dict, "cannot be compiled by numba: .*'KNOWN': Cannot determine Numba type"),
+    (of_a_dict, "cannot be compiled by numba: it reads KNOWN, a dict; write it over numbers"),
+    (of_a_list, "cannot be compiled by numba: it reads KNOWN_LIST, a list; write it over numbers"),
+    (of_an_assignment_expression, "by numba: the type of a value cannot be determined; write it"),
     (of_texts, "cannot be compiled by numba: "),
     (of_an_array, "it creates a list, an array or a string at run time"),
     (sometimes_nothing, "returns nothing on some path"),

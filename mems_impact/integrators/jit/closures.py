@@ -442,7 +442,12 @@ class _ProcessorCopier(Copier):
 
 # --- Errors of numba
 
-# Messages of numba about memory management, which is disabled.
+# Messages of numba about a constant that it cannot compile, and about memory management, which is
+# disabled.
+_CONSTANT = (
+    re.compile(r"Untyped global name '(?P<name>\w+)'.*<class '(?:.*\.)?(?P<kind>\w+)'>"),
+    re.compile(r"The use of a reflected (?P<kind>\w+)\(.* to variable '(?P<name>\w+)' in globals"),
+)
 _OWNING = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
 _PLACE = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?P<j>\d+)\)')
 _FRAME = ("Failed in", "File ", "During", "raised from", ">>>", "There are", "- Of which")
@@ -487,12 +492,16 @@ def summarize_numba_error(message: str) -> str:
 
     This is the innermost report, after the last heading.
     """
+    for pattern in _CONSTANT:
+        if found := pattern.search(message):
+            return f"it reads {found['name']}, a {found['kind']}"
     if any(words in message for words in _OWNING):
         return "it creates a list, an array or a string at run time"
     last = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
     lines = [line.strip() for line in (last[2] or message).splitlines() if line.strip()]
     reports = [line for line in lines if not line.startswith(_FRAME)]
     text = (reports or lines or ["no reason given"])[0]
+    text = re.sub(r"Type of variable '\$.*", "the type of a value cannot be determined", text)
     text = re.sub(r"<function (\w+?)_[0-9a-f]{32} at 0x[0-9a-f]+>", r"\1", text)
     return re.sub(r"_[0-9a-f]{32}", "", text)[:200].rstrip(" .")
 
