@@ -38,9 +38,8 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact._util.formatting import html_table
 from mems_impact._util.limits import Limits
-from mems_impact._util.quantities import has_unit
+from mems_impact._util.quantities import has_unit, quantity
 from mems_impact.errors import InvalidParameter
-from mems_impact.systems.quantities import quantity
 
 __all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "limits_of", "unknown"]
 

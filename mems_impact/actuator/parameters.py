@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from mems_impact._util.formatting import html_table, shown
+from mems_impact._util.quantities import quantities
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
@@ -28,7 +29,6 @@ from mems_impact.actuator.units import (
     unscaled_fields,
 )
 from mems_impact.errors import InvalidParameter, UnitsWarning
-from mems_impact.systems.quantities import quantities
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.data_sheet import DataSheet

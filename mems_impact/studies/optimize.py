@@ -12,6 +12,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import progress_bar
+from mems_impact._util.quantities import quantities
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.special_points import check_kind
 from mems_impact.errors import InvalidParameter, OptimizationInterrupted, OrbitError
@@ -27,7 +28,6 @@ from mems_impact.studies.sensitivity import (
 from mems_impact.studies.trust_region import CONSTRAINT_TOLERANCE, Iterate, LocalModel, search
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
-from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number, whole
 from mems_impact.tables import unit_of

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.limits import UNLIMITED, Limits
+from mems_impact._util.quantities import quantities
 from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.export.model import ExportedModel, ExportedNumber
@@ -36,7 +37,6 @@ from mems_impact.systems.observables import (
     Observable,
     Quantity,
 )
-from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result, deep_equal
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit

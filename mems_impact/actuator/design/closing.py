@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import quantity
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
@@ -25,7 +26,6 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Trajectory, resample
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
-from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number
 from mems_impact.tables import category_column, table

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from scipy.optimize import brentq
 
 from mems_impact._util.formatting import html_table
+from mems_impact._util.quantities import quantity
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.static_forces import StaticForces
@@ -24,7 +25,6 @@ from mems_impact.actuator.parameter_base import unknown
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
-from mems_impact.systems.quantities import quantity
 from mems_impact.systems.state import is_number
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact._util.quantities import has_unit, percentage
+from mems_impact._util.quantities import has_unit, percentage, quantity
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import results
 from mems_impact.actuator.design.blows import blows
@@ -29,7 +29,6 @@ from mems_impact.actuator.units import PARAMETER_UNITS
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.overloads import simulate
-from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import State, is_number
 

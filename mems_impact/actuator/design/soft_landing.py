@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.quantities import quantities
 from mems_impact.actuator.automaton import V2
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
@@ -25,7 +26,6 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.optimize import OPTIMIZATION_ENDINGS
-from mems_impact.systems.quantities import quantities
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number, whole
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from mems_impact._util.quantities import quantity
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.design.energy import accounted_problem, energy
@@ -12,7 +13,6 @@ from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
-from mems_impact.systems.quantities import quantity
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.state import is_number
 

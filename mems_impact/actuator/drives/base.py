@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import model_validator
 
+from mems_impact._util.quantities import quantity
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.parameter_base import TEXTS, Checked
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import ProblemParameters
-from mems_impact.systems.quantities import quantity
 from mems_impact.systems.state import is_number
 
 __all__ = ["Drive", "Waveform"]
