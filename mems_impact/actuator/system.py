@@ -137,7 +137,11 @@ class ActuatorNumerics(HybridSystem):
     @property
     def parameters(self) -> dict[str, float]:
         """All numbers of drive and actuator."""
-        values = {name: self.drive.number(name) for name in self.drive.names}
+        return dict(self._parameters)
+
+    @cached_property
+    def _parameters(self) -> dict[str, float]:
+        values = {name: self.drive.number(name) for name in self._drive_names}
         for name in PARAMETER_NAMES:
             values.setdefault(name, float(getattr(self.actuator, name)))
         for term in self.actuator.terms:
@@ -461,7 +465,7 @@ class ActuatorSystem(ActuatorNumerics):
     def __repr__(self) -> str:
         return f"{self.actuator!r} under {self.drive!r}"
 
-    @property
+    @cached_property
     def automaton(self) -> Automaton:
         """The actuator's modes and guards, under the drive's waveform."""
         drive = self.source

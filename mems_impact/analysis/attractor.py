@@ -240,13 +240,10 @@ def map_attractors(
 
 
 def maps_in_lanes(system: HybridSystem) -> bool:
-    """Return whether many points of a system are mapped in lanes, by vector instructions.
-
-    Its functions must consist of arithmetic and functions of `math`, without branches on the state.
-    """
+    """Return whether many points of a system are mapped in lanes, by vector instructions."""
     if not system.forced or not is_compiled(STUDY_OPTIONS):
         return False
-    from mems_impact.integrators.jit.lanes import lane_kernels
+    from mems_impact.integrators.jit.lane_kernels import lane_kernels
 
     automaton = system.automaton
     n, m = len(automaton.states), len(automaton.guards)

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from numbers import Integral
 from operator import itemgetter
 from os import PathLike
@@ -46,7 +46,13 @@ from mems_impact.tables import unit_of
 __all__ = ["HybridSystem", "SystemFamily"]
 
 
-DERIVED = ("_checked_numbers", "internal_parameters")  # cached on a system
+@cache
+def cached_names(kind: type) -> frozenset[str]:
+    """Return the names of the cached properties of a class."""
+    spaces = (vars(base).items() for base in kind.__mro__)
+    return frozenset(
+        name for space in spaces for name, each in space if isinstance(each, cached_property)
+    )
 
 
 @dataclass(frozen=True)
@@ -727,7 +733,8 @@ class HybridSystem(Result, ABC):
     @property
     def _given(self) -> dict[str, Any]:
         """The defining attributes of the system, without cached values."""
-        return {name: each for name, each in vars(self).items() if name not in DERIVED}
+        cached = cached_names(type(self))
+        return {name: each for name, each in vars(self).items() if name not in cached}
 
     def _key(self) -> tuple[Any, ...]:
         """Return the key by which systems are compared."""

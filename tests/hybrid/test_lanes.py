@@ -1,28 +1,28 @@
 """Lanes: vectors of trajectories have the bits of single ones."""
 
 import math
-import operator
 
 import numpy as np
 import pytest
 from numba import njit, types
+from numba.core.errors import NumbaError
 
 import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis import attractor
 from mems_impact.analysis.attractor import InitialCondition, map_attractors
 from mems_impact.hybrid.attractors import lanes
-from mems_impact.integrators.jit import lanes as vectors
+from mems_impact.integrators.jit import lane_kernels as lane_kernels_module
 from mems_impact.integrators.jit.closures import take_snapshot
+from mems_impact.integrators.jit.if_conversion import LaneCompiler
 from mems_impact.integrators.jit.kernel_code import compile_kernel
-from mems_impact.integrators.jit.lanes import (
-    LANES,
+from mems_impact.integrators.jit.lane_kernels import (
+    LaneCopier,
     LaneKernelCode,
-    Lanes,
-    LaneVector,
     call_lane_kernel,
     lane_kernels,
 )
+from mems_impact.integrators.jit.lanes import LANES, Lanes, LaneVector
 
 POINTS = 24
 MANY = 128
@@ -90,7 +90,13 @@ def in_lanes(function, states):
         return code.either(if_failed=1, otherwise=0)
 
     kernel = compile_kernel(
-        lambda: snapshot.frozen()[0], kinds, body, f"test_{snapshot.name}", False, LaneKernelCode
+        lambda: snapshot.frozen_by(LaneCopier())[0],
+        kinds,
+        body,
+        f"test_{snapshot.name}",
+        False,
+        LaneKernelCode,
+        pipeline_class=LaneCompiler,
     )
     count = states.shape[1]
     y, time, out, found = aligned(len(states)), aligned(1), aligned(1), []
@@ -142,6 +148,139 @@ def test_whole_parts():
 
     states = np.array([[-2.7, -2.0, -0.3, 0.0, 0.3, 1.0, 1e9 + 0.5]])
     np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
+# --- Branches
+
+
+def conditional(x, y, mode):
+    return (x if x > y else -y) * (2.0 if mode == 0 else 3.0)
+
+
+def alternatives(x, y, mode):
+    size = x
+    if x > 1.0:
+        size = math.sqrt(x)
+        limit = y
+    elif x > 0.0:
+        limit = 2.0
+    else:
+        limit = size * y
+    return size - limit
+
+
+def early_return(x, y, mode):
+    if abs(x) > 2.0:
+        return math.copysign(2.0, x)
+    scaled = x / (abs(y) + 1.0)
+    return scaled if mode == 0 else y
+
+
+def nested(x, y, mode):
+    if x > 0.0:
+        found = y if y > 0.0 else -2.0 * y
+    else:
+        found = 1.0
+        if y != 0.0:
+            found = x / y
+    return found
+
+
+def one_sided(x, y, mode):
+    if x < y:
+        x = 0.5 * (x + y)
+    return x
+
+
+def several(x, y, mode):
+    low, high = (x, y) if x < y else (y, x)
+    return high - 3.0 * low
+
+
+def excluded(x, y, mode):
+    return math.log(x) if x > 0.0 else y
+
+
+def both(x, y, mode):
+    return x if x > 0.0 and y > 0.0 else y - x
+
+
+def chained(x, y, mode):
+    return x if -1.0 < x < 1.0 else y
+
+
+CONVERTED = (conditional, alternatives, early_return, nested, one_sided, several, excluded)
+
+
+def repeated(x, y, mode):
+    count = 0
+    while abs(x) > 1.0 and count < 5:
+        x = 0.5 * x
+        count += 1
+    return x + count * y
+
+
+def is_above(x, y):
+    return x > y
+
+
+def limited(x, y):
+    """Return two numbers, after a loop."""
+    for _ in range(3):
+        if x > y:
+            x = x - 1.0
+    return x, y
+
+
+def by_helpers(x, y, mode):
+    a, b = limited(x, y)
+    return a - b if is_above(x, y) else b
+
+
+def raising(x, y, mode):
+    if x > 1e300:
+        raise ValueError
+    return x
+
+
+BY_LANE = (both, chained, repeated, by_helpers, raising)
+
+
+@pytest.mark.parametrize("branching", [*CONVERTED, *BY_LANE], ids=lambda each: each.__name__)
+def test_a_function_that_branches_has_the_bits_of_one_of_numbers(branching):
+    def function(mode, t, y, p, out):
+        out[0] = branching(y[0], y[1], mode)
+
+    within = [each for each in SPECIAL if abs(each) < 1e300]
+    x, y = np.meshgrid(within, within)
+    states = np.array([x.ravel(), y.ravel()])
+    np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
+def test_a_condition_without_a_selection_is_refused():
+    def function(mode, t, y, p, out):
+        while y[0] > out[0]:
+            out[0] += 1.0
+
+    with pytest.raises(NumbaError):
+        in_lanes(function, np.ones((2, LANES)))
+
+
+@pytest.mark.parametrize("branching", CONVERTED, ids=lambda each: each.__name__)
+def test_a_branch_that_only_computes_becomes_a_selection(branching, monkeypatch):
+    def refused(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(lane_kernels_module, "scalar_kind", refused)
+    test_a_function_that_branches_has_the_bits_of_one_of_numbers(branching)
+
+
+def test_a_fault_in_one_lane_is_a_fault_of_the_vector():
+    def function(mode, t, y, p, out):
+        out[0] = raising(y[0], y[1], mode)
+
+    states = np.array([[0.0, 1e308, *[1.0] * (LANES - 2)], [0.0] * LANES])
+    assert np.isnan(in_lanes(function, states)).all()
 
 
 def test_an_index_out_of_range_is_an_error():
@@ -239,6 +378,58 @@ BILINEAR = mi.System(
 )
 
 
+def push_of(depth, p):
+    """Return a force by the first row of a table beyond a depth."""
+    i = 0
+    while i < len(ROWS) - 1 and depth > ROWS[i + 1][0]:
+        i += 1
+    start, force, slope = ROWS[i]
+    return force + slope * (depth - start)
+
+
+ROWS = ((-10.0, 0.0, 0.0), (0.0, 0.0, 3.0), (0.2, 0.6, 8.0), (0.5, 3.0, 20.0))
+SOFT_STOP = mi.System(
+    states=("x", "v"),
+    flow=lambda mode, t, y, p: (
+        y.v,
+        p.A * math.cos(p.omega * t) - y.x - 0.1 * y.v - push_of(y.x - p.d, p),
+    ),
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"d": 0.4, "A": 0.6, "omega": 0.8},
+    guards=[
+        mi.Impact(
+            "stop",
+            lambda mode, t, y, p: p.d + 0.2 - y.x if y.x > 0.0 else p.d + 0.2,
+            lambda mode, t, y, p: (mode, (p.d + 0.2, -0.8 * y.v)),
+        )
+    ],
+)
+
+
+def branching_array_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = p.A * math.cos(p.omega * t) - y[0] - 0.1 * y[1]
+    if y[0] > 0.3:
+        dy[1] -= 3.0 * (y[0] - 0.3)
+
+
+BRANCHING_ARRAYS = mi.System(
+    states=("x", "v"),
+    flow=branching_array_flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"d": 0.6, "A": 0.6, "omega": 0.8},
+    guards=[mi.Impact("stop", lambda mode, t, y, p: p.d - y[0], array_rebound)],
+)
+
+
+AUTONOMOUS = mi.System(
+    states=("x", "v"),
+    flow=lambda mode, t, y, p: (y.v, -y.x - p.c * y.v),
+    parameters={"c": 0.1},
+    section=("x", 0.0),
+)
+
+
 def stiff_flow(mode, t, y, p):
     return y.v, p.stiffness * (p.A * math.cos(p.omega * t) - y.x - y.v)
 
@@ -272,12 +463,12 @@ def grid(system, amplitudes=(0.2, 1.6), frequencies=(0.5, 1.6), points=POINTS):
     return [InitialCondition(system.shifted({"A": a, "omega": w})) for a, w in values]
 
 
-def actuators():
+def actuators(waveform=mi.Sine, **others):
     actuator, numbers = mi.load_actuator("zhao2004"), np.random.default_rng(4)
     start = mi.kicked_state(actuator)
     values = zip(numbers.uniform(0.15, 0.4, POINTS), numbers.uniform(0.4, 0.6, POINTS), strict=True)
     return [
-        InitialCondition(ActuatorSystem(actuator, mi.Sine(amplitude=a, omega=w)), start)
+        InitialCondition(ActuatorSystem(actuator, waveform(amplitude=a, omega=w, **others)), start)
         for a, w in values
     ]
 
@@ -354,12 +545,22 @@ def test_failures_are_left_to_single_runs(mapped):
     assert 0 < sum(each.motion == "failed" for each in single) < POINTS
 
 
-def test_a_flow_that_branches_on_the_state_is_computed_point_by_point(mapped):
-    automaton = BILINEAR.automaton
-    assert lane_kernels(automaton.flow, automaton.margins, 2, 1) is None
-    single, together, steps = mapped(grid(BILINEAR))
-    assert steps == 0
+@pytest.mark.parametrize("name", ["bilinear", "soft stop", "arrays", "waveform"])
+def test_functions_that_branch_on_the_state_have_the_bits_of_single_runs(mapped, name):
+    systems = {"bilinear": BILINEAR, "soft stop": SOFT_STOP, "arrays": BRANCHING_ARRAYS}
+    cases = grid(systems[name]) if name in systems else actuators(mi.Square, rise=0.3)
+    single, together, steps = mapped(cases)
+    assert steps > 400
     assert [content(each) for each in together] == [content(each) for each in single]
+
+
+def test_a_function_without_a_caller_cannot_be_computed_lane_by_lane():
+    def flow(mode, t, y, p, dy):
+        dy[0] = 1.0
+        while dy[0] < y[0]:
+            dy[0] += 1.0
+
+    assert lane_kernels(flow, OSCILLATOR.automaton.margins, 2, 1) is None
 
 
 def test_an_interrupted_map_can_be_repeated(monkeypatch):
@@ -390,12 +591,5 @@ def test_results_tell_whether_lanes_are_used():
         )
 
     assert tiny(OSCILLATOR).lanes
-    assert not tiny(BILINEAR).lanes
-
-
-def test_masks_are_no_conditions():
-    def function(mode, t, y, p, out):
-        out[0] = 1.0 if operator.lt(y[0], y[1]) else 0.0
-
-    with pytest.raises(vectors.NumbaError):
-        in_lanes(function, np.ones((2, LANES)))
+    assert tiny(BILINEAR).lanes
+    assert not mi.basins(AUTONOMOUS, x=("x", [0.5]), y=("v", [0.0]), recurrence=BRIEF).lanes

@@ -62,7 +62,8 @@ from mems_impact.integrators.dop853.compiled import begin
 from mems_impact.integrators.dop853.lanes import LANE_ENGINE, advance_lanes, attempt_step
 from mems_impact.integrators.dop853.stepper import END, HIGH, LOW, START, STATE, ULP, component, row
 from mems_impact.integrators.jit.kernels import ENGINE as ENGINE_RECORD
-from mems_impact.integrators.jit.lanes import LANES, count_lanes, first_lane, lane_kernels
+from mems_impact.integrators.jit.lane_kernels import lane_kernels
+from mems_impact.integrators.jit.lanes import LANES, count_lanes, first_lane
 from mems_impact.integrators.jit.numba_support import WORD, pointer, record_at, words
 
 # --- Places and lanes
@@ -486,7 +487,7 @@ class LaneMapper:
         }.items():
             self._vector[name] = value
         self._places = np.zeros((PLACES, COLUMNS), np.int64)
-        self._blocks = [self._fill_place(place, engine, explicit) for place in self._places]
+        self._memories = self._fill_places(engine, explicit)
         self._ready = np.zeros(int(clock["modes"]), np.int64)
         self._lanes = np.full(LANES, NONE)
         self.group = np.zeros(1, GROUP)[0]
@@ -496,8 +497,8 @@ class LaneMapper:
             self.group[name] = array.ctypes.data
         self.group["modes"] = clock["modes"]
 
-    def _fill_place(self, place: Any, engine: Any, explicit: Any) -> Any:
-        """Copy all records of the mapper; return the memory of the copy."""
+    def _fill_places(self, engine: Any, explicit: Any) -> Any:
+        """Copy all records of the mapper for each place; return the memory of the copies."""
         _, clock, work = self._mapper.records
         loop, memory = self._mapper.loop, self._mapper.memory
         rows = 2 * (ROOM + int(clock["m"]))
@@ -515,21 +516,24 @@ class LaneMapper:
         for name, each in engines.items():
             blocks[name] = each.address, each.handle.dtype.itemsize
             blocks[f"{name} memory"] = each.memory.ctypes.data, each.memory.nbytes
-        copies = np.concatenate([_memory(*block, np.int64) for block in blocks.values()])
-        starts = np.cumsum([0, *(size // WORD for _, size in blocks.values())])
-        at = {
-            name: copies.ctypes.data + WORD * int(start)
-            for name, start in zip(blocks, starts, strict=False)
-        }
+        sizes = [size // WORD for _, size in blocks.values()]
+        starts = dict(zip(blocks, np.cumsum([0, *sizes]).tolist(), strict=False))
+        copies = np.tile(
+            np.concatenate([_memory(*block, np.int64) for block in blocks.values()]), (PLACES, 1)
+        )
+        begins = copies.ctypes.data + WORD * copies.shape[1] * np.arange(PLACES)
         for record in ("clock", "work", *engines):
-            words = _memory(at[record], blocks[record][1], np.int64)
+            words = _memory(*blocks[record], np.int64)
             for name, (first, size) in blocks.items():
-                inside = (words >= first) & (words < first + max(size, 1))
-                words[inside] += at[name] - first
-        _record_at(at["clock"], LOOP_STATE)["event_rows"] = rows
-        place[EXPLICIT], place[AUTO] = at["explicit"], at.get("auto", 0)
-        place[ENGINE] = place[AUTO] or place[EXPLICIT]
-        place[CLOCK], place[WORK] = at["clock"], at["work"]
+                inside = np.flatnonzero((words >= first) & (words < first + max(size, 1)))
+                moved = words[inside] - first + WORD * starts[name]
+                copies[:, starts[record] + inside] = begins[:, np.newaxis] + moved
+        at = {name: begins + WORD * starts[name] for name in ("clock", "work", *engines)}
+        for address in at["clock"].tolist():
+            _record_at(address, LOOP_STATE)["event_rows"] = rows
+        self._places[:, EXPLICIT], self._places[:, AUTO] = at["explicit"], at.get("auto", 0)
+        self._places[:, ENGINE] = at.get("auto", at["explicit"])
+        self._places[:, CLOCK], self._places[:, WORK] = at["clock"], at["work"]
         return copies
 
     def follow(

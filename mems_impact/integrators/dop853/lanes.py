@@ -35,14 +35,8 @@ from mems_impact.integrators.dop853.stepper import (
     try_step,
 )
 from mems_impact.integrators.jit.closures import take_snapshot
-from mems_impact.integrators.jit.lanes import (
-    STRIDE,
-    bits,
-    call_lane_kernel,
-    lane_pointer,
-    mask_of,
-    select,
-)
+from mems_impact.integrators.jit.lane_kernels import call_lane_kernel
+from mems_impact.integrators.jit.lanes import STRIDE, bits, lane_pointer, mask_of, select
 from mems_impact.integrators.jit.numba_support import INNER, JIT, data, pointer
 
 # Rows of vectors beside those of `stepper`: biases, the recent change of the rates before and after

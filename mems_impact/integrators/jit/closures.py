@@ -86,7 +86,10 @@ class Snapshot:
         once per process, even if its dependencies change. Snapshots with the same function, with
         the same dependencies, share its copy, so that numba compiles it once.
         """
-        copier = _ProcessorCopier(options)
+        return self.frozen_by(ProcessorCopier(**options))
+
+    def frozen_by(self, copier: Copier) -> list[Any]:
+        """Return the same copies by a copier."""
         with _registering:
             return [copier.function(function) for function in self.functions]
 
@@ -401,7 +404,7 @@ class Copier:
         return self._modules[key]
 
 
-class _ProcessorCopier(Copier):
+class ProcessorCopier(Copier):
     """Copies functions for the processor.
 
     numba distinguishes symbols by function numbers within a process, and the numbers of two
@@ -409,10 +412,10 @@ class _ProcessorCopier(Copier):
     silently confuse them. So the name of each copy contains a digest of its dependencies.
     """
 
-    def __init__(self, options: dict[str, Any]) -> None:
+    def __init__(self, **options: Any) -> None:
         super().__init__()
         self._options = {**JIT, **INNER, **options}
-        self._label = repr(sorted(options.items()))
+        self._label = repr((type(self).__name__, sorted(options.items())))
 
     def is_external(self, function: FunctionType) -> bool:
         return _is_external(function)

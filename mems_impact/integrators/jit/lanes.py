@@ -1,36 +1,27 @@
 """Lanes: vectors of numbers, one of each of several trajectories, in compiled functions.
 
-A function of an automaton is compiled unchanged with vectors in place of numbers, if it consists of
-arithmetic and functions of `math`. It cannot if it branches on the state, since trajectories would
-branch differently; modes may differ only between calls. Each lane has the bits of the function
-compiled for numbers.
+Arithmetic and functions of `math` take vectors in place of numbers. Each lane has the bits of the
+same operation on numbers. A comparison gives a mask, which cannot decide a branch.
 """
 
 from __future__ import annotations
 
 import math
 import operator
-import threading
 from collections.abc import Callable
-from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.errors import NumbaError
 from numba.core.imputils import lower_builtin, lower_cast
-from numba.core.registry import cpu_target
 from numba.core.typeconv import Conversion
 from numba.core.typing import signature
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, models, overload, register_model
 
 from mems_impact.integrators.jit import trigonometry
-from mems_impact.integrators.jit.closures import Snapshot, take_snapshot
-from mems_impact.integrators.jit.kernel_code import Kernel, KernelCode, compile_kernel
-from mems_impact.integrators.jit.kernels import flow_body, margins_body
-from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD, caller
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER, WORD
 
 LANES = 8
 """Trajectories in a vector: doubles in the widest vector registers."""
@@ -109,14 +100,22 @@ def splat(builder: Any, value: Any) -> Any:
 
 @lower_cast(types.Float, _Lanes)
 @lower_cast(types.Integer, _Lanes)
-def _cast_number(context: Any, builder: Any, given: Any, _kind: Any, value: Any) -> Any:
+def _castis_number(context: Any, builder: Any, given: Any, _kind: Any, value: Any) -> Any:
     return splat(builder, context.cast(builder, value, given, types.float64))
+
+
+def has_lanes(kind: Any) -> bool:
+    """Return whether values of a type contain vectors."""
+    if isinstance(kind, types.BaseTuple):
+        return any(map(has_lanes, kind.types))
+    return kind in (Lanes, LaneVector)
 
 
 # --- Arithmetic
 
 
-def _number(kind: Any) -> bool:
+def is_number(kind: Any) -> bool:
+    """Return whether a type is that of a number or a vector."""
     return isinstance(kind, _Lanes | types.Float | types.Integer)
 
 
@@ -126,7 +125,7 @@ def _operation(operation: Any, count: int, result: Any, emit: Callable[..., Any]
     @infer_global(operation)
     class _Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
-            if kws or len(args) != count or not all(map(_number, args)) or Lanes not in args:
+            if kws or len(args) != count or not all(map(is_number, args)) or Lanes not in args:
                 return None
             return signature(result, *[Lanes] * count)
 
@@ -219,7 +218,7 @@ class _PowerTemplate(AbstractTemplate):
     prefer_literal = True
 
     def generic(self, args: Any, kws: Any) -> Any:
-        if kws or not all(map(_number, args)) or Lanes not in args:
+        if kws or not all(map(is_number, args)) or Lanes not in args:
             return None
         constant = isinstance(args[1], types.IntegerLiteral)
         return signature(Lanes, Lanes, args[1] if constant else Lanes)
@@ -379,11 +378,13 @@ def _place(builder: Any, address: Any, index: Any) -> Any:
     return builder.inttoptr(builder.add(address, step), REALS.as_pointer())
 
 
-def _load(builder: Any, address: Any, index: Any) -> Any:
+def load_vector(builder: Any, address: Any, index: Any) -> Any:
+    """Load vector `index` after an address."""
     return builder.load(_place(builder, address, index), align=WORD * LANES)
 
 
-def _store(builder: Any, address: Any, index: Any, value: Any) -> None:
+def store_vector(builder: Any, address: Any, index: Any, value: Any) -> None:
+    """Store vector `index` after an address."""
     builder.store(value, _place(builder, address, index), align=WORD * LANES)
 
 
@@ -397,20 +398,20 @@ class _GetTemplate(AbstractTemplate):
 
 @lower_builtin(operator.getitem, _LanePointer, types.Integer)
 def _get(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-    return _load(builder, *args)
+    return load_vector(builder, *args)
 
 
 @infer_global(operator.setitem)
 class _SetTemplate(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
-        if args[0] == LanePointer and isinstance(args[1], types.Integer) and _number(args[2]):
+        if args[0] == LanePointer and isinstance(args[1], types.Integer) and is_number(args[2]):
             return signature(types.none, LanePointer, types.int64, Lanes)
         return None
 
 
 @lower_builtin(operator.setitem, _LanePointer, types.Integer, _Lanes)
 def _set(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-    _store(builder, *args)
+    store_vector(builder, *args)
     return context.get_dummy_value()
 
 
@@ -479,7 +480,7 @@ STRIDE = WORD * LANES
 
 @overload(operator.setitem, jit_options={**FOR_C, **INNER})
 def _set_checked(vector, index, value):  # type: ignore[no-untyped-def]
-    if vector != LaneVector or not isinstance(index, types.Integer) or not _number(value):
+    if vector != LaneVector or not isinstance(index, types.Integer) or not is_number(value):
         return None
 
     def number(vector, index, value):  # type: ignore[no-untyped-def]
@@ -489,83 +490,3 @@ def _set_checked(vector, index, value):  # type: ignore[no-untyped-def]
         lane_pointer(_address(vector))[place] = value
 
     return number
-
-
-# --- Functions of an automaton
-
-# kernel(mode, address of t, y, parameters, number of parameters, out) -> mode
-LANE_KERNEL = ir.FunctionType(INTEGER, [INTEGER] * 6)
-
-
-class LaneKernelCode(KernelCode):
-    """The body of a C function over vectors."""
-
-    kind = LANE_KERNEL
-
-    def __init__(self, builder: ir.IRBuilder, function: Any) -> None:
-        self._builder, self._function = builder, function
-        self._context = cpu_target.target_context
-        self.mode, time, self.y, self.parameters, self.size, self.out = builder.function.args
-        self.t = _load(builder, time, self.count(0))
-
-    def vector(self, address: Any, size: Any) -> Any:
-        """Return `size` vectors at `address` as an array."""
-        return vector_at(self._context, self._builder, address, size)
-
-    def after(self, address: Any, size: Any) -> Any:
-        """Return the address after `size` vectors at `address`."""
-        return self._builder.add(address, self._builder.mul(size, self.count(STRIDE)))
-
-    def fill(self, address: Any, size: int, value: float) -> None:
-        """Set `size` vectors at `address` to `value`."""
-        for i in range(size):
-            _store(self._builder, address, self.count(i), splat(self._builder, DOUBLE(value)))
-
-    def record_fault(self, role: int, n: int) -> None:
-        """Do nothing: a call for a single trajectory repeats and records the fault."""
-
-
-_compiling = threading.Lock()  # simultaneous threads compile a system only once
-
-
-class LaneKernels(NamedTuple):
-    """Flow and margins of an automaton over vectors, which must live as long as their addresses."""
-
-    flow: Kernel
-    margins: Kernel
-
-
-def lane_kernels(
-    flow: Callable[..., Any], margins: Callable[..., Any], n: int, m: int
-) -> LaneKernels | None:
-    """Compile functions of an automaton for lanes; None if they branch on the state."""
-    with _compiling:
-        return _lane_kernels(take_snapshot(flow), take_snapshot(margins), n, m)
-
-
-@cache
-def _lane_kernels(flow: Snapshot, margins: Snapshot, n: int, m: int) -> LaneKernels | None:
-    kinds = types.int64, Lanes, LaneVector, LaneVector, LaneVector
-    try:
-        return LaneKernels(
-            _compile("flow", flow, kinds, flow_body(n, bounds=True), (n,)),
-            _compile("margins", margins, (*kinds, LaneVector), margins_body(n, m), (n, m)),
-        )
-    except NumbaError:
-        return None
-
-
-def _compile(
-    role: str,
-    snapshot: Snapshot,
-    kinds: tuple[Any, ...],
-    body: Callable[[KernelCode], Any],
-    sizes: tuple[int, ...],
-) -> Kernel:
-    name = "_".join([f"{role}_lanes", snapshot.name, *(f"{size:d}" for size in sizes)])
-    return compile_kernel(
-        lambda: snapshot.frozen()[0], kinds, body, name, snapshot.lasting, code=LaneKernelCode
-    )
-
-
-call_lane_kernel = caller(types.int64(*[types.int64] * 6))
