@@ -24,8 +24,10 @@ from types import BuiltinFunctionType, CellType, CodeType, FunctionType, ModuleT
 from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
 from numba import njit, types
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 from numba.extending import overload
 
 from mems_impact.integrators.jit.numba_support import INNER, JIT
@@ -248,6 +250,9 @@ class _Reader:
         kind = f"{type(value).__module__}.{type(value).__qualname__}"
         if isinstance(value, FunctionType):
             self._function(value)
+        elif isinstance(value, _Intrinsic):
+            self.put(kind)
+            self._function(value._defn)
         elif isinstance(value, ModuleType):
             self._module(value, names)
         elif isinstance(value, Enum):
@@ -269,7 +274,7 @@ class _Reader:
             self.put(value.__name__, getattr(value, "_fields", ()))
             if isinstance(value, EnumMeta):
                 self.value(tuple(value.__members__.values()))
-        elif isinstance(value, types.Type):
+        elif isinstance(value, types.Type | ir.Type):
             self.put(kind, str(value))
         else:
             # The reference keeps the object alive, so that its address stays unique.

@@ -8,12 +8,17 @@ from types import FunctionType, ModuleType
 
 import numpy as np
 import pytest
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
+from mems_impact.hybrid.attractors import lanes, recurrence
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational import saltation
 from mems_impact.integrators.jit import closures
 from mems_impact.integrators.jit.closures import take_snapshot
 from mems_impact.integrators.options import Options
@@ -153,6 +158,36 @@ def test_what_cannot_be_determined_is_no_lasting_name():
     one, other = (take_snapshot(function(READS, RATE=object())) for _ in range(2))
     assert not one.lasting
     assert one.name != other.name
+
+
+INTRINSIC = """
+    @intrinsic
+    def rate(typing, x):
+        def codegen(context, builder, signature, args):
+            return ir.Constant(REAL, RATE)
+        return types.float64(x), codegen
+    def f(x):
+        return rate(x)
+"""
+
+
+def test_the_definition_of_an_intrinsic_is_in_the_name():
+    space = {"intrinsic": intrinsic, "ir": ir, "types": types, "REAL": ir.DoubleType()}
+    assert name(INTRINSIC, RATE=1.0, **space) == name(INTRINSIC, RATE=1.0, **space)
+    assert name(INTRINSIC, RATE=1.0, **space) != name(INTRINSIC, RATE=2.0, **space)
+    single = {**space, "REAL": ir.FloatType()}
+    assert name(INTRINSIC, RATE=1.0, **space) != name(INTRINSIC, RATE=1.0, **single)
+
+
+LOOPS = (
+    loop.run_steps, recurrence.map_points, lanes.map_lanes, saltation.propagate_segments,
+    saltation.stretch, saltation.reset, saltation.constrain, saltation.flow_at,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("each", LOOPS, ids=lambda each: each.__name__)
+def test_the_code_of_every_loop_is_kept(each):
+    assert take_snapshot(each).lasting
 
 
 def test_a_change_is_seen():
