@@ -241,6 +241,13 @@ def of_a_list(mode, t, y, p):
     return y.v, -KNOWN_LIST[0]
 
 
+def closing_over(numbers):
+    def flow(mode, t, y, p):
+        return y.v, -numbers[0]
+
+    return flow
+
+
 def of_an_assignment_expression(mode, t, y, p):
     return (y.v, -p.g) if (x := y.x) < FAR else (x, 0.0)
 
@@ -269,6 +276,7 @@ def misspelt_far_away(mode, t, y, p):
 UNCOMPILED = [
     (of_a_dict, "cannot be compiled by numba: it reads KNOWN, a dict; write it over numbers"),
     (of_a_list, "cannot be compiled by numba: it reads KNOWN_LIST, a list; write it over numbers"),
+    (closing_over([9.81]), "cannot be compiled by numba: it reads numbers, a list; write it over"),
     (of_an_assignment_expression, "by numba: the type of a value cannot be determined; write it"),
     (of_texts, "cannot be compiled by numba: "),
     (of_an_array, "it creates a list, an array or a string at run time"),

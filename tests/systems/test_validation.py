@@ -257,7 +257,7 @@ FUNCTIONS = [
     (floor(rate=lambda mode, t, y, p: -y.v), r"rate of 'floor'.* is .* where the margin"),
     (floor(rate=lambda mode, t, y, p: 1.001 * y.v), "where the margin changes at .* or omit rate"),
     (floor(rate=lambda mode, t, y, p: None), "rate of 'floor'.* returns nothing"),
-    (after(5, 0.0, upwards), r"transition of 'floor'.* returns mode 5; .* 0 \(free\), 1 \(held\)"),
+    (after(5, 0.0, upwards), r"returns mode 5; .* 0 \(free\), 1 \(held\), or give all .* modes="),
     (after(-1, 0.0, upwards), "returns mode -1"),
     (after(0.5, 0.0, upwards), r"returns mode 0\.5"),
     (after("free", 0.0, upwards), r"returns 'free' \(a str\); return one of the modes"),

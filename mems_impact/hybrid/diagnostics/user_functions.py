@@ -396,7 +396,8 @@ class CheckedFunctions:
             return int(mode)
         what = f"mode {mode}" if isinstance(mode, Real) else describe_value(mode)
         known = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))
-        raise function.error(f"returns {what}", f"return one of the modes {known}")
+        remedy = f"return one of the modes {known}, or give all modes to System as modes="
+        raise function.error(f"returns {what}", remedy)
 
     def _undefined(
         self, function: UserFunction, value: Any, what: str, at: EvaluationPoint

@@ -454,6 +454,7 @@ class ProcessorCopier(Copier):
 # disabled.
 _CONSTANT = (
     re.compile(r"Untyped global name '(?P<name>\w+)'.*<class '(?:.*\.)?(?P<kind>\w+)'>"),
+    re.compile(r"\((?P<kind>List)\(.*\n.* = freevar\((?P<name>\w+): "),
     re.compile(r"The use of a reflected (?P<kind>\w+)\(.* to variable '(?P<name>\w+)' in globals"),
 )
 _OWNING = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
@@ -502,7 +503,8 @@ def summarize_numba_error(message: str) -> str:
     """
     for pattern in _CONSTANT:
         if found := pattern.search(message):
-            return f"it reads {found['name']}, a {found['kind']}"
+            kind = found["kind"].replace("List", "list")  # numba's name
+            return f"it reads {found['name']}, a {kind}"
     if any(words in message for words in _OWNING):
         return "it creates a list, an array or a string at run time"
     last = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
