@@ -24,11 +24,8 @@ devices = {
     "comb": mita.adding(comb),
 }
 drive = mi.Sine(amplitude="20 V", bias="20 V", frequency="0.5 Hz", phase=math.pi)
-options = mi.Options(engine="interpreted", method="dop853")
 
-runs = {
-    name: mi.simulate(device, drive, periods=1, options=options) for name, device in devices.items()
-}
+runs = {name: mi.simulate(device, drive, periods=1) for name, device in devices.items()}
 
 # %%
 # Deflection over voltage. Triangles that point down are at the pull-in voltages, those that point up
