@@ -60,6 +60,7 @@ class Equilibrium(Result):
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else "unstable"
+        kind += f" in its mode, on the boundary {self.boundaries[0]!r}" if self.boundaries else ""
         kind += "" if self.admissible else ", virtual"
         kind += f", one of a continuum of dimension {self.neutral}" if self.neutral else ""
         return f"Equilibrium({kind}, {self.state})"
@@ -71,6 +72,7 @@ class Equilibrium(Result):
             "system": repr(self.system),
             "state": repr(self.state),
             "stable": self.stable,
+            "boundaries": ", ".join(self.boundaries) or "none",
             "eigenvalues": ", ".join(f"{each:.6g}" for each in largest),
             "admissible": self.admissible or f"beyond {', '.join(self.beyond)}",
         }
@@ -103,13 +105,21 @@ class Equilibrium(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether all eigenvalues have negative real parts."""
+        """Whether all eigenvalues have negative real parts: states of its mode approach it.
+
+        On a boundary, stability depends on the flow beyond as well.
+        """
         return self.found.stable
 
     @property
     def admissible(self) -> bool:
         """Whether no guard is violated; otherwise the equilibrium is virtual."""
         return self.found.admissible
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """The guards on whose zero it lies, so that states nearby are in several modes."""
+        return self.found.boundaries
 
     @property
     def beyond(self) -> tuple[str, ...]:

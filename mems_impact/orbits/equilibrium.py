@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -253,11 +254,17 @@ class EquilibriumState:
     @property
     def violated(self) -> tuple[str, ...]:
         """The guards that a virtual equilibrium violates."""
-        guards = self.family.automaton.guards
+        return self._guards_at(-math.inf, -EQUILIBRIUM_MARGIN_TOLERANCE)
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """The guards whose margins are zero at a boundary equilibrium."""
+        return self._guards_at(-EQUILIBRIUM_MARGIN_TOLERANCE, EQUILIBRIUM_MARGIN_TOLERANCE)
+
+    def _guards_at(self, low: float, high: float) -> tuple[str, ...]:
+        guards = zip(self.family.automaton.guards, self.margins.tolist(), strict=True)
         return tuple(
-            guard.name
-            for guard, margin in zip(guards, self.margins.tolist(), strict=True)
-            if margin < -EQUILIBRIUM_MARGIN_TOLERANCE and not guard.records
+            guard.name for guard, margin in guards if low <= margin < high and not guard.records
         )
 
 

@@ -333,3 +333,22 @@ def test_both_modes_of_a_relay_may_stand_still_within_its_hysteresis():
         run = mi.simulate(room, duration=1.0, initial=each.state, options=options)
         assert run.final.mode == each.mode
         assert run.events.empty
+
+
+def one_sided_damping(mode, t, y, p):
+    return y.v, -y.x - (p.above if mode.side == 1 else p.below) * y.v
+
+
+@pytest.mark.parametrize(("above", "below"), [(0.1, -0.3), (-0.1, 0.3)])
+def test_one_side_of_a_boundary_does_not_decide_stability(above, below):
+    """Per turn the amplitude grows by exp(-pi/2 (above + below)), roughly."""
+    oscillator = mi.System(
+        states=("x", "v"), flow=one_sided_damping, initial={"x": 0.5}, time_scale=1.0,
+        parameters={"above": above, "below": below}, parts=[mi.SwitchingSurface("side", "x")],
+    )  # fmt: skip
+    (rest,) = mi.find_equilibria(oscillator)
+    assert rest.boundaries == ("side",)
+    assert rest.stable == (above > 0.0)
+    assert " in its mode, on the boundary 'side', State(" in repr(rest)
+    final = mi.simulate(oscillator, duration=30.0).final
+    assert (math.hypot(final.x, final.v) > 0.5) == (above + below < 0.0)
