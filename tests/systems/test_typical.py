@@ -286,6 +286,18 @@ def test_what_lies_far_from_one_is_reported():
         oscillator(L, 1e-6).family(PLAIN)
 
 
+def beside_a_pole(mode, t, y, p):
+    return y.v, 5e-4 * math.cos(0.5 * t) - y.x - 0.2 * y.v + 1e-9 / (0.003 - y.x) ** 2
+
+
+def test_differences_of_states_of_order_one_leave_a_narrow_domain():
+    given = {"states": ("x", "v"), "flow": beside_a_pole, "period": 4.0 * math.pi}
+    with pytest.raises(mi.OrbitError, match="or give typical magnitudes of states far from one: S"):
+        mi.find_orbit(mi.System(**given), transient=20, options=PLAIN)
+    scaled = mi.System(**given, typical={"x": 1e-3, "v": 1e-3})
+    assert mi.find_orbit(scaled, transient=20, options=PLAIN).stable
+
+
 @pytest.mark.parametrize(
     ("typical", "message"),
     [

@@ -182,7 +182,8 @@ class Variational:
         if failed >= 0:
             raise OrbitError(
                 reason="an arc of the orbit cannot be integrated",
-                remedy="start nearer to an orbit, or loosen the tolerances",
+                remedy="start nearer to an orbit, loosen the tolerances, or give typical "
+                "magnitudes of states far from one: System(typical=)",
             )
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT
