@@ -163,13 +163,13 @@ class ActuatorNumerics(HybridSystem):
         """The units of the scaled variables."""
         return self._scales
 
-    @property
+    @cached_property
     def units(self) -> Mapping[str, str]:
         """SI units of parameters and columns; empty for a dimensionless device."""
         if self._scales is DIMENSIONLESS:
             return {}
         kinds = {"V": self.drive_unit}
-        of_drive = {name: self.drive.unit(name) for name in self.drive.names}
+        of_drive = {name: self.drive.unit(name) for name in self._drive_names}
         of_drive = {name: kinds.get(unit, unit) for name, unit in of_drive.items()}
         return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
 

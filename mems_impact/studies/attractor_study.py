@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mems_impact._util.garbage import pause_collection
 from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
@@ -302,8 +303,9 @@ class AttractorStudy(Study):
         watch: Callable[[float], None] | None = None,
     ) -> tuple[Columns, Any]:
         """Compute some points; see `Study`."""
-        found = self.measuring.follow_some(range(first, last), self._case, watch)
-        return {**self._places(first, last), **self._attractor_columns(found)}, None
+        with pause_collection():
+            found = self.measuring.follow_some(range(first, last), self._case, watch)
+            return {**self._places(first, last), **self._attractor_columns(found)}, None
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""

@@ -195,7 +195,9 @@ def state_from(
 
 def is_number(value: Any) -> bool:
     """Return whether `value` is one finite real number."""
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    # Most values are floats, of which the abstract class is asked slowly.
+    real = isinstance(value, float) or (isinstance(value, Real) and not isinstance(value, bool))
+    return real and math.isfinite(value)
 
 
 def whole(field: str, value: Any, least: int) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -244,7 +244,7 @@ class System(HybridSystem):
         """Names and values of all parameters, in the system's units."""
         return dict(self._parameters)
 
-    @property
+    @cached_property
     def units(self) -> Mapping[str, str]:
         """Units of states, parameters, observables and times, without dimensionless quantities."""
         return {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}

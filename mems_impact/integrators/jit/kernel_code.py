@@ -20,6 +20,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
 
+from mems_impact._util.garbage import pause_collection
 from mems_impact.integrators.jit.closures import forget_copies
 from mems_impact.integrators.jit.numba_support import (
     INNER,
@@ -28,7 +29,6 @@ from mems_impact.integrators.jit.numba_support import (
     VECTOR,
     WORD,
     library_cache,
-    pause_collection,
     view,
 )
 from mems_impact.integrators.python_functions import HEAD

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import gc
 import inspect
 import logging
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
@@ -21,6 +19,7 @@ from numba.core.typing import Signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from mems_impact._util.garbage import pause_collection
 from mems_impact.errors import EngineUnavailable
 from mems_impact.integrators.jit import precompiled
 
@@ -363,21 +362,6 @@ def library_cache(name: str, lasting: bool) -> Any:
 
     place.__qualname__ = name
     return _cache_of(place, name if lasting else None, _LibraryCache)
-
-
-@contextmanager
-def pause_collection() -> Iterator[None]:
-    """Suspend the garbage collector, which takes a tenth of the time of a compilation.
-
-    A compilation makes many objects that stay, and few cycles.
-    """
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def compile_callback(
