@@ -363,10 +363,6 @@ class AttractorMapper:
         self._work[name] = self._bound.place(rows)
         self._work[width] = rows.shape[1]
 
-    def is_stiff(self) -> bool:
-        """Return whether stability has limited the steps of the last point."""
-        return self._bound.engine.is_stiff()
-
     def close(self) -> None:
         """Free the engine's memory."""
         self._bound.engine.close()
