@@ -195,7 +195,7 @@ def state_from(
 
 def is_number(value: Any) -> bool:
     """Return whether `value` is one finite real number."""
-    # Most values are floats, of which the abstract class is asked slowly.
+    # Most values are floats, and a test for the abstract class is slow.
     real = isinstance(value, float) or (isinstance(value, Real) and not isinstance(value, bool))
     return real and math.isfinite(value)
 
