@@ -257,6 +257,14 @@ def test_a_function_that_branches_has_the_bits_of_one_of_numbers(branching):
     np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
 
 
+def test_a_branch_on_the_mode_remains_a_branch():
+    def function(mode, t, y, p, out):
+        out[0] = y[0] if mode == 0 else y[9]  # an index out of range
+
+    states = np.ones((2, LANES))
+    np.testing.assert_array_equal(in_lanes(function, states), by_number(function, states))
+
+
 def test_a_condition_without_a_selection_is_refused():
     def function(mode, t, y, p, out):
         while y[0] > out[0]:

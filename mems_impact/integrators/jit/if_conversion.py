@@ -3,13 +3,13 @@
 A pass of numba's compiler for functions of vectors (`lanes`). It converts conditional expressions
 and ``if`` statements whose branches only compute numbers, by arithmetic and functions of `math`:
 both branches are computed, and each lane takes the results of its own. Both may end the function.
-Other branches remain; numba refuses those whose condition differs between lanes.
+Branches on a mode remain branches. Others remain too, and numba refuses them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from numba import types
@@ -86,12 +86,12 @@ class IfConversion(FunctionPass):
         """Convert the branches of a function, if an argument is a vector."""
         if not any(map(has_lanes, state.args)):
             return False
-        function = state.func_ir
-        converted = False
-        while _convert_branch(function):
+        function, converted = state.func_ir, False
+        while _convert_branch(function, _varying_branches(function, state.args)):
             converted = True
-            _join_chains(function.blocks)
-            function._definitions = build_definitions(function.blocks)
+        # Branches on a mode may be in the way.
+        while _varying_branches(function, state.args) and _convert_branch(function):
+            converted = True
         if converted:
             PostProcessor(function).run(emit_dels=False)
         return converted
@@ -108,8 +108,33 @@ class LaneCompiler(INNER.get("pipeline_class", Compiler)):  # type: ignore[misc]
         return pipelines
 
 
-def _convert_branch(function: Any) -> bool:
-    """Convert a branch; return whether there was one that can be converted."""
+def _varying_branches(function: Any, args: Sequence[Any]) -> list[int]:
+    """Return the labels of blocks that end with a branch whose condition depends on a vector."""
+    blocks = function.blocks
+    names: set[str] = set()
+    statements = [each for block in blocks.values() for each in block.find_insts(ir.Assign)]
+    while True:
+        count = len(names)
+        for statement in statements:
+            value = statement.value
+            if isinstance(value, ir.Arg):
+                varies = has_lanes(args[value.index])
+            else:
+                read = value.list_vars() if isinstance(value, ir.Expr) else [value]
+                varies = any(isinstance(each, ir.Var) and each.name in names for each in read)
+            if varies:
+                names.add(statement.target.name)
+        if len(names) == count:
+            ends = {label: block.body[-1] for label, block in blocks.items()}
+            branches = {label: end for label, end in ends.items() if isinstance(end, ir.Branch)}
+            return [label for label, branch in branches.items() if branch.cond.name in names]
+
+
+def _convert_branch(function: Any, allowed: Sequence[int] | None = None) -> bool:
+    """Convert the first branch that can be, of blocks with these labels or of all.
+
+    Return whether there was one.
+    """
     blocks = function.blocks
     entries: dict[int, int] = {}
     for block in blocks.values():
@@ -117,7 +142,7 @@ def _convert_branch(function: Any) -> bool:
             entries[label] = entries.get(label, 0) + 1
     for label, block in blocks.items():
         last = block.body[-1]
-        if not isinstance(last, ir.Branch) or last.truebr == last.falsebr:
+        if not isinstance(last, ir.Branch) or (allowed is not None and label not in allowed):
             continue
         arms = [_Arm(function, each, entries[each], label) for each in (last.truebr, last.falsebr)]
         condition = guard(function.get_definition, last.cond)
@@ -137,6 +162,8 @@ def _convert_branch(function: Any) -> bool:
         for arm in arms:
             if arm.label != label:
                 del blocks[arm.label]
+        _join_chains(blocks)
+        function._definitions = build_definitions(blocks)
         return True
     return False
 
