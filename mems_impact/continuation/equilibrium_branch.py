@@ -44,6 +44,7 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import (
+    EQUILIBRIUM_MARGIN_TOLERANCE,
     EquilibriumEquations,
     EquilibriumEvaluation,
     EquilibriumState,
@@ -267,7 +268,11 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         for test in before:
             if not isinstance(test, BoundaryTest) or test not in after:
                 continue
-            if (before[test] < 0.0) != (after[test] < 0.0):
+            # Where both are zero up to rounding, the branch lies on the boundary.
+            largest = max(abs(before[test]), abs(after[test]))
+            if (before[test] < 0.0) != (
+                after[test] < 0.0
+            ) and largest > EQUILIBRIUM_MARGIN_TOLERANCE:
                 place = self._zero(step, length, test)
                 there = step.at(place).point
                 along = tangent(there, step.along)

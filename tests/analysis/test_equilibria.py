@@ -352,3 +352,21 @@ def test_one_side_of_a_boundary_does_not_decide_stability(above, below):
     assert " in its mode, on the boundary 'side', State(" in repr(rest)
     final = mi.simulate(oscillator, duration=30.0).final
     assert (math.hypot(final.x, final.v) > 0.5) == (above + below < 0.0)
+
+
+def pulled(mode, t, y, p):
+    return ((p.a - 3.0 * y.x) * (1.0 if mode.side == 1 else 2.0),)
+
+
+def test_an_equilibrium_that_stays_on_a_boundary_does_not_cross_it():
+    """Its margin is zero up to rounding, of either sign."""
+    system = mi.System(
+        states=("x",), flow=pulled, parameters={"a": 0.1}, time_scale=1.0,
+        parts=[mi.SwitchingSurface(
+            "side", lambda t, y, p: y.x - p.a / 3.0, rate=lambda t, y, d, p: d.x)],
+    )  # fmt: skip
+    rest = mi.find_equilibria(system)[0]
+    branch = mi.continue_equilibrium(rest, "a", stop=2.0)
+    assert branch.ended == "a reached its bound"
+    assert not branch.special_points
+    assert all(each.boundaries == ("side",) for each in branch.equilibria)
