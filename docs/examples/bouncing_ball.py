@@ -95,7 +95,7 @@ bouncing = mi.find_orbit(
 )
 starts = {"up": mi.State(x=0.2, mode="resting"), "down": bouncing.state}
 values = np.linspace(0.2, 1.4, 121)
-sweep = mi.sweep(ball, "A", values, direction="both", transient=200, periods=30, initial=starts)
+sweep = mi.sweep(ball, "A", values, direction="both", transient=100, periods=30, initial=starts)
 mi.plot_branch([up, down, twice], sweep=sweep).figure.savefig("bouncing_ball_branch.png")
 
 # %%

@@ -66,11 +66,12 @@ orbit = mi.find_orbit(run)
 # %%
 # The branches of the orbits of one and of two ramps, over brute force (PD: period doubling).
 
-once = mi.continue_orbit(orbit, "E", stop=35.0)
+steps = mi.StepControl(largest=0.2)
+once = mi.continue_orbit(orbit, "E", stop=35.0, steps=steps)
 (doubling,) = once.special_points
-twice = mi.switch_branch(doubling, bounds=(22.0, 35.0))
+twice = mi.switch_branch(doubling, bounds=(22.0, 35.0), steps=steps)
 (again,) = twice.special_points
-sweep = mi.sweep(converter, "E", np.linspace(22.0, 35.0, 131), transient=200, periods=40)
+sweep = mi.sweep(converter, "E", np.linspace(22.0, 35.0, 131), transient=100, periods=40)
 mi.plot_branch([once, twice], sweep=sweep).figure.savefig("buck_converter_branch.png")
 
 # %%
