@@ -10,6 +10,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 
 import mems_impact as mi
+from mems_impact.export import fmu
 from mems_impact.export.fmu import base_unit, find_compiler
 from tests.export.systems import BALL, belt
 
@@ -53,6 +54,12 @@ def compared(found, run):
 @pytest.fixture(scope="module")
 def ball(tmp_path_factory):
     return BALL.to_fmu(tmp_path_factory.mktemp("fmu") / "ball.fmu")
+
+
+@pytest.fixture
+def unoptimized(monkeypatch):
+    """Compile without optimization, in a third of the time: the last option of a kind counts."""
+    monkeypatch.setattr(fmu, "FLAGS", (*fmu.FLAGS, "-O0"))
 
 
 def problems_of(path):
@@ -293,6 +300,7 @@ def test_a_voltage_from_outside(tmp_path):
         assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
 
 
+@pytest.mark.usefixtures("unoptimized")
 def test_tables_of_a_device_are_no_parameters(tmp_path):
     positions = np.linspace(-3e-6, 3e-6, 7)
     spring = mi.TabulatedSpring(positions=tuple(positions), forces=tuple(MITA.k * positions))
@@ -302,6 +310,7 @@ def test_tables_of_a_device_are_no_parameters(tmp_path):
     assert problems_of(system.to_fmu(tmp_path / "device.fmu")) == []
 
 
+@pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_values_out_of_range_are_refused_with_the_range(tmp_path, fmi):
     path = MITA.to_fmu(tmp_path / "device.fmu", mi.Sine(amplitude=60.0, frequency=100.0), fmi=fmi)
@@ -359,6 +368,7 @@ BOUNDED = {
 """Terms with bounds of numbers by others."""
 
 
+@pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(
     ("terms", "name", "allowed", "refused", "said"),
     [
