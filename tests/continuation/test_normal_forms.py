@@ -129,7 +129,7 @@ def test_generalized_flip_on_a_curve():
 @pytest.mark.slow
 def test_chenciner_on_a_curve():
     """The root of the coefficient in closed form. At 1:3 the coefficient is not defined."""
-    orbit = mi.find_orbit(_turn(d=0.9, t=-0.9), periods=1, options=PLAIN)
+    orbit = mi.find_orbit(_turn(d=0.9, t=-0.9), periods=1, options=COMPILED)
     (start,) = mi.continue_orbit(orbit, "d", stop=1.2).special_points
     curve = mi.continue_curve(start, "t", -1.3)
     found = {special.kind: special.values["t"] for special in curve.special_points}

@@ -11,6 +11,7 @@ from mems_impact.actuator import results
 from mems_impact.studies.bifurcation_diagram import attractor_table
 
 PLAIN = mi.Options(method="dop853", engine="interpreted")
+FAST = mi.Options(method="dop853")
 SHORT = mi.RecurrenceOptions(transient=5, periods=2, exponents="none", chaos_persistence=1.0)
 
 
@@ -46,7 +47,7 @@ def struck():
 
 @pytest.fixture(scope="module")
 def orbit():
-    return mi.find_orbit(struck(), transient=30, options=PLAIN)
+    return mi.find_orbit(struck(), transient=30, options=FAST)
 
 
 def test_special_points_of_a_branch(orbit):
@@ -84,7 +85,7 @@ def test_a_bifurcation_diagram():
 
 def test_a_bifurcation_diagram_without_branches(orbit):
     full = mi.bifurcation_diagram(
-        orbit.system, "A", 0.1, 0.25, values=2, starts=0, recurrence=SHORT, options=PLAIN, depth=0
+        orbit.system, "A", 0.1, 0.25, values=2, starts=0, recurrence=SHORT, options=FAST, depth=0
     )
     none = replace(full, branches=(), parents=(), origins=())
     check(none.table, full.table)

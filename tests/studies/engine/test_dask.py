@@ -9,12 +9,12 @@ import mems_impact as mi
 from mems_impact.studies.engine.scheduler import run_study
 from tests.studies.toys import Toy, bits
 
-distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def client():
+    distributed = pytest.importorskip("distributed")  # no fast test waits for its import
     import dask
 
     few = {"distributed.scheduler.allowed-failures": 1}
