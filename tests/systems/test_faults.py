@@ -274,9 +274,9 @@ def misspelt_far_away(mode, t, y, p):
 
 
 UNCOMPILED = [
-    (of_a_dict, "cannot be compiled by numba: it reads KNOWN, a dict; write it over numbers"),
-    (of_a_list, "cannot be compiled by numba: it reads KNOWN_LIST, a list; write it over numbers"),
-    (closing_over([9.81]), "cannot be compiled by numba: it reads numbers, a list; write it over"),
+    (of_a_dict, "cannot be compiled by numba: it reads KNOWN, of type dict; write it over numbers"),
+    (of_a_list, "cannot be compiled by numba: it reads KNOWN_LIST, of type list; write it"),
+    (closing_over([9.81]), "cannot be compiled by numba: it reads numbers, of type list; write"),
     (of_an_assignment_expression, "by numba: the type of a value cannot be determined; write it"),
     (of_texts, "cannot be compiled by numba: "),
     (of_an_array, "it creates a list, an array or a string at run time"),

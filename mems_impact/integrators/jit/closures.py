@@ -504,7 +504,7 @@ def summarize_numba_error(message: str) -> str:
     for pattern in _CONSTANT:
         if found := pattern.search(message):
             kind = found["kind"].replace("List", "list")  # numba's name
-            return f"it reads {found['name']}, a {kind}"
+            return f"it reads {found['name']}, of type {kind}"
     if any(words in message for words in _OWNING):
         return "it creates a list, an array or a string at run time"
     last = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
