@@ -13,6 +13,9 @@ from mems_impact._util.arrays import Floats
 __all__ = ["SparseFactorization", "is_sparse", "null_vector", "solve_linear"]
 
 SPARSE_SIZE = 64  # least size of a matrix that is factorized sparsely
+# Least size of a matrix whose null vector is that of a bordered matrix: a singular value
+# decomposition then takes more than half of the time of a branch.
+BORDERED_SIZE = 12
 MAX_DENSITY = 0.2  # largest part of nonzeros of such a matrix
 INVERSE_ITERATIONS = 4  # for a smallest singular value
 MAX_BORDERED_NORM = 1e6  # of the null vector in units of a border that is almost normal to it
@@ -94,7 +97,7 @@ def solve_linear(matrix: Floats, right: Floats) -> Floats:
 
 def null_vector(matrix: Floats) -> Floats:
     """Return a unit null vector of a matrix with one row less than columns, of arbitrary sign."""
-    if is_sparse(matrix):
+    if len(matrix) >= BORDERED_SIZE:
         border = np.zeros(matrix.shape[1])
         border[-1] = 1.0
         # The null vector is the better border: the bordered matrix is then as regular as can be.
@@ -112,7 +115,7 @@ def null_vector(matrix: Floats) -> Floats:
 def _bordered_null_vector(matrix: Floats, border: Floats) -> Floats | None:
     """Return the unit null vector by a solve with a border; None if that is ill-conditioned."""
     try:
-        found = SparseFactorization(np.vstack([matrix, border])).solve(np.eye(border.size)[-1])
+        found = solve_linear(np.vstack([matrix, border]), np.eye(border.size)[-1])
     except np.linalg.LinAlgError:
         return None
     size = float(np.linalg.norm(found))
