@@ -268,11 +268,10 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         for test in before:
             if not isinstance(test, BoundaryTest) or test not in after:
                 continue
+            changes_sign = (before[test] < 0.0) != (after[test] < 0.0)
             # Where both are zero up to rounding, the branch lies on the boundary.
             largest = max(abs(before[test]), abs(after[test]))
-            if (before[test] < 0.0) != (
-                after[test] < 0.0
-            ) and largest > EQUILIBRIUM_MARGIN_TOLERANCE:
+            if changes_sign and largest > EQUILIBRIUM_MARGIN_TOLERANCE:
                 place = self._zero(step, length, test)
                 there = step.at(place).point
                 along = tangent(there, step.along)
