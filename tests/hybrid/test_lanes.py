@@ -90,7 +90,7 @@ def in_lanes(function, states):
         return code.either(if_failed=1, otherwise=0)
 
     kernel = compile_kernel(
-        lambda: snapshot.frozen_by(LaneCopier())[0],
+        lambda: snapshot.frozen_by(LaneCopier(pipeline_class=LaneCompiler))[0],
         kinds,
         body,
         f"test_{snapshot.name}",

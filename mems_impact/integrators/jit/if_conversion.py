@@ -187,11 +187,15 @@ def _join_chains(blocks: dict[int, Any]) -> None:
             joined = blocks.pop(target)
             blocks[label].body[-1:] = joined.body
             for after in joined.terminator.get_targets():
-                for statement in blocks[after].body:
-                    phi = statement.value if isinstance(statement, ir.Assign) else None
-                    if isinstance(phi, ir.Expr) and phi.op == "phi":
-                        sources = phi.incoming_blocks
-                        sources[:] = [label if each == target else each for each in sources]
+                for statement in _phi_assignments(blocks[after]):
+                    sources = statement.value.incoming_blocks
+                    sources[:] = [label if each == target else each for each in sources]
+
+
+def _phi_assignments(block: Any) -> list[Any]:
+    """Return the statements that assign values by the block from which control comes."""
+    assigned = block.find_insts(ir.Assign)
+    return [each for each in assigned if getattr(each.value, "op", "") == "phi"]
 
 
 class _Arm:
@@ -204,9 +208,12 @@ class _Arm:
         block = function.blocks[label]
         self._origin = origin
         self.label, self.statements, self.last = label, block.body[:-1], block.body[-1]
-        self.is_plain = entries == 1 and all(_is_pure(function, each) for each in self.statements)
         self.target = self.last.target if isinstance(self.last, ir.Jump) else None
-        self.is_plain = self.is_plain and isinstance(self.last, ir.Jump | ir.Return)
+        self.is_plain = (
+            entries == 1
+            and isinstance(self.last, ir.Jump | ir.Return)
+            and all(_is_pure(function, each) for each in self.statements)
+        )
 
     def leave_out(self) -> None:
         """Let the branch go from the origin to its block directly."""
@@ -252,14 +259,12 @@ def _join_values(
     """Let a block go to the end of its branches with selections of their values."""
     block, sources = blocks[label], [arm.label for arm in arms]
     body = _undecided(block) + arms[0].statements + arms[1].statements
-    for statement in blocks[target].body:
-        phi = statement.value if isinstance(statement, ir.Assign) else None
-        if not isinstance(phi, ir.Expr) or phi.op != "phi":
-            continue
+    for statement in _phi_assignments(blocks[target]):
+        phi = statement.value
         incoming = dict(zip(phi.incoming_blocks, phi.incoming_values, strict=True))
         values = [incoming.pop(source) for source in sources]
         defined = {value.name: value for value in values if value is not ir.UNDEFINED}
-        chosen = values[0] if len(defined) == 0 else next(iter(defined.values()))
+        chosen = next(iter(defined.values()), ir.UNDEFINED)
         if len(defined) == 2:
             chosen = block.scope.redefine("$chosen", loc=condition.loc)
             body += _selection(block, condition, chosen, values)
@@ -273,11 +278,11 @@ def _join_values(
 
 def _undecided(block: Any) -> list[Any]:
     """Return the statements of a block without its decision and the branch."""
-    decision = block.body[-1].cond.name
+    *statements, branch = block.body
     return [
         each
-        for each in block.body[:-1]
-        if getattr(each, "target", None) is None or each.target.name != decision
+        for each in statements
+        if not (isinstance(each, ir.Assign) and each.target.name == branch.cond.name)
     ]
 
 

@@ -20,7 +20,13 @@ from numba.extending import intrinsic, overload
 
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations, SingleMethodEngine
-from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.closures import (
+    Copier,
+    ProcessorCopier,
+    Snapshot,
+    mark_overloaded,
+    take_snapshot,
+)
 from mems_impact.integrators.jit.kernel_code import KERNEL, Kernel, KernelCode, compile_kernel
 from mems_impact.integrators.jit.numba_support import (
     INNER,
@@ -187,13 +193,13 @@ def margins_body(n: int, m: int) -> Callable[[KernelCode], Any]:
 @cache
 def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
     kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR), flow_body(n, bounds)
-    return _compile("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+    return compile_role("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
 
 
 @cache
 def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
     kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR), margins_body(n, m)
-    return _compile("margins", snapshot, kinds, body, (n, m, bounds), boundscheck=bounds)
+    return compile_role("margins", snapshot, kinds, body, (n, m, bounds), boundscheck=bounds)
 
 
 @cache
@@ -215,7 +221,7 @@ def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
         return code.result(if_failed=NO_MODE)
 
     kinds = (_word, _word, _real, VECTOR, VECTOR)
-    return _compile("transition", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+    return compile_role("transition", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
 
 
 def jacobian_of(jacobian: Callable[..., Any], n: int) -> Kernel:
@@ -237,7 +243,7 @@ def _jacobian_kernel(snapshot: Snapshot, n: int) -> Kernel:
         return code.mode
 
     kinds = (_word, _real, VECTOR, VECTOR, MATRIX)
-    return _compile("jacobian", snapshot, kinds, body, (n,), boundscheck=True)
+    return compile_role("jacobian", snapshot, kinds, body, (n,), boundscheck=True)
 
 
 def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
@@ -263,22 +269,28 @@ def _observables_kernel(snapshot: Snapshot, n: int, count: int) -> Kernel:
         return code.either(if_failed=1, otherwise=0)
 
     kinds = (_word, _word, _real, VECTOR, VECTOR, VECTOR)
-    return _compile("observables", snapshot, kinds, body, (n, count), boundscheck=True)
+    return compile_role("observables", snapshot, kinds, body, (n, count), boundscheck=True)
 
 
-def _compile(
+def compile_role(
     role: str,
     snapshot: Snapshot,
     kinds: tuple[Any, ...],
     body: Callable[[KernelCode], Any],
     sizes: tuple[int, ...],
+    *,
+    copier: Callable[..., Copier] = ProcessorCopier,
+    code: type[KernelCode] = KernelCode,
     **options: Any,
 ) -> Kernel:
+    """Compile the function of an automaton with a role; see `compile_kernel`."""
     # Symbols of compiled code contain this name, which keeps automata of a process apart.
     name = "_".join([f"{role}_kernel", snapshot.name, *(f"{size:d}" for size in sizes)])
-    return compile_kernel(
-        lambda: snapshot.frozen(**options)[0], kinds, body, name, snapshot.lasting, **options
-    )
+
+    def function() -> Any:
+        return snapshot.frozen_by(copier(**options))[0]
+
+    return compile_kernel(function, kinds, body, name, snapshot.lasting, code, **options)
 
 
 # --- Compiled engines

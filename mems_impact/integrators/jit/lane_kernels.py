@@ -26,8 +26,8 @@ from numba.np.arrayobj import make_array, populate_array
 
 from mems_impact.integrators.jit.closures import ProcessorCopier, Snapshot, take_snapshot
 from mems_impact.integrators.jit.if_conversion import LaneCompiler
-from mems_impact.integrators.jit.kernel_code import Kernel, KernelCode, compile_kernel
-from mems_impact.integrators.jit.kernels import flow_body, margins_body
+from mems_impact.integrators.jit.kernel_code import Kernel, KernelCode
+from mems_impact.integrators.jit.kernels import compile_role, flow_body, margins_body
 from mems_impact.integrators.jit.lanes import (
     DOUBLE,
     INTEGER,
@@ -53,9 +53,6 @@ class LaneCopier(ProcessorCopier):
 
     numba tries the function with vectors first, and if it does not compile, with each lane.
     """
-
-    def __init__(self) -> None:
-        super().__init__(pipeline_class=LaneCompiler)
 
     def prepared(self, copy: FunctionType, function: FunctionType) -> FunctionType:
         """Return the copy of a function, ready to be called by compiled code."""
@@ -219,6 +216,9 @@ class LaneKernelCode(KernelCode):
         """Do nothing: a call for a single trajectory repeats and records the fault."""
 
 
+FOR_LANES: dict[str, Any] = {
+    "copier": LaneCopier, "code": LaneKernelCode, "pipeline_class": LaneCompiler
+}  # fmt: skip
 _compiling = threading.Lock()  # simultaneous threads compile a system only once
 
 
@@ -240,32 +240,16 @@ def lane_kernels(
 @cache
 def _lane_kernels(flow: Snapshot, margins: Snapshot, n: int, m: int) -> LaneKernels | None:
     kinds = types.int64, Lanes, LaneVector, LaneVector, LaneVector
+    flow_code, margins_code = flow_body(n, bounds=True), margins_body(n, m)
     try:
         return LaneKernels(
-            _compile("flow", flow, kinds, flow_body(n, bounds=True), (n,)),
-            _compile("margins", margins, (*kinds, LaneVector), margins_body(n, m), (n, m)),
+            compile_role("flow_lanes", flow, kinds, flow_code, (n,), **FOR_LANES),
+            compile_role(
+                "margins_lanes", margins, (*kinds, LaneVector), margins_code, (n, m), **FOR_LANES
+            ),
         )
     except NumbaError:
         return None
-
-
-def _compile(
-    role: str,
-    snapshot: Snapshot,
-    kinds: tuple[Any, ...],
-    body: Callable[[KernelCode], Any],
-    sizes: tuple[int, ...],
-) -> Kernel:
-    name = "_".join([f"{role}_lanes", snapshot.name, *(f"{size:d}" for size in sizes)])
-    return compile_kernel(
-        lambda: snapshot.frozen_by(LaneCopier())[0],
-        kinds,
-        body,
-        name,
-        snapshot.lasting,
-        code=LaneKernelCode,
-        pipeline_class=LaneCompiler,
-    )
 
 
 call_lane_kernel = caller(types.int64(*[types.int64] * 6))
