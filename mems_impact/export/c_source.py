@@ -547,8 +547,9 @@ class FunctionWriter:
     def write(self) -> Translated:
         """Return the translated function."""
         tree = self.text.tree
-        arguments = [each.arg for each in tree.args.args]
-        if tree.args.vararg or tree.args.kwarg or tree.args.kwonlyargs or tree.args.posonlyargs:
+        given = tree.args
+        arguments = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+        if given.vararg or given.kwarg:
             self.refuse("arguments by * or **", "name all arguments")
         if len(arguments) != len(self.kinds):
             self.refuse(f"a call with {len(self.kinds)} arguments", "give each argument")
@@ -1559,13 +1560,12 @@ class FunctionWriter:
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         given = dict(zip(names, arguments, strict=False))
         given.update(named)
-        defaults = function.__defaults__ or ()
+        values = function.__defaults__ or ()
         positional = code.co_varnames[: code.co_argcount]
-        for name, value in zip(
-            positional[len(positional) - len(defaults) :], defaults, strict=True
-        ):
+        defaults = dict(zip(positional[len(positional) - len(values) :], values, strict=True))
+        for name, value in {**defaults, **(function.__kwdefaults__ or {})}.items():
             given.setdefault(name, constant(value))
-        if set(given) != set(names) or len(arguments) > len(names):
+        if set(given) != set(names) or len(arguments) > len(positional):
             self.refuse(f"a call of {function.__name__!r}", "give each of its arguments", node)
         made = []
         for name in names:

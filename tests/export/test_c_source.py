@@ -91,6 +91,14 @@ def chosen(function, x):
     return function(x)
 
 
+def keywords(x, /, y):
+    return scaled(x, power=2) - scaled(y, 3.0, power=1, shift=x)
+
+
+def scaled(x, factor=2.0, *, shift=0.5, power):
+    return factor * x**power + shift
+
+
 def logic(x, y):
     inside = (0 < x <= 1.5 and y != 2) or x in (3.0, 4.0)
     return 2.0 * inside + (1 if x is None else 0)
@@ -138,7 +146,7 @@ def widening(x, n):
 CASES = [
     (arithmetic, REAL), (swapped, REAL), (arrays, REAL), (of_functions, REAL), (logic, REAL),
     (written, REAL), (numpy_scalars, REAL), (integers, INTEGER), (loops, None),
-    (shifted, REAL), (guarded, INTEGER), (widening, None),
+    (shifted, REAL), (guarded, INTEGER), (widening, None), (keywords, REAL),
 ]  # fmt: skip
 
 

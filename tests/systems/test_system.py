@@ -30,6 +30,20 @@ def test_a_ball_comes_to_rest(options, arrays):
                                    "v after": "m/s"}  # fmt: skip
 
 
+def test_functions_with_keyword_only_arguments_are_compiled():
+    def spring(x, soft=0.1, *, stiffness, cubic=0.5):
+        return -(stiffness - soft) * x - cubic * x**3
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, spring(y.x, stiffness=p.k)),
+        parameters={"k": 2.0},
+        initial={"x": 1.0},
+    )
+    runs = [mi.simulate(system, duration=3.0, options=each).final for each in (ENGINES[1], PLAIN)]
+    assert runs[0].as_dict() == pytest.approx(runs[1].as_dict(), rel=1e-9)
+
+
 def test_until_comes_after_what_else_happens_in_its_instant():
     """Whatever order a guard is given: a mark that is passed there is still recorded."""
 

@@ -385,12 +385,12 @@ class Copier:
         return self._copy(function, name)
 
     def _copy(self, function: FunctionType, name: str) -> Any:
-        code, names = function.__code__, _names(function.__code__)
+        names = _names(function.__code__)
         cells = tuple(CellType() for _ in function.__closure__ or ())
         # numba imports the module of a function when it loads it from the cache.
         space = {"__builtins__": builtins, "__name__": __name__}
-        copy = FunctionType(code, space, function.__name__, function.__defaults__, cells)
-        copy.__kwdefaults__ = function.__kwdefaults__
+        code, defaults = _without_keyword_only(function)
+        copy = FunctionType(code, space, function.__name__, defaults, cells)
         copy.__module__ = __name__
         copy.__qualname__ = f"{function.__qualname__}_{name}"
         self._copies[function] = copy  # before its dependencies, since it may be recursive
@@ -446,6 +446,18 @@ class ProcessorCopier(Copier):
         if name not in _copies:
             _copies[name] = self._copy(function, name), kept
         return _copies[name][0]
+
+
+def _without_keyword_only(function: FunctionType) -> tuple[CodeType, tuple[Any, ...] | None]:
+    """Return code and defaults with ordinary arguments for keyword-only ones, unknown to numba."""
+    code, defaults = function.__code__, function.__defaults__
+    first, count = code.co_argcount, code.co_kwonlyargcount
+    if count == 0:
+        return code, defaults
+    own = function.__kwdefaults__ or {}
+    # An argument that every call gives may follow arguments with defaults; None does not compile.
+    more = tuple(own.get(name) for name in code.co_varnames[first : first + count])
+    return code.replace(co_argcount=first + count, co_kwonlyargcount=0), (*(defaults or ()), *more)
 
 
 # --- Errors of numba
