@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -23,20 +23,21 @@ from mems_impact.actuator.impact_statistics import (
 )
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import is_compliant
-from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.systems import observables
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
-from mems_impact.systems.statistics import closest_approach
+from mems_impact.systems.statistics import closest_gap
 from mems_impact.systems.window_statistics import (
     Moments,
     MotionTotals,
     StatisticsAccumulator,
     TimeWindow,
     ratio,
+    where,
 )
 
 __all__ = [
@@ -72,13 +73,13 @@ def measure_names(system: HybridSystem) -> tuple[str, ...]:
     return (*_MEASURES, *_ENERGY) if "energy in" in system.observed.gains else _MEASURES
 
 
-def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
-    """Return the statistics of an attractor by heading, with the definitions of `Statistics`.
+def measures(settled: RecurrenceColumns, periods: Floats, out: Conversion) -> dict[str, Floats]:
+    """Return the statistics of attractors by heading, with the definitions of `Statistics`.
 
     "displacement per period std" is the standard deviation over forcing periods. Compliant stoppers
     have no impact speeds.
     """
-    totals = MotionTotals.of(settled, settled.duration / period)
+    totals = MotionTotals.of(settled, periods)
     hits = totals.impacts(GUARDS)
     values = {
         **motion_values(totals, hits, totals.moments["impact speed"]),
@@ -88,12 +89,12 @@ def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> 
     if "energy in" in totals.gains:
         given = totals.gains["energy in"]
         values |= zip(_ENERGY, (totals.per_period(given), ratio(given, hits)), strict=True)
-    found = {name: float(system.out(name, value)) for name, value in values.items()}
-    found["closest approach"] = approach(totals, hits, closest_approach(system, settled))
-    return found
+    closest = closest_gap(settled.closest, GUARDS)
+    values["closest approach"] = approach(totals, hits, closest)
+    return {name: out(name, value) for name, value in values.items()}
 
 
-def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict[str, float]:
+def motion_values(totals: MotionTotals, impacts: Any, speeds: Moments) -> dict[str, Any]:
     """Return the common statistics of runs and studies, by heading."""
     displacement, lost = totals.gains["step"], totals.gains.get("energy lost")
     if lost is None:
@@ -105,21 +106,24 @@ def motion_values(totals: MotionTotals, impacts: float, speeds: Moments) -> dict
         "mean speed": ratio(displacement, totals.duration),
         **{f"impact speed {each}": speeds.reduced(each, totals.periods) for each in REDUCED},
         "energy lost per period": totals.per_period(lost),
-        "share slipping": totals.share(is_slipping(np.arange(totals.durations.size))),
+        "share slipping": totals.share(_modes_with(is_slipping, totals)),
         "share resting": resting_share(totals),
     }
 
 
-def resting_share(totals: MotionTotals) -> float:
+def resting_share(totals: MotionTotals) -> Any:
     """Return the fraction of time in which the block rests on a stopper."""
-    return totals.share(contact_side(np.arange(totals.durations.size)) != 0)
+    return totals.share(_modes_with(contact_side, totals))
 
 
-def approach(totals: MotionTotals, impacts: float, closest: float) -> float:
+def _modes_with(test: Callable[[Any], Any], totals: MotionTotals) -> list[int]:
+    return np.flatnonzero(test(np.arange(totals.durations.shape[-1]))).tolist()
+
+
+def approach(totals: MotionTotals, impacts: Any, closest: Any) -> Any:
     """Return the closest approach of a motion: NaN with impacts, 0 with rest contact."""
-    if impacts > 0.0:
-        return math.nan
-    return 0.0 if resting_share(totals) > 0.0 else closest
+    closest = where(resting_share(totals) > 0.0, 0.0, closest)
+    return where(impacts > 0.0, math.nan, closest)
 
 
 # --- Statistics of a run

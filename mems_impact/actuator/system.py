@@ -57,7 +57,7 @@ from mems_impact.actuator.terms.base import Term, TermKind, Validity, drive_unit
 from mems_impact.actuator.units import COLUMN_UNITS, PARAMETER_UNITS, DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
 from mems_impact.export.model import ExportedModel, ExportedNumber
-from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
 from mems_impact.hybrid.differences import weight_of
@@ -68,7 +68,7 @@ from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable, Quantity
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
@@ -617,9 +617,11 @@ class ActuatorSystem(ActuatorNumerics):
         codes = super().observable_codes(observable)
         return codes[: len(observable.at)] if observable is IMPACT_SPEED else codes
 
-    def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
-        """Return the statistics of an attractor that studies write, by heading."""
-        return measures(self, settled, period)
+    def measures(
+        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
+    ) -> dict[str, Floats]:
+        """Return the statistics of attractors that studies write, by heading."""
+        return measures(settled, periods, out)
 
     @property
     def measure_names(self) -> tuple[str, ...]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -16,12 +16,12 @@ from mems_impact.analysis.lyapunov import SIGNIFICANCE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
-from mems_impact.hybrid.attractors.mapper import AttractorMapper, PointMapper, RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import AttractorMapper, PointMapper, RecurrenceColumns
 from mems_impact.hybrid.problem import Problem, is_compiled
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator, largest
 from mems_impact.integrators.options import Options
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import HybridSystem, conversion
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -282,7 +282,7 @@ def _followed(
     report = None if watch is None else (lambda done: watch(before + done))
     on = None if report is None else (lambda _: report(float(len(batch))))
     without = replace(recurrence, exponents="none")
-    exponents = _Exponents(CLASSIFICATION_RTOL if recurrence.exponents == "unsettled" else 0.0)
+    classifier = _Classifier(batch, recurrence, options, numbers, on)
     jumps = False
 
     def falls(i: int, at: HybridState, length: float) -> None:
@@ -292,57 +292,54 @@ def _followed(
             with at_study_point(numbers[i]):
                 jumps = tells(at, length)
 
-    def attractor(
-        i: int,
-        settled: RecurrenceResult,
-        recurrence: RecurrenceOptions = recurrence,
-        exponent_periods: int = EXPONENT_PERIODS,
-    ) -> Attractor:
-        if on is not None:
-            on(0.0)  # exponents take longer than everything before: the user may interrupt here
-        case, at, _ = batch[i]
-        with collected_warnings() if numbers is None else at_study_point(numbers[i]):
-            return _attractor(case, at, settled, recurrence, options, exponents, exponent_periods)
+    def lanes_of(mapper: AttractorMapper, count: int) -> Sequence[PointMapper]:
+        """Return the mapper of some points in lanes, if they are enough."""
+        few = len(batch) < LEAST_LANE_POINTS or count < LEAST_LATER_POINTS
+        if gpu or few or not is_compiled(problem.options):
+            return ()
+        from mems_impact.hybrid.attractors.lanes import lane_mappers
 
-    def arrived(i: int, later: RecurrenceResult) -> Attractor:
-        each = found[i]
-        return replace(
-            attractor(i, later, without),
-            returns=each.returns + later.returns,
-            exponent=each.exponent,
-            error=each.error,
-        )
+        return lane_mappers(mapper)
 
     with closing(mapper_of(recurrence.longest)) as mapper:
-        devices: list[PointMapper] = []
+        devices: Sequence[PointMapper] = lanes_of(mapper, len(batch))
         if gpu:
             from mems_impact.hybrid.attractors.cuda import GpuMapper
 
             plain = replace(problem.options, engine="interpreted", method="dop853")
-            devices.append(
-                GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))
-            )
-        elif len(batch) >= LEAST_LANE_POINTS and is_compiled(problem.options):
-            from mems_impact.hybrid.attractors.lanes import lane_mappers
-
-            devices += lane_mappers(mapper)
+            devices = [GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))]
         points = [(each.numbers, start) for _, each, start in batch]
         settled = mapper.follow(points, transient, length, report, falls, devices)
-        found = [attractor(i, one) for i, one in enumerate(settled)]
-        ends = [(point[0], one.final) for point, one in zip(points, settled, strict=True)]
+        found = classifier.attractors(range(len(batch)), settled, recurrence)
 
         def continued(
             mapper: AttractorMapper, chosen: Sequence[int], transient: float
-        ) -> Iterator[tuple[int, RecurrenceResult]]:
+        ) -> RecurrenceColumns:
             """Follow some points from their last states; all at once, in compiled code."""
-            if not chosen:
-                return iter(())
-            beside = devices if len(chosen) >= LEAST_LATER_POINTS and not gpu else ()
-            later = mapper.follow([ends[i] for i in chosen], transient, length, on, devices=beside)
-            return zip(chosen, later, strict=True)
+            ends = [(points[i][0], settled.final(i)) for i in chosen]
+            devices = lanes_of(mapper, len(chosen))
+            return mapper.follow(ends, transient, length, on, devices=devices)
+
+        def follow_to_orbit(
+            mapper: AttractorMapper, chosen: Sequence[int], transient: float
+        ) -> None:
+            """Follow some points further, and replace those that become periodic."""
+            later = continued(mapper, chosen, transient)
+            attractors = classifier.attractors(chosen, later, without)
+            for i, outcome, after in zip(chosen, later.outcome, attractors, strict=True):
+                if outcome == detection.PERIODIC:
+                    each = found[i]
+                    found[i] = replace(
+                        after,
+                        returns=each.returns + after.returns,
+                        exponent=each.exponent,
+                        error=each.error,
+                    )
 
         approaching, lasting = [], []
         for i, ((case, at, _), each) in enumerate(zip(batch, found, strict=True)):
+            if math.isnan(each.exponent):
+                continue
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             unsure = each.motion == UNSETTLED and not math.isnan(each.error)
@@ -352,82 +349,147 @@ def _followed(
                 # Chaos may be a transient. An exponent without a sign may also belong to a
                 # transient, or to too few periods.
                 lasting.append(i)
-        for i, later in continued(mapper, approaching, transient):
-            if later.outcome == detection.PERIODIC:
-                found[i] = arrived(i, later)
-        for i, later in continued(mapper, lasting, longer):
-            after = attractor(i, later, exponent_periods=LONGEST_EXPONENT_PERIODS)
-            if after.motion == FAILED:
-                found[i] = replace(found[i], motion=UNSETTLED)
-            elif not found[i].motion == after.motion == CHAOTIC:
-                found[i] = replace(after, returns=settled[i].returns + later.returns)
-    # An orbit of a longer period, or one that is approached slowly.
-    chosen = [
-        i
-        for i, each in enumerate(found)
-        if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0
-    ]
-    if chosen:
-        with closing(mapper_of(MAX_PERIOD_FACTOR * recurrence.longest)) as wide:
-            for i, later in continued(wide, chosen, longer):
-                if later.outcome == detection.PERIODIC:
-                    found[i] = arrived(i, later)
+        if approaching:
+            follow_to_orbit(mapper, approaching, transient)
+        if lasting:
+            later = continued(mapper, lasting, longer)
+            attractors = classifier.attractors(lasting, later, recurrence, LONGEST_EXPONENT_PERIODS)
+            for i, after in zip(lasting, attractors, strict=True):
+                if after.motion == FAILED:
+                    found[i] = replace(found[i], motion=UNSETTLED)
+                elif not found[i].motion == after.motion == CHAOTIC:
+                    found[i] = replace(after, returns=found[i].returns + after.returns)
+        # An orbit of a longer period, or one that is approached slowly.
+        chosen = [
+            i
+            for i, each in enumerate(found)
+            if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0
+        ]
+        if chosen:
+            with closing(mapper_of(MAX_PERIOD_FACTOR * recurrence.longest)) as wide:
+                follow_to_orbit(wide, chosen, longer)
     return found
 
 
-def _attractor(
-    case: InitialCondition,
-    problem: Problem,
-    settled: RecurrenceResult,
-    recurrence: RecurrenceOptions,
-    options: Options,
-    exponents: _Exponents,
-    exponent_periods: int,
-) -> Attractor:
-    system = case.system
-    if settled.outcome == detection.FAILED:
-        return Attractor(motion=FAILED, status=_reason(case, recurrence, options))
-    impacts = [guard.impact for guard in system.automaton.guards]
-    hits = float(settled.counts[impacts].sum())
-    events = float(settled.counts.sum()) + settled.endings
-    stays = settled.at_rest and events == 0.0 and settled.repeats == 1
-    if settled.outcome == detection.STATIONARY or stays:
-        motion = RESTING
-    elif settled.outcome == detection.PERIODIC:
-        motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
-    else:
-        motion = UNSETTLED
-    exponent, error, periods = math.nan, math.nan, 0
-    if recurrence.exponents == "all" or (
-        recurrence.exponents == "unsettled" and motion == UNSETTLED
-    ):
-        exponent, error, periods = exponents.largest(problem, settled.final, exponent_periods)
-        if motion == UNSETTLED:
-            kind = classify(exponent, error, returns=False)
-            # The exponent along the flow is zero for any motion of an autonomous system.
-            drifts = (
-                kind == QUASI_PERIODIC
-                and system.forced
-                and _is_neutral(exponent * periods, periods)
-                and not _is_near_return(system, settled)
+class _Classifier:
+    """Classifies the motions of points that share an automaton, by their results.
+
+    Parameters
+    ----------
+    batch : sequence of (InitialCondition, Problem, HybridState)
+    recurrence : RecurrenceOptions
+    options : Options
+    numbers : sequence of int, optional
+        Numbers of the points in a study.
+    watch : callable, optional
+        Called before each exponent; it may raise.
+    """
+
+    def __init__(
+        self,
+        batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
+        recurrence: RecurrenceOptions,
+        options: Options,
+        numbers: Sequence[int] | None,
+        watch: Callable[[float], None] | None,
+    ) -> None:
+        self._batch, self._options, self._numbers = batch, options, numbers
+        self._watch, self._system = watch, batch[0][0].system
+        self._impacts = [i for i, guard in enumerate(self._system.automaton.guards) if guard.impact]
+        rtol = CLASSIFICATION_RTOL if recurrence.exponents == "unsettled" else 0.0
+        self._exponents = _Exponents(rtol)
+
+    def attractors(
+        self,
+        chosen: Sequence[int],
+        settled: RecurrenceColumns,
+        recurrence: RecurrenceOptions,
+        exponent_periods: int = EXPONENT_PERIODS,
+    ) -> list[Attractor]:
+        """Return the attractors of chosen points, whose results are `settled`."""
+        system, names = self._system, self._system.states
+        systems = [self._batch[i][0].system for i in chosen]
+        periods = np.array([self._batch[i][1].period for i in chosen])
+        out = conversion(systems)
+        with np.errstate(all="ignore"):  # numbers of failed points
+            durations = settled.duration
+            lengths = durations / periods if system.forced else out("time", durations)
+            measures = system.measures(settled, lengths, out)
+        units = np.stack([np.broadcast_to(out(each, 1.0), periods.shape) for each in names], axis=1)
+        hits = settled.counts[:, self._impacts].sum(axis=1)
+        events = settled.counts.sum(axis=1) + settled.endings
+        stays = settled.at_rest & (events == 0.0) & (settled.repeats == 1)
+        quiet = (hits == 0.0) & bool(self._impacts)
+        periodic = settled.outcome == detection.PERIODIC
+        motions = np.select(
+            [
+                settled.outcome == detection.FAILED,
+                (settled.outcome == detection.STATIONARY) | stays,
+                periodic & quiet,
+                periodic,
+            ],
+            [FAILED, RESTING, OFF, PERIODIC],
+            UNSETTLED,
+        ).tolist()
+        rows = zip(*(column.tolist() for column in measures.values()), strict=True)
+        times = np.broadcast_to(out("time", periods), periods.shape).tolist()
+        found = []
+        for k, (i, motion, row) in enumerate(zip(chosen, motions, rows, strict=True)):
+            if motion == FAILED:
+                with self._at_point(i):
+                    reason = _reason(self._batch[i][0], recurrence, self._options)
+                found.append(Attractor(motion=FAILED, status=reason))
+                continue
+            exponent, error, instant = math.nan, math.nan, settled.final(k)
+            if recurrence.exponents == "all" or (
+                recurrence.exponents == "unsettled" and motion == UNSETTLED
+            ):
+                if self._watch is not None:
+                    self._watch(0.0)  # exponents take long: the user may interrupt here
+                with self._at_point(i):
+                    exponent, error, length = self._exponents.largest(
+                        self._batch[i][1], instant, exponent_periods
+                    )
+                if motion == UNSETTLED:
+                    motion = self._by_exponent(
+                        exponent, error, length, settled.states(k), bool(quiet[k])
+                    )
+            found.append(
+                Attractor(
+                    motion=motion,
+                    period=int(settled.repeats[k]),
+                    returns=int(settled.returns[k]),
+                    final=systems[k].state_of(instant),
+                    states=settled.states(k) * units[k],
+                    measures=dict(zip(measures, row, strict=True)),
+                    exponent=exponent / times[k],
+                    error=error / times[k],
+                    instant=instant,
+                )
             )
-            if kind == CHAOTIC or drifts:
-                motion = kind
-            elif kind == PERIODIC and any(impacts) and hits == 0.0:
-                motion = OFF  # on its way to the orbit without impacts
-    units = [float(system.out(name, 1.0)) for name in system.states]
-    period = float(system.out("time", problem.period))
-    return Attractor(
-        motion=motion,
-        period=settled.repeats,
-        returns=settled.returns,
-        final=system.state_of(settled.final),
-        states=settled.states * units,
-        measures=system.measures(settled, problem.period),
-        exponent=exponent / period,
-        error=error / period,
-        instant=settled.final,
-    )
+        return found
+
+    def _at_point(self, i: int) -> AbstractContextManager[object]:
+        """Return the context of warnings of a point."""
+        return collected_warnings() if self._numbers is None else at_study_point(self._numbers[i])
+
+    def _by_exponent(
+        self, exponent: float, error: float, periods: int, states: Floats, quiet: bool
+    ) -> str:
+        """Return the motion of a point that has not become periodic."""
+        system, kind = self._system, classify(exponent, error, returns=False)
+        if kind == CHAOTIC:
+            return CHAOTIC
+        # The exponent along the flow is zero for any motion of an autonomous system.
+        if (
+            kind == QUASI_PERIODIC
+            and system.forced
+            and _is_neutral(exponent * periods, periods)
+            and not _is_near_return(system, states)
+        ):
+            return QUASI_PERIODIC
+        # Without impacts it is on its way to the orbit without them.
+        return OFF if kind == PERIODIC and quiet else UNSETTLED
 
 
 def _is_neutral(growth: float, periods: int) -> bool:
@@ -445,13 +507,13 @@ def _is_neutral(growth: float, periods: int) -> bool:
     return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
 
 
-def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
+def _is_near_return(system: HybridSystem, states: Floats) -> bool:
     """Return whether the last return is close to an earlier one: a slow approach to an orbit.
 
     Near a bifurcation its exponent is as close to zero as that of a quasi-periodic motion.
     """
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
-    states = settled.states[:, free]
+    states = states[:, free]
     sizes = np.abs(states).max(axis=0, initial=0.0)
     sizes[sizes == 0.0] = 1.0
     apart = (np.abs(states[1:] - states[0]) / sizes).max(axis=1, initial=0.0)

@@ -22,7 +22,7 @@ from mems_impact._util.quantities import quantities
 from mems_impact._util.units import Scales
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.export.model import ExportedModel, ExportedNumber
-from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import Definition, Typical
 from mems_impact.hybrid.pickling import portable
@@ -43,7 +43,7 @@ from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 from mems_impact.tables import unit_of
 
-__all__ = ["HybridSystem", "SystemFamily"]
+__all__ = ["Conversion", "HybridSystem", "SystemFamily", "conversion"]
 
 
 @cache
@@ -213,8 +213,19 @@ class HybridSystem(Result, ABC):
         """Return the accumulator of the statistics of a run."""
 
     @abstractmethod
-    def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
-        """Return the statistics of an attractor that studies write, by heading."""
+    def measures(
+        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
+    ) -> dict[str, Floats]:
+        """Return the statistics of attractors that studies write, by heading.
+
+        Parameters
+        ----------
+        settled : RecurrenceColumns
+        periods : float array, shape (points,)
+            Lengths of the statistics: in forcing periods, or in the unit of time of tables.
+        out : Conversion
+            The conversion of columns to the units of tables.
+        """
 
     @property
     @abstractmethod
@@ -744,3 +755,20 @@ class HybridSystem(Result, ABC):
         other: Self = object.__new__(type(self))
         other.__dict__.update(self._given)
         return other
+
+
+Conversion = Callable[[str, Any], Any]
+"""Conversion of a number or a column of that heading to the units of tables."""
+
+
+def conversion(systems: Sequence[HybridSystem]) -> Conversion:
+    """Return the conversion of columns that have a row for each of some systems."""
+    first = systems[0]
+    if all(system.scales == first.scales for system in systems):
+        return first.out
+
+    def out(heading: str, value: Any) -> Any:
+        unit = unit_of(heading, first.units)
+        return value * np.array([system.scales.unit(unit) for system in systems])
+
+    return out

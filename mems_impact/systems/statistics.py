@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats, distance_to_nearest
-from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
+from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import INSTANT_RTOL, Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.window_statistics import (
     Moments,
@@ -38,7 +39,7 @@ __all__ = [
     "SAMPLES_PER_PERIOD",
     "UNSETTLED",
     "RunStatistics",
-    "closest_approach",
+    "closest_gap",
     "counted_periods",
     "evaluate_observables",
     "largest_values",
@@ -265,25 +266,25 @@ def evaluate_observables(
     return found
 
 
-def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, float]:
+def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
     """Return the number of impacts, and of events of each guard, per period or unit of time."""
     each = "period" if system.forced else "time"
     guards = system.automaton.guards
     values = {f"impacts per {each}": totals.per_period(totals.impacts(guards))}
-    for guard, count in zip(guards, totals.counts.tolist(), strict=True):
+    for i, guard in enumerate(guards):
         if guard.name != PLACEHOLDER_GUARD:
-            values[f"{guard.name} per {each}"] = totals.per_period(float(count))
+            values[f"{guard.name} per {each}"] = totals.per_period(totals.transitions([i]))
     return values
 
 
-def mode_shares(system: HybridSystem, totals: MotionTotals) -> dict[str, float]:
+def mode_shares(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
     """Return the fraction of time in each mode, if there are several."""
     if len(system.modes) == 1:
         return {}
-    return {f"share {mode}": totals.share(i) for i, mode in enumerate(system.modes)}
+    return {f"share {mode}": totals.share([i]) for i, mode in enumerate(system.modes)}
 
 
-def observable_rates(observables: Sequence[Observable], totals: MotionTotals) -> dict[str, float]:
+def observable_rates(observables: Sequence[Observable], totals: MotionTotals) -> dict[str, Any]:
     """Return the reduced values of observables at events, and the rates of change of others."""
     return {
         each.name: totals.moments[each.name].reduced(each.reduce, totals.periods)
@@ -315,18 +316,10 @@ def measure_names(system: HybridSystem) -> tuple[str, ...]:
     return tuple(names) if system.forced else (*names, RETURN)
 
 
-def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
-    """Return the statistics of an attractor by heading, in the units of tables.
-
-    Parameters
-    ----------
-    system : HybridSystem
-    settled : RecurrenceResult
-    period : float
-        The period of the problem, in scaled units.
-    """
-    duration = settled.duration
-    periods = duration / period if system.forced else float(system.out("time", duration))
+def measures(
+    system: HybridSystem, settled: RecurrenceColumns, periods: Floats, out: Conversion
+) -> dict[str, Floats]:
+    """Return the statistics of attractors by heading; see `HybridSystem.measures`."""
     totals = MotionTotals.of(settled, periods)
     each = "period" if system.forced else "time"
     values = {
@@ -336,24 +329,21 @@ def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> 
         **observable_rates(system.study_observables, totals),
     }
     values |= {f"{name} std": deviation for name, deviation in settled.deviations.items()}
-    for name in values:
-        values[name] = float(system.out(name, values[name]))
-    if any(guard.impact for guard in system.automaton.guards):
-        values["closest approach"] = closest_approach(system, settled)
-    if not system.forced:
-        values[RETURN] = float(system.out("time", ratio(duration, settled.measured)))
-    return values
-
-
-def closest_approach(system: HybridSystem, settled: RecurrenceResult) -> float:
-    """Return the smallest gap at which bodies turned back without an impact, or NaN."""
     guards = system.automaton.guards
-    gaps = [
-        float(least) * system.margin_unit(guard.name)
-        for guard, least in zip(guards, settled.closest, strict=True)
-        if guard.impact
-    ]
-    least = min(gaps, default=math.inf)
-    if not math.isfinite(least):
-        return math.nan
-    return float(system.out("closest approach", least))
+    if any(guard.impact for guard in guards):
+        units = np.array([system.margin_unit(guard.name) for guard in guards])
+        values["closest approach"] = closest_gap(settled.closest * units, guards)
+    found = {name: out(name, value) for name, value in values.items()}
+    if not system.forced:
+        found[RETURN] = out("time", ratio(settled.duration, settled.measured))
+    return found
+
+
+def closest_gap(closest: Floats, guards: Sequence[Guard]) -> Floats:
+    """Return the smallest gap at which bodies turned back without an impact, or NaN.
+
+    `closest` has the smallest margin of each guard at closest approaches, by columns.
+    """
+    impacts = [i for i, guard in enumerate(guards) if guard.impact]
+    least = closest[:, impacts].min(axis=1, initial=math.inf)
+    return np.where(np.isfinite(least), least, math.nan)

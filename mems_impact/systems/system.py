@@ -14,7 +14,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.errors import FunctionError
 from mems_impact.export.model import ExportedModel
-from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import (
     RATE_STEP,
@@ -35,7 +35,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems import validation as checks
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
@@ -310,9 +310,11 @@ class System(HybridSystem):
         """Return the accumulator of the statistics of a run."""
         return RunStatistics(self, problem, start, window)
 
-    def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
-        """Return the statistics of an attractor that studies write, by heading."""
-        return measures(self, settled, period)
+    def measures(
+        self, settled: RecurrenceColumns, periods: Floats, out: Conversion
+    ) -> dict[str, Floats]:
+        """Return the statistics of attractors that studies write, by heading."""
+        return measures(self, settled, periods, out)
 
     @property
     def measure_names(self) -> tuple[str, ...]:

@@ -9,24 +9,33 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 
-__all__ = ["Moments", "MotionTotals", "StatisticsAccumulator", "TimeWindow", "ratio"]
+__all__ = ["Moments", "MotionTotals", "StatisticsAccumulator", "TimeWindow", "ratio", "where"]
 
 
-def ratio(part: float, whole: float) -> float:
-    """Return part / whole, NaN if `whole` is zero."""
+def where(condition: Any, value: Any, other: Any) -> Any:
+    """Return `value` where a condition is true, else `other`; of numbers or of columns."""
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, value, other)
+    return value if condition else other
+
+
+def ratio(part: Any, whole: Any) -> Any:
+    """Return part / whole, NaN where `whole` is zero; of numbers or of columns."""
+    if isinstance(whole, np.ndarray):
+        return np.divide(part, whole, out=np.full(whole.shape, math.nan), where=whole > 0)
     return part / whole if whole > 0 else math.nan
 
 
@@ -47,15 +56,15 @@ class Moments:
 
     @classmethod
     def of(cls, mark: Floats) -> Moments:
-        """Return those of an observable of a `RecurrenceResult`; their deviation is unknown."""
-        moments = cls()
-        moments.count, moments.total = int(mark[NUMBER]), float(mark[TOTAL])
-        moments.low, moments.high = float(mark[LOW]), float(mark[HIGH])
+        """Return columns, of an observable of `RecurrenceColumns`; the deviation is unknown."""
+        moments: Any = cls()
+        moments.count, moments.total = mark[:, NUMBER], mark[:, TOTAL]
+        moments.low, moments.high = mark[:, LOW], mark[:, HIGH]
         moments._squares = math.nan
-        return moments
+        return cast(Moments, moments)
 
     @property
-    def mean(self) -> float:
+    def mean(self) -> Any:
         """Mean value; NaN without values."""
         return ratio(self.total, self.count)
 
@@ -80,26 +89,22 @@ class Moments:
         """Return the population standard deviation; NaN without values."""
         return math.sqrt(self._squares / self.count) if self.count else math.nan
 
-    def reduced(self, reduction: str, periods: float) -> float:
+    def reduced(self, reduction: str, periods: Any) -> Any:
         """Return the sum per period, the mean, or the smallest or largest value.
 
         Without values the sum is zero, and the others are NaN.
         """
-        if self.count == 0:
-            return 0.0 if reduction == "sum" else math.nan
-        match reduction:
-            case "sum":
-                return ratio(self.total, periods)
-            case "mean":
-                return self.mean
-            case "min":
-                return self.low
-        return self.high
+        if reduction == "sum":
+            return where(self.count == 0, 0.0, ratio(self.total, periods))
+        value = {"mean": self.mean, "min": self.low, "max": self.high}[reduction]
+        return where(self.count == 0, math.nan, value)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionTotals:
-    """Totals of a motion over a window.
+    """Totals of a motion over a window; or of several motions, by columns.
+
+    Columns have one more axis, the first.
 
     Attributes
     ----------
@@ -119,17 +124,17 @@ class MotionTotals:
         Values of observables at events.
     """
 
-    duration: float
-    periods: float
+    duration: Any
+    periods: Any
     counts: NDArray[Any]
-    chatter: int
+    chatter: Any
     durations: Floats
-    gains: Mapping[str, float]
+    gains: Mapping[str, Any]
     moments: Mapping[str, Moments]
 
     @classmethod
-    def of(cls, settled: RecurrenceResult, periods: float) -> MotionTotals:
-        """Return the totals of an attractor."""
+    def of(cls, settled: RecurrenceColumns, periods: Floats) -> MotionTotals:
+        """Return the totals of attractors."""
         return cls(
             duration=settled.duration,
             periods=periods,
@@ -140,18 +145,30 @@ class MotionTotals:
             moments={name: Moments.of(mark) for name, mark in settled.marks.items()},
         )
 
-    def per_period(self, total: float) -> float:
+    def per_period(self, total: Any) -> Any:
         """Return a total per period, or per unit of time of an autonomous system."""
         return ratio(total, self.periods)
 
-    def impacts(self, guards: Sequence[Guard]) -> float:
+    def impacts(self, guards: Sequence[Guard]) -> Any:
         """Return the number of impacts, from the first guards of an automaton."""
-        return float(self.counts[: len(guards)][[guard.impact for guard in guards]].sum())
+        return self.transitions([i for i, guard in enumerate(guards) if guard.impact])
 
-    def share(self, modes: Any) -> float:
-        """Return the fraction of time in one mode or several, by number or by mask."""
-        share = ratio(float(self.durations[modes].sum()), self.duration)
-        return min(share, 1.0)  # the sum of the durations is rounded
+    def transitions(self, guards: Sequence[int]) -> Any:
+        """Return the number of transitions at some guards."""
+        return _sum(self.counts[..., guards])
+
+    def share(self, modes: Sequence[int]) -> Any:
+        """Return the fraction of time in some modes."""
+        share = ratio(_sum(self.durations[..., modes]), self.duration)
+        return where(share > 1.0, 1.0, share)  # the sum of the durations is rounded
+
+
+def _sum(values: NDArray[Any]) -> Any:
+    """Return the sum over the last axis, in the order of its components."""
+    total: Any = np.zeros(values.shape[:-1])
+    for i in range(values.shape[-1]):
+        total = total + values[..., i]
+    return total if total.ndim else float(total)
 
 
 @dataclass(frozen=True)

@@ -535,6 +535,29 @@ def test_exponents_and_longer_runs_are_the_same(mapped):
     assert [content(each) for each in together] == [content(each) for each in single]
 
 
+def test_an_orbit_beyond_the_longest_period_is_found(mapped):
+    """Its period, of 20 returns, is sought in a second run with a longest period of 64."""
+
+    def flow(mode, t, y, p):
+        rate = (1.0 - 0.1 * math.sin(20.0 * math.atan2(y.v, y.u) - t)) / 20.0
+        inwards = p.a * (1.0 - y.u * y.u - y.v * y.v)
+        return inwards * y.u - rate * y.v, inwards * y.v + rate * y.u
+
+    system = mi.System(
+        states=("u", "v"),
+        flow=flow,
+        parameters={"a": 0.5},
+        period=2.0 * math.pi,
+        initial={"u": 0.5},
+    )
+    cases = [InitialCondition(system.shifted({"a": a})) for a in np.linspace(0.3, 0.6, POINTS)]
+    recurrence = mi.RecurrenceOptions(periods=20, transient=100, chaos_persistence=2)
+    single, together, steps = mapped(cases, recurrence)
+    assert steps > 1000
+    assert [each.period for each in single] == [20] * POINTS
+    assert [content(each) for each in together] == [content(each) for each in single]
+
+
 def test_tight_tolerances(mapped):
     single, together, steps = mapped(grid(OSCILLATOR), method="dop853", rtol=1e-12, atol=1e-14)
     assert steps > 1000

@@ -41,7 +41,7 @@ from mems_impact.hybrid.state import HybridState
 __all__ = [
     "AttractorMapper",
     "CompiledObservables",
-    "RecurrenceResult",
+    "RecurrenceColumns",
     "observed",
 ]
 
@@ -144,57 +144,76 @@ MAX_PERIOD_STARTS = 128  # starts of forcing periods that the sample buffer can 
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecurrenceResult:
-    """The attractor of a point, in the units of the numerics.
+class RecurrenceColumns:
+    """The attractors of points, by columns, in the units of the numerics.
+
+    Each array has one row per point; an array of one axis is a column.
 
     Attributes
     ----------
-    outcome : int
+    outcome : int array
         PERIODIC, APERIODIC, STATIONARY or FAILED of `recurrence`.
-    repeats : int
+    repeats : int array
         Period of the motion in returns; 0 if it is not periodic.
-    returns : int
+    returns : int array
         Number of computed returns.
-    measured : int
+    measured : float array
         Number of returns that the statistics below cover: one period of a periodic motion.
-    at_rest : bool
+    at_rest : bool array
         Whether all non-cyclic components are at rest.
-    final : HybridState
-        Last state; of a periodic motion that at the last return.
-    duration : float
+    cycle, time, mode : array
+        Time and mode of the last state; of a periodic motion that at the last return.
+    y : float array, shape (points, n)
+        The last state.
+    duration : float array
         Time that the statistics cover.
-    endings : int
+    endings : float array
         Number of complete chatter sequences.
-    counts : float array, shape (m,)
+    counts : float array, shape (points, m)
         Transitions by guard.
-    closest : float array, shape (m,)
+    closest : float array, shape (points, m)
         Smallest margins at closest approaches; inf without any.
-    lasted : float array, shape (modes,)
+    lasted : float array, shape (points, modes)
         Time in each mode.
-    gains, deviations : dict of str to float
+    gains, deviations : dict of str to float array
         Total change of each observable of the state, and the standard deviation of its change per
         return.
-    marks : dict of str to float array, shape (4,)
+    marks : dict of str to float array, shape (points, 4)
         Of each observable at events: number, sum, minimum, maximum.
-    states : float array, shape (k, n)
-        The states at the last returns, latest first: one period, or all that are stored.
+    visited : float array, shape (points, longest, n)
+        The states at the last returns, latest first; NaN for returns before the start.
     """
 
-    outcome: int
-    repeats: int
-    returns: int
-    measured: int
-    at_rest: bool
-    final: HybridState
-    duration: float
-    endings: int
+    outcome: NDArray[np.int64]
+    repeats: NDArray[np.int64]
+    returns: NDArray[np.int64]
+    measured: Floats
+    at_rest: NDArray[np.bool_]
+    cycle: NDArray[np.int64]
+    time: Floats
+    mode: NDArray[np.int64]
+    y: Floats
+    duration: Floats
+    endings: Floats
     counts: Floats
     closest: Floats
     lasted: Floats
-    gains: dict[str, float]
-    deviations: dict[str, float]
+    gains: dict[str, Floats]
+    deviations: dict[str, Floats]
     marks: dict[str, Floats]
-    states: Floats
+    visited: Floats
+
+    def final(self, i: int) -> HybridState:
+        """Return the last state of point `i`."""
+        return HybridState(int(self.cycle[i]), float(self.time[i]), int(self.mode[i]), self.y[i])
+
+    def states(self, i: int) -> Floats:
+        """Return the states of point `i` at its last returns: one period, or all that are known."""
+        repeats = int(self.repeats[i])
+        if repeats:
+            return self.visited[i, :repeats]
+        known = ~np.isnan(self.visited[i]).any(axis=1)
+        return self.visited[i, known]
 
 
 class PointMapper(Protocol):
@@ -299,7 +318,7 @@ class AttractorMapper:
         watch: Callable[[float], None] | None = None,
         discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
         devices: Sequence[PointMapper] = (),
-    ) -> list[RecurrenceResult]:
+    ) -> RecurrenceColumns:
         """Compute the attractors of points.
 
         Parameters
@@ -318,7 +337,7 @@ class AttractorMapper:
 
         Returns
         -------
-        list of RecurrenceResult
+        RecurrenceColumns
             A failed point has the outcome FAILED; an ordinary run gives the reason.
         """
         inputs = np.array([_row(*point) for point in points])
@@ -356,7 +375,7 @@ class AttractorMapper:
             if watch is not None:
                 watch(float(len(points) - len(left) + work["point"]))
         results[left] = rows
-        return [self._result(result) for result in results]
+        return self._columns(results)
 
     def _put(self, name: str, width: str, rows: Floats) -> None:
         """Write array or address, and the width, of rows of numbers into the work record."""
@@ -367,31 +386,37 @@ class AttractorMapper:
         """Free the engine's memory."""
         self._bound.engine.close()
 
-    def _result(self, result: Floats) -> RecurrenceResult:
-        n, at = self._sizes[0], self._places
-        measured, repeats = int(result[MEASURED]), int(result[REPEATS])
-        known = result[at["states"]].reshape(self._longest, n)[: repeats or self._longest]
-        squares = result[at["squares"]] / measured if measured else result[at["squares"]] + math.nan
-        marks = result[at["marks"]].reshape(-1, recurrence.PARTS)
-        gains, mark_names = self.observed.gains, self.observed.marks
-        duration, endings = result[at["head"]].tolist()
-        cycle, mode = int(result[END_CYCLE]), int(result[END_MODE])
-        return RecurrenceResult(
-            outcome=int(result[OUTCOME]),
-            repeats=repeats,
-            returns=int(result[RETURNS]),
+    def _columns(self, results: Floats) -> RecurrenceColumns:
+        points, at, observed = len(results), self._places, self.observed
+        head, measured = results[:, at["head"]], results[:, MEASURED]
+        squares = results[:, at["squares"]] / np.where(measured > 0.0, measured, math.nan)[:, None]
+        marks = results[:, at["marks"]].reshape(points, len(observed.marks), recurrence.PARTS)
+
+        def whole(column: int) -> NDArray[np.int64]:
+            return results[:, column].astype(np.int64)
+
+        def named(names: tuple[str, ...], columns: Floats) -> dict[str, Floats]:
+            return {name: columns[:, i] for i, name in enumerate(names)}
+
+        return RecurrenceColumns(
+            outcome=whole(OUTCOME),
+            repeats=whole(REPEATS),
+            returns=whole(RETURNS),
             measured=measured,
-            at_rest=bool(result[AT_REST]),
-            final=HybridState(cycle, float(result[END_TIME]), mode, result[at["y"]]),
-            duration=duration,
-            endings=int(endings),
-            counts=result[at["counts"]],
-            closest=result[at["closest"]],
-            lasted=result[at["lasted"]],
-            gains=dict(zip(gains, result[at["gains"]].tolist(), strict=True)),
-            deviations=dict(zip(gains, np.sqrt(squares).tolist(), strict=True)),
-            marks=dict(zip(mark_names, marks, strict=True)),
-            states=known[~np.isnan(known).any(axis=1)],
+            at_rest=results[:, AT_REST] == 1.0,
+            cycle=whole(END_CYCLE),
+            time=results[:, END_TIME],
+            mode=whole(END_MODE),
+            y=results[:, at["y"]],
+            duration=head[:, 0],
+            endings=head[:, 1],
+            counts=results[:, at["counts"]],
+            closest=results[:, at["closest"]],
+            lasted=results[:, at["lasted"]],
+            gains=named(observed.gains, results[:, at["gains"]]),
+            deviations=named(observed.gains, np.sqrt(squares)),
+            marks=named(observed.marks, marks),
+            visited=results[:, at["states"]].reshape(points, self._longest, self._sizes[0]),
         )
 
 

@@ -10,14 +10,14 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import Scales
 from mems_impact.errors import FunctionsMissing, InvalidParameter
-from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.mapper import RecurrenceColumns
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
-from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import State
 from mems_impact.systems.statistics import measure_names
@@ -253,7 +253,7 @@ class DetachedSystem(HybridSystem):
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 
-    def measures(self, settled: RecurrenceResult, period: float) -> NoReturn:
+    def measures(self, settled: RecurrenceColumns, periods: Floats, out: Conversion) -> NoReturn:
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 
