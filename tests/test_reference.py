@@ -77,7 +77,8 @@ def examples_of_helpers():
     return [
         (".".join(file.relative_to(package.parent).with_suffix("").parts), part.name, text)
         for file in sorted(package.rglob("*.py"))
-        for part in ast.parse(file.read_text("utf-8")).body
+        if ">>>" in (source := file.read_text("utf-8"))
+        for part in ast.parse(source).body
         if isinstance(part, ast.FunctionDef) and part.name not in mi.__all__
         and ">>>" in (text := ast.get_docstring(part) or "")
     ]  # fmt: skip

@@ -1,6 +1,7 @@
 """A device in SI whose spring moves the frame before the block strikes; the frame hardly rests."""
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -39,6 +40,7 @@ LIGHT = mi.Actuator(
 """A block of a fifth of the frame's mass, Q = 30, pull-in at 70 V."""
 
 
+@cache
 def random_device(seed):
     """Return a device whose frame slips before its block strikes, and the orbit of a drive of it.
 

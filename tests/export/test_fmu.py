@@ -370,50 +370,60 @@ BOUNDED = {
 
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(
-    ("terms", "name", "allowed", "refused", "said"),
+    ("terms", "bounds"),
     [
-        ("comb", "comb_drive.overlap", 4e-6, 2.4e-6, "must be > 2.5e-06 m, the largest deflection"),
-        ("yielding comb", "d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection"),
+        ("comb", [("comb_drive.overlap", 4e-6, 2.4e-6, "> 2.5e-06 m, the largest deflection")]),
+        ("yielding comb", [("d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection")]),
         (
             "fringing",
-            "fringing.width",
-            1.5e-5,
-            1.4e-5,
-            "must be >= 1.5e-05 m, twice the widest gap",
+            [
+                ("fringing.width", 1.5e-5, 1.4e-5, "must be >= 1.5e-05 m, twice the widest gap"),
+                ("d", 4.7e-5, 5e-5, "must be >= 0.000105 m, twice the widest gap"),
+            ],
         ),
-        ("fringing", "d", 4.7e-5, 5e-5, "must be >= 0.000105 m, twice the widest gap"),
-        ("tilted", "tilted_plate.angle", 0.0099, 0.0101, "must be < 0.01, where"),
-        ("tilted", "tilted_plate.angle", -0.0099, -0.0101, "must be > -0.01, where"),
-        ("tilted", "delta", 4.7e-6, 4.8e-6, "must be < 0.0008"),
-        ("spring", "delta", 3e-6, 3.1e-6, "must be <= 3e-06 m, where the table of tabulated_sp"),
-        ("spring", "k", 1.005 * MITA.k, 1.02 * MITA.k, "the stiffness of the table at x2 = 0"),
-        ("capacitance", "delta", 3e-6, 3.1e-6, "where the table of tabulated_capacitance ends"),
-        ("film", "squeeze_film.width", 2e-4, 3e-4, "must be <= 0.0002 m, the length"),
+        (
+            "tilted",
+            [
+                ("tilted_plate.angle", 0.0099, 0.0101, "must be < 0.01, where"),
+                ("tilted_plate.angle", -0.0099, -0.0101, "must be > -0.01, where"),
+                ("delta", 4.7e-6, 4.8e-6, "must be < 0.0008"),
+            ],
+        ),
+        (
+            "spring",
+            [
+                ("delta", 3e-6, 3.1e-6, "must be <= 3e-06 m, where the table of tabulated_sp"),
+                ("k", 1.005 * MITA.k, 1.02 * MITA.k, "the stiffness of the table at x2 = 0"),
+            ],
+        ),
+        ("capacitance", [("delta", 3e-6, 3.1e-6, "the table of tabulated_capacitance ends")]),
+        ("film", [("squeeze_film.width", 2e-4, 3e-4, "must be <= 0.0002 m, the length")]),
     ],
 )
-def test_bounds_of_numbers_by_others(tmp_path, terms, name, allowed, refused, said):
+def test_bounds_of_numbers_by_others(tmp_path, terms, bounds):
     device = MITA.adding(*BOUNDED[terms])
     path = device.to_fmu(tmp_path / "device.fmu", mi.Sine(amplitude=6.0, frequency=100.0))
     description = fmpy.read_model_description(str(path))
-    (reference,) = (v.valueReference for v in description.modelVariables if v.name == name)
-    messages = []
-
-    def logger(*arguments):
-        messages.append(arguments[-1].decode())
-
+    references = {each.name: each.valueReference for each in description.modelVariables}
     folder = fmpy.extract(str(path), str(tmp_path / "unzipped"))
-    unit = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=logger)
-    unit.enterInitializationMode()
-    unit.setFloat64([reference], [refused])
-    with pytest.raises(FMICallException):
+    for name, allowed, refused, said in bounds:
+        messages = []
+
+        def logger(*arguments, messages=messages):
+            messages.append(arguments[-1].decode())
+
+        unit = fmpy.instantiate_fmu(folder, description, "CoSimulation", logger=logger)
+        unit.enterInitializationMode()
+        unit.setFloat64([references[name]], [refused])
+        with pytest.raises(FMICallException):
+            unit.exitInitializationMode()
+        assert said in messages[-1]
+        with pytest.raises(mi.InvalidParameter):
+            device.changed(**{name: refused})
+        unit.setFloat64([references[name]], [allowed])
         unit.exitInitializationMode()
-    assert said in messages[-1]
-    with pytest.raises(mi.InvalidParameter):
-        device.changed(**{name: refused})
-    unit.setFloat64([reference], [allowed])
-    unit.exitInitializationMode()
-    device.changed(**{name: allowed})
-    unit.freeInstance()
+        device.changed(**{name: allowed})
+        unit.freeInstance()
 
 
 def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):
