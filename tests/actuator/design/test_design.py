@@ -200,7 +200,7 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
 
     def slips_at(omega, amplitude):
         # Raised slowly from rest, lest the block overshoot: the frame is held, and slips above.
-        held = moved(omega, np.linspace(0.05, 0.97, 40) * amplitude, mi.State())
+        held = moved(omega, np.linspace(0.05, 0.97, 20) * amplitude, mi.State())
         assert held.statistics["share slipping"] == 0.0
         slips = run(omega, 1.001 * amplitude, held.final)
         assert slips.statistics["share slipping"] > 0.0
@@ -213,11 +213,11 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
     for omega, row in table.iterrows():
         slips = slips_at(omega, row["slip"])
         # Raised to just below and above from the slip, and lowered from the impacts.
-        below = moved(omega, np.linspace(row["slip"], 0.999 * row["on"], 20), slips.final)
+        below = moved(omega, np.linspace(row["slip"], 0.999 * row["on"], 10), slips.final)
         assert below.statistics["impacts"] == 0
         above = run(omega, 1.001 * row["on"], below.final)
         assert above.statistics["impacts"] > 0
-        down = moved(omega, np.linspace(row["on"], 1.002 * row["off"], 20), above.final)
+        down = moved(omega, np.linspace(row["on"], 1.002 * row["off"], 10), above.final)
         assert down.statistics["impacts"] > 0
         assert run(omega, 0.99 * row["off"], down.final).statistics["impacts"] == 0
     orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked_state(SLIPPING), transient=300)

@@ -157,18 +157,18 @@ def test_impacts_far_above_the_onset_of_slip_begin_where_an_orbit_ends(monkeypat
         return settled(system, *more)
 
     monkeypatch.setattr(operating_chart, "settled", counted)
-    monkeypatch.setattr(operating_chart, "FREQUENCY_COLUMNS", 5)
-    chart = mi.operating_chart(SLIDING, frequency=(9796.875, 10359.375), crises=0)
+    monkeypatch.setattr(operating_chart, "FREQUENCY_COLUMNS", 3)
+    chart = mi.operating_chart(SLIDING, frequency=(9937.5, 10500.0), crises=0)
     on = chart.table[chart.table["boundary"] == "on"]
     assert set(on["kind"]) == {"fold", "grazing"}
     assert on["frequency"].is_unique
-    assert len(amplitudes) < 40 * 5  # at five frequencies
-    system = SLIDING.under(mi.Sine(amplitude=1.0, frequency=10078.125))
-    (fold,) = on.loc[np.isclose(on["frequency"], 10078.125, rtol=1e-9), "amplitude"]
+    assert len(amplitudes) < 40 * 3  # at three frequencies
+    system = SLIDING.under(mi.Sine(amplitude=1.0, frequency=9937.5))
+    (fold,) = on.loc[np.isclose(on["frequency"], 9937.5, rtol=1e-9), "amplitude"]
     state = mi.State()
     for part in (0.3, 0.6, 0.9, 0.97, 0.99, 0.999, 0.9999, 1.001):
         there = system.changed(amplitude=part * fold)
-        run = mi.simulate(there, periods=2000, initial=state, keep="statistics")
+        run = mi.simulate(there, periods=500, initial=state, keep="statistics")
         state = run.final
         assert (run.statistics["impacts per period"] > 0.0) == (part > 1.0)
 
@@ -176,7 +176,7 @@ def test_impacts_far_above_the_onset_of_slip_begin_where_an_orbit_ends(monkeypat
 def test_a_frame_that_slips_far_below_pull_in():
     """The onset of slip at a thirtieth of the pull-in voltage is that of linear response."""
     device = SLIDING
-    chart = mi.operating_chart(device, frequency=(9e3, 10.5e3), crises=2, periods=100)
+    chart = mi.operating_chart(device, frequency=(9e3, 10.5e3), crises=2, periods=20)
     slip = chart.table[chart.table["boundary"] == "slip"]
     assert slip["frequency"].min() == 9e3
     holding = device.mu_s * (device.m1 + device.m2) * device.g
