@@ -99,11 +99,10 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
     Crosses are simulated values, other points are continued. The types of the paper are shaded,
-    and the points of codimension two between them marked. For a device whose frame slips before
-    the block impacts, a solid line is the onset of slip, and dashed lines bound the lowest voltages
-    with equal impacts in every forcing period; lines are straight between dots, at which alone the
-    voltage was computed. An inset shows the difference of boundaries that are too
-    close to be distinguished.
+    and the points of codimension two between them marked. Without types, a solid line is the onset
+    of slip, and dashed lines bound the lowest voltages with equal impacts in every forcing period;
+    lines are straight between dots, at which alone the voltage was computed. An inset shows the
+    difference of boundaries that are too close to be distinguished.
 
     Parameters
     ----------
@@ -150,7 +149,7 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
     for name, rows in boundaries.items():
         if len(rows):
             ax.plot(rows[omega], rows[amplitude], label=name, **boundary_line(name))
-    if len(slips):
+    if not len(chart.types):
         _mark_isolated(ax, table[table["boundary"] != "off"], omega, amplitude)
     simulated = table[table["kind"] == "crisis"]
     # The curves already end at the special points.

@@ -365,10 +365,11 @@ class ReportMaker:
             picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
         ]
         if any(boundary == "slip" for boundary, *_ in chart.pieces):
+            blocks.append("The frame slips above the solid line.")
+        if not chart.regions:
             blocks.append(
-                "The frame slips above the solid line. The dashed lines bound the lowest voltages "
-                "with equal impacts in every cycle; far above them there may be others. From dot "
-                "to dot a line is straight, not computed."
+                "The dashed lines bound the lowest voltages with equal impacts in every cycle; far "
+                "above them there may be others. From dot to dot a line is straight, not computed."
             )
         if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")

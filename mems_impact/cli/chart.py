@@ -50,7 +50,8 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
     type=int,
     default=7,
     show_default=True,
-    help="Number of frequencies at which type III is simulated.",
+    help="Number of frequencies at which a crisis is simulated, or, without types, all voltages "
+    "are found.",
 )
 @periods_option("Forcing periods for which an attractor must persist there.", 2000)
 @orbit_integrator_options
@@ -78,8 +79,11 @@ def command(
       mems-impact chart zhao2004
 
     Boundaries are continued as curves of grazings and folds; where the device switches off in a
-    crisis (type III), the voltage is found by simulation. The command shows both voltages at some
-    frequencies, and writes boundaries, types and points as CSV tables and the chart as a figure.
+    crisis (type III), the voltage is found by simulation. If the spring moves the frame without
+    blows, there are no types; the command then also finds where the frame begins to slip ("slip")
+    and between which voltages all forcing periods have the same impacts ("steady from", "steady
+    to"). It shows the voltages at some frequencies, and writes boundaries, types and points as CSV
+    tables and the chart as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
@@ -121,8 +125,8 @@ def _tables(chart: mi.OperatingChart) -> dict[str, pd.DataFrame]:
 def _voltages(chart: mi.OperatingChart, columns_of_slip: int) -> pd.DataFrame:
     """Return the voltages of all boundaries at a few frequencies, interpolated on the curves.
 
-    If the frame slips first, these are the frequencies at which they are computed, since a curve
-    does not always lead from one to the next.
+    Without types, these are the frequencies at which they are computed, since a curve does not
+    always lead from one to the next.
     """
     import numpy as np
     import pandas as pd

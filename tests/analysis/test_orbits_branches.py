@@ -1,6 +1,7 @@
 """Branches, switches, curves and charts as users get them."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -308,12 +309,21 @@ def test_a_chart_without_a_band_says_what_it_found():
         mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
 
 
-def test_what_keeps_a_chart_from_being_made_is_reported_in_the_units_of_the_device():
-    device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)
+def test_a_chart_without_types_has_the_voltages_at_single_frequencies():
+    device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)  # what slips, slips on
     resonance = 1.0 / SCALES.time
+    chart = mi.operating_chart(
+        device, omega=(0.5 * resonance, 0.505 * resonance), crises=0, columns=1
+    )
     where = r"at omega \[rad/s\] = \d+(\.\d+)? and amplitude \[V\] = \d+(\.\d+)?: "
-    with pytest.raises(mi.OrbitError, match=where + "a weak contact does not return"):
-        mi.operating_chart(device, omega=(0.5 * resonance, 0.505 * resonance), crises=0)
+    (note,) = chart.notes
+    assert re.match(f"no types: {where}a weak contact does not return", note)
+    assert chart.types.empty
+    (on,) = chart.table.query("boundary == 'on'")["amplitude"]
+    drive = mi.Sine(amplitude=on, omega=0.5 * resonance)
+    slowly = np.array([0.5, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.005])  # without overshoot
+    raised = mi.sweep(device, drive, "amplitude", slowly * on, direction="up", periods=20)
+    assert mi.sweep_summary(raised)["impacting"].tolist() == [False] * 8 + [True]
 
 
 def test_a_stopper_before_pull_in_bounds_the_search():

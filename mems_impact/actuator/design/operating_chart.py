@@ -550,6 +550,14 @@ class ChartBuilder:
             self.notes.clear()  # of the curve of grazings, which this replaces
             self._thresholds(columns, periods, workers)
             return
+        try:
+            types = [self._type(left, right) for left, right in pairwise(edges)]
+        except OrbitError as error:
+            # As where the frame, once it slips, slips on: sliding friction holds less than the
+            # spring or the electrodes pull.
+            self.notes[:] = [f"no types: {error}"]
+            self._thresholds(columns, periods, workers)
+            return
         self.special_points = tuple(
             sorted(
                 (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
@@ -559,12 +567,11 @@ class ChartBuilder:
         self.marks = {s.values[1] for s in marks}
         self.total = 2 * (len(edges) - 1)
         simulated = []
-        for left, right in pairwise(edges):
+        for region, (left, right) in zip(types, pairwise(edges), strict=True):
             slack = SAME_FREQUENCY_RTOL * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
             grazings = _joined(dict(_values(inside)), ends)
-            region = self._type(left, right)
             self.report(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
             self.regions.append((region, left, right))
             for piece in self._followed(region, left, right, grazings):
@@ -974,12 +981,12 @@ def operating_chart(
     and off at the grazing; type III switches on at the fold of the orbit without impacts and off in
     a crisis of the chaotic attractor, which is located by simulation.
 
-    If the spring moves the frame before the block strikes, there are no types. The chart then
-    contains, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage of the
-    first slip; the voltage of the first impact, on the orbit with slip; the voltage below which
-    impacts cease, by simulation; and the window of the period-1 orbit with impacts, bounded by
-    period doublings, folds or grazings. Curves of these points join two frequencies if they connect
-    them.
+    If the spring moves the frame before the block strikes, or keeps it slipping after a weak
+    impact, there are no types. The chart then contains, at `crises` frequencies (9 if that is 0,
+    without the off-boundary), the voltage of the first slip; the voltage of the first impact, on
+    the orbit with slip; the voltage below which impacts cease, by simulation; and the window of the
+    period-1 orbit with impacts, bounded by period doublings, folds or grazings. Curves of these
+    points join two frequencies if they connect them.
 
     Parameters
     ----------
@@ -996,8 +1003,8 @@ def operating_chart(
     crises : int, optional
         Number of frequencies of type III at which the crisis is simulated, >= 0.
     columns : int, optional
-        Number of frequencies at which the voltages are found if the frame slips before the block
-        strikes; by default `crises`. 0: 9 frequencies, without the off-voltage, which is simulated.
+        Number of frequencies at which the voltages are found if there are no types; by default
+        `crises`. 0: 9 frequencies, without the off-voltage, which is simulated.
     periods : int, optional
         Forcing periods for which an attractor must persist in these simulations.
     options : Options, optional
@@ -1020,8 +1027,8 @@ def operating_chart(
         If an argument is out of range, or the device has compliant stoppers or a term that depends
         on the sign of the voltage.
     OrbitError
-        If the orbit without impacts has neither a grazing nor a slip at either end of the range, or
-        does not graze at a frequency within it; the message lists its special points.
+        If the orbit without impacts has neither a grazing nor a slip at either end of the range;
+        the message lists its special points.
     ChartInterrupted
         On Ctrl-C; its ``chart`` holds the completed parts.
 
