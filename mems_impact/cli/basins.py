@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.inputs import run_saving_partial, study_of
+from mems_impact.cli.inputs import run_saving_partial, study_of, warn_of_failures
 from mems_impact.cli.options import (
     AXIS_TYPE,
     axis_options,
@@ -102,6 +102,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             files.tables({"followed": followed.table, "branches": followed.branches})
             show_table("branches", followed.branches, digits=6)
         files.show()
+    warn_of_failures(found.table)
 
 
 def _starts(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,10 +17,12 @@ from mems_impact.cli.options import (
     option_of,
     state_from,
 )
-from mems_impact.cli.runtime import STORE
+from mems_impact.cli.runtime import STORE, warn
 from mems_impact.cli.wording import FROM_FILE
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     import mems_impact as mi
 
 # --- Study files and options of studies
@@ -130,6 +132,13 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
         if error.done > 0:
             keep(error.table)
         raise
+
+
+def warn_of_failures(points: pd.DataFrame) -> None:
+    """Warn of points that failed, with the first reason."""
+    failed = points.loc[points["status"] != "ok", "status"]
+    if len(failed):
+        warn(f"{len(failed)} of {len(points)} points failed, the first one: {failed.iloc[0]}")
 
 
 # --- Systems

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from mems_impact.cli.inputs import run_saving_partial, study_of
+from mems_impact.cli.inputs import run_saving_partial, study_of, warn_of_failures
 from mems_impact.cli.options import (
     device_options,
     distribution_option,
@@ -22,10 +22,6 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.output import show_table, with_unit_column, with_units_in
-from mems_impact.cli.runtime import warn
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KIND = "tolerances"
 SPREAD = (0.05, 0.5, 0.95)
@@ -90,14 +86,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         if found.indices is not None:
             show_table("indices", with_units_in(found.indices, "quantity", units), digits=5)
         files.show()
-    _warn_of_failures(found.points)
-
-
-def _warn_of_failures(points: pd.DataFrame) -> None:
-    """Warn of points that failed, with the first reason."""
-    failed = points.loc[points["status"] != "ok", "status"]
-    if len(failed):
-        warn(f"{len(failed)} of {len(points)} points failed, the first one: {failed.iloc[0]}")
+    warn_of_failures(found.points)
 
 
 def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:

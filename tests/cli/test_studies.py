@@ -28,6 +28,13 @@ def test_basins_of_a_grid(cli, tmp_path):
     assert "written: out/basins-table.csv" in done.out
 
 
+def test_basins_tell_of_initial_states_that_cannot_be(cli):
+    grid = ["--x", "x2", "-0.6", "0.6", "3"]  # the stoppers are at -0.5 and 0.5
+    done = cli("basins", "zhao2004", *grid, *DRIVE, *BRIEF, "--no-figure")
+    assert done.status == 0
+    assert "warning: 2 of 3 points failed, the first one: x2 = -0.6: must be between" in done.err
+
+
 def test_tolerances_with_a_specification(cli, tmp_path):
     over = ["--over", "e=norm:0.8:0.01", "--over", "d=uniform:1%"]
     wish = ["--specification", "displacement per period=1e-4:"]
