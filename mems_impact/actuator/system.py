@@ -708,7 +708,8 @@ class ActuatorSystem(ActuatorNumerics):
             delta = 0.5 * (delta + self.actuator.d)  # beyond, the electrode's force is frozen
         if not abs(x2) <= delta:
             where = "halfway from stopper to electrode" if self._yields else "the stoppers"
-            raise InvalidParameter("x2", x2, f"between {where} at -{delta:g} and {delta:g}")
+            limits = f"-{delta:g} and {delta:g}{' m' if self.scales.named else ''}"
+            raise InvalidParameter("x2", x2, f"between {where} at {limits}")
         if state.mode is not None:
             self._check_mode(state)
 

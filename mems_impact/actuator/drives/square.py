@@ -8,7 +8,6 @@ from typing import Annotated, Self
 from annotated_types import Gt, Lt
 from pydantic import model_validator
 
-from mems_impact._util.formatting import shown
 from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.drives.pulse import pulse, warn_of_constant_force
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
@@ -88,7 +87,7 @@ class Square(PiecewiseDrive):
             raise InvalidParameter("duty", self.duty, "a finite number > 0 and < 1")
         longest = min(self.duty, 1.0 - self.duty) * turn
         if not self.rise <= longest + MIN_PIECE_PERIODS * turn:
-            allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
+            allowed = f"between 0 and {longest:.9g}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
         warn_of_constant_force("this square wave", self.amplitude, self.low, self.rise)
         return self

@@ -92,7 +92,8 @@ def test_a_block_on_its_stopper_stays_within_it():
 
 
 def test_states_out_of_range_are_said_in_si():
-    with pytest.raises(mi.InvalidParameter, match=r"between the stoppers at -2\.5e-06"):
+    limits = r"between the stoppers at -2\.5e-06 and 2\.5e-06 m$"
+    with pytest.raises(mi.InvalidParameter, match=limits):
         mi.simulate(SI, VOLTS, 1, initial=mi.State(x2=1e-3))
     with pytest.raises(mi.InvalidParameter, match="below the forcing period"):
         mi.simulate(SI, VOLTS, 1, initial=mi.State(time=1.0))
