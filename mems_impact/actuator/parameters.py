@@ -604,7 +604,9 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         raw = (_DEVICES / f"{source}.toml").read_bytes()
     else:
         raw = _read(source)
-    content = parse_toml(raw, source, "a table [parameters] of lines like m1 = 5.0")
+    content = parse_toml(
+        raw, source, 'a table [parameters] or [design] of lines like m1 = 5.0 or gap = "4 um"'
+    )
     names = term_names()
     tables = {name: content.pop(name) for name in list(content) if name in names}
     try:

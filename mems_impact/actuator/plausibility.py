@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact._util.warning_scopes import warn
+from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.terms.base import Device, Term, drive_unit
 from mems_impact.actuator.units import PARAMETER_UNITS
@@ -122,12 +123,15 @@ def check_plausible_device(actuator: Device) -> None:
         return
     for name, within in DEVICE.items():
         value, unit = getattr(actuator, name), PARAMETER_UNITS.get(name, "")
+        named = f"{OF_PARAMETER[name]} {name}"  # as in a data sheet and in the paper
         if name == "alpha" and value > within.high:
+            if not LENGTH.low <= actuator.d <= LENGTH.high:
+                continue  # computed from pull-in voltage and gap, it is wrong as the gap is
             alpha = HALF_PERMITTIVITY * value
-            message = _range_message(name, value, unit, within)
+            message = _range_message(named, value, unit, within)
             _warn_once(f"{message}; an area of {value:g} m^2, for which alpha is {alpha:.4g} F m?")
         else:
-            _check(name, value, unit, within)
+            _check(named, value, unit, within)
     for term in actuator.terms:
         _check_term(term)
 

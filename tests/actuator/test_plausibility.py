@@ -34,7 +34,7 @@ def look(target):
 @pytest.mark.parametrize(
     ("changes", "meant"),
     [
-        ({"d": 4.0}, "d = 4 m, .*; 4 um\\?"),
+        ({"d": 4.0}, "gap d = 4 m, .*; 4 um\\?"),
         ({"d": 0.005}, "d = 0.005 m, .*; 0.005 mm\\?"),
         ({"m1": 10.485}, "m1 = 10.485 kg, .*; 10.485 (mg|ug)\\?"),
         ({"mu_s": 35.0}, "mu_s = 35, .*; 35 %\\?"),
@@ -47,6 +47,16 @@ def test_a_device_in_other_units(changes, meant):
     found = told(lambda: [device.under(DRIVE) for _ in range(2)])
     assert len(found) == 1
     assert re.search(meant, found[0])
+
+
+def test_a_wrong_gap_is_not_reported_as_a_wrong_electrode_too():
+    sheet = {**MITA.datasheet, "gap": 5.0}  # um; the pull-in voltage then gives a huge alpha
+    del sheet["electrode_area"], sheet["capacitance"], sheet["electrode_constant"]
+    del sheet["release"]
+    device = mi.Actuator.from_design(**sheet)
+    assert device.alpha > plausibility.DEVICE["alpha"].high
+    (found,) = told(lambda: device.under(DRIVE))
+    assert found.startswith("gap d = 5 m")
 
 
 def test_every_number_of_a_term_has_a_range():

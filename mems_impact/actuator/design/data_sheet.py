@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from mems_impact._util.formatting import html_table
 from mems_impact._util.quantities import quantity
-from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES
+from mems_impact.actuator.design.data_sheet_quantities import OF_PARAMETER, QUANTITIES
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.design.static_forces import StaticForces
 from mems_impact.actuator.parameter_base import unknown
@@ -44,9 +44,6 @@ MAY_BE_ZERO = {
     "dynamic_friction", "static_friction_force", "dynamic_friction_force",
 }  # fmt: skip
 STICKS, SLIPS = "sticks until the blow", "slips before the blow"
-
-
-OF_PARAMETER = {entry.parameter: name for name, entry in QUANTITIES.items() if entry.parameter}
 
 # --- Relations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["QUANTITIES", "Entry"]
+__all__ = ["OF_PARAMETER", "QUANTITIES", "Entry"]
 
 
 class Entry(NamedTuple):
@@ -42,3 +42,6 @@ QUANTITIES = {
     "gravity": Entry("m/s^2", "gravity", "g"),
 }
 """Quantities of a data sheet, in the order of its rows."""
+
+OF_PARAMETER = {entry.parameter: name for name, entry in QUANTITIES.items() if entry.parameter}
+"""The quantity of each parameter."""
