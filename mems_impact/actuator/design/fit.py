@@ -181,6 +181,7 @@ MISFIT = 3.0  # tolerances (standard errors): a larger difference is a misfit
 CONVERGENCE_TOLERANCES = 1.0  # tolerances by which a computed value may still change
 LATER = 5  # factor of the length of the run that checks whether the motion has settled
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
+JUMP = 0.1  # relative change of a quantity over the step of the derivatives that none has
 BARRIER = 1e6  # residuals where no run is possible, relative to those at the start
 UPPER_BOUNDS = {"e": 1.0}  # parameters with an upper bound of their own
 
@@ -221,8 +222,8 @@ class Fit(SummaryRepr):
         more than three tolerances; "undetermined" if the data do not determine a free parameter;
         "good" otherwise.
     note : str
-        Missed targets, parameters that the data do not determine or cannot separate, and parameters
-        at a bound.
+        Missed targets, quantities that jump at the fit, parameters that the data do not determine
+        or cannot separate, and parameters at a bound.
     converged : bool
         Whether the search converged to a minimum, which need not fit the data.
     evaluations : int
@@ -385,7 +386,12 @@ def fit(
         gtol=1e-12,
     )
     best = at(solved.x)
-    sizes, directions = _singular(np.asarray(solved.jac))
+    reached = computed(best)
+    size = np.maximum(np.abs(reached), np.abs(measured))
+    change = JACOBIAN_STEP * np.abs(solved.jac) * weights[:, None]
+    jumps = change > JUMP * size[:, None]
+    # The difference over a jump is no derivative, and would outweigh all data.
+    sizes, directions = _singular(np.where(jumps, 0.0, solved.jac))
     errors = _errors(sizes, directions)
     labels = PARAMETER_UNITS if actuator.units == "SI" else {}
     table = results.fit_parameters(
@@ -397,7 +403,6 @@ def fit(
         errors <= LOOSE,
         solved.active_mask != 0,
     )
-    reached = computed(best)
     shown = results.fit_residuals(
         [target.label(actuator) for target in targets],
         [_voltage(target.drive, actuator) for target in targets],
@@ -411,6 +416,7 @@ def fit(
     sentences = [
         *_unsettled(targets, reached, later, moving),
         *_missed(targets, off, actuator),
+        *_jumping(targets, free, jumps),
         *_undetermined(free, sizes, directions, errors),
         *_at_bounds(free, solved.active_mask),
         *_indifferent(targets, np.asarray(solved.jac)),
@@ -522,6 +528,16 @@ def _missed(targets: Sequence[Target], off: Floats, actuator: Actuator) -> list[
     return [
         f"the fit misses {number} by more than {MISFIT:g} tolerances, {target.quantity}{under} "
         f"by {off[worst]:.4g}"
+    ]
+
+
+def _jumping(targets: Sequence[Target], free: Sequence[str], jumps: NDArray[np.bool_]) -> list[str]:
+    """Return a sentence about each quantity that jumps next to the fitted values."""
+    return [
+        f"{target.quantity} jumps at the fitted {', '.join(np.array(free)[row])}, as where impacts "
+        "begin; standard errors neglect it"
+        for target, row in zip(targets, jumps, strict=True)
+        if row.any()
     ]
 
 

@@ -113,6 +113,27 @@ def test_a_misfit_is_said():
     assert str(found).startswith(f"misfit: {found.note}\n")
 
 
+def test_a_jump_at_the_fit_does_not_hide_what_other_targets_determine():
+    device = mi.Actuator.from_design(
+        frequency=1500, quality=20, proof_mass="0.1 mg", frame_mass="1.16 mg", gap="4 um",
+        travel="2.2 um", pull_in=30, friction=(1.2, 0.9), restitution=0.6,
+    )  # fmt: skip
+    targets = [
+        mi.Target(quantity="resonance", value="1.4 kHz"),
+        mi.Target(
+            quantity="mean speed", value=350e-6, tolerance="5%",
+            drive=mi.Sine(amplitude=30, frequency=750),
+        ),
+    ]  # fmt: skip
+    with pytest.warns(mi.FitWarning, match="misfit"):
+        found = mi.fit(device, targets, ["k", "c"], transient=60, periods=10)
+    assert "mean speed jumps at the fitted c" in found.note  # with more damping, nothing strikes
+    table = found.parameters.set_index("parameter")
+    assert table["determined"].tolist() == [True, False]
+    resonance_error = 2 * 0.01 * table.loc["k [N/m]", "fitted"]  # k is known from the resonance
+    assert table.loc["k [N/m]", "standard error"] < 1.01 * resonance_error
+
+
 def test_a_parameter_known_to_less_than_its_size_is_said():
     # It is the size of the error that tells: there is no other parameter to compare with.
     target = mi.Target(quantity="pull-in voltage", value=30.0, tolerance=100.0)
