@@ -49,7 +49,7 @@ from mems_impact.actuator.report_page import (
     picture,
     values,
 )
-from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem, kick_speeds, kicked_state
 from mems_impact.actuator.units import COLUMN_UNITS
 from mems_impact.analysis.attractor import RecurrenceOptions
@@ -332,12 +332,12 @@ class ReportMaker:
     def _kind(self, step: float) -> str:
         """Return whether the motion is periodic, in words; `step` is the measured one."""
         try:
-            orbit = find_orbit(self.run)
+            orbit: Any = find_orbit(self.run)
         except OrbitError:
+            orbit = None
+        if orbit is None or not orbit.stable:  # a run leaves an unstable orbit
             return "not periodic within the search"
-        assert isinstance(orbit, ActuatorOrbit)
-        kind = "stable" if orbit.stable else "unstable"
-        text = f"periodic, period {orbit.periods}, {kind}"
+        text = f"periodic, period {orbit.periods}, stable"
         final = orbit.step / orbit.periods
         if abs(final - step) > max(SETTLED_RTOL * abs(final), LEAST_STEP * self.actuator.delta):
             return f"settling to a step per cycle of {self.text(final, 'm')} ({text})"
@@ -741,7 +741,7 @@ def report(
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     chosen = drive is None
-    system = ActuatorSystem(actuator, _drive_for(actuator) if drive is None else drive)
+    system = actuator.under(_drive_for(actuator) if drive is None else drive)
     counts = dict(QUICK_COUNTS if quick else COUNTS)
     if samples is not None:
         counts["samples"] = whole("samples", samples, 1)

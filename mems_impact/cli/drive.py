@@ -37,12 +37,11 @@ def command(
     The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.plots import forcing_period_of, plot_drive
-    from mems_impact.actuator.system import ActuatorSystem
 
     actuator = actuator_from(device, changes)
     drive = drive_from()
     forces = [force for stretch in forcing_period_of(drive, actuator) for force in stretch.force]
-    switches = ActuatorSystem(actuator, drive).source.switches
+    switches = actuator.under(drive).source.switches
     shown = ", ".join(f"{time:.9g}" for time in switches[:8])
     more = f" and {len(switches) - 8} more" if len(switches) > 8 else ""
     ends = min(forces), max(forces)

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator import plausibility
 from mems_impact.actuator import report as module
 from mems_impact.actuator.report_page import amount, duration
 
@@ -137,6 +138,11 @@ def test_a_frame_that_slips_before_the_blow():
     assert page.facts["regime"] == "frame slips before the blow"
 
 
+def test_chaos_does_not_settle_to_an_unstable_orbit():
+    page = mi.report(ZHAO, mi.Sine(amplitude=0.28, omega=0.45), only=["Motion"])
+    assert page.facts["motion"] == "not periodic within the search"
+
+
 def test_a_device_without_friction():
     page = mi.report(MITA.replace(mu_s=0.0, mu_d=0.0), SLOW, only=["Device"])
     assert "Static friction holds 0 N" in page.html
@@ -147,6 +153,9 @@ def test_a_device_with_a_charge():
     drive = mi.Sine(amplitude=1.5 * mi.pull_in_charge(device), frequency=1.0)
     page = mi.report(device, drive, only=["Pull-in and release"])
     assert page.facts == {"pull-in": amount(mi.pull_in_charge(device), "C")}
+    plausibility._warn_once.cache_clear()
+    with pytest.warns(mi.UnitsWarning, match="amplitude = 30 C, outside the range"):
+        mi.report(device, mi.Sine(amplitude=30.0, frequency=1.0), only=["Drive"])
 
 
 def test_a_default_drive():

@@ -20,7 +20,6 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.impact_statistics import contact_side, is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.simulation import Trajectory, resample
@@ -202,7 +201,7 @@ def run_of(
     """Return the run from the switching on of a voltage over a length in the device's units."""
     if isinstance(drive, AperiodicDrive) and length <= (drive.duration or math.inf):
         drive = drive.lasting(DURATION_RATIO * length)
-    system = ActuatorSystem(actuator, drive)
+    system = actuator.under(drive)
     periods = length / system.forcing_period
     run: Any = simulate(system, periods, initial=initial, window=(0.0, periods), options=options)
     return run

@@ -165,7 +165,7 @@ def load_curve(
     if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
         raise InvalidParameter("loads", loads, "one or more finite numbers")
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
-    system = ActuatorSystem(actuator.adding(FrameLoad(force=0.0)), drive)
+    system = actuator.adding(FrameLoad(force=0.0)).under(drive)
     start = system.start_of("down") if initial is None else initial
     chain = _Chain(system, start, transient, periods, options)
     rows = [chain.at(load) for load in values.tolist()]
