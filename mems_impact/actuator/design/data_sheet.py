@@ -231,7 +231,11 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
     sheet = DataSheet(actuator)
     for name, value in known.items():
         if name == "pull_in" and name not in sheet:
-            pull_in_voltage(actuator)  # raises the reason, unless the block is on the stopper
+            try:
+                pull_in_voltage(actuator)  # raises the reason, unless the block is on the stopper
+            except InvalidParameter as error:
+                problem = (error.problem or "").replace("resting_voltage", "release")
+                raise InvalidParameter(name, value, "", problem=problem) from None
         if name in COMPUTED and name in sheet and not _agree(sheet[name], value):
             raise _contradiction(name, value, sheet[name], "the other quantities and the terms")
     return actuator

@@ -90,6 +90,8 @@ def test_comb_has_no_pull_in():
             mi.pull_in_voltage(device, dynamic=dynamic)
     sheet = device.datasheet
     assert "pull_in" not in sheet
+    with pytest.raises(mi.InvalidParameter, match=r"^pull_in = 30: no pull-in .*; use release"):
+        mi.Actuator.from_design(**sheet, pull_in=30)
     assert "electrode_area" not in sheet
     assert sheet["capacitance"] == pytest.approx(slope * 30e-6, rel=1e-12)
     assert sheet["release"] == pytest.approx(contact, rel=1e-12)
