@@ -768,7 +768,6 @@ def conversion(systems: Sequence[HybridSystem]) -> Conversion:
         return first.out
 
     def out(heading: str, value: Any) -> Any:
-        unit = unit_of(heading, first.units)
-        return value * np.array([system.scales.unit(unit) for system in systems])
+        return value * np.array([system.factor(heading) for system in systems])
 
     return out
