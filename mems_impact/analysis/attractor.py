@@ -223,7 +223,8 @@ def map_attractors(
 
     for case in cases:
         try:
-            problem = case.system.problem(options)
+            known = bool(batch) and case.system is batch[-1][0].system
+            problem = batch[-1][1] if known else case.system.problem(options)
             start = case.system.hybrid_state(case.initial, problem)
         except (InvalidParameter, FunctionError) as error:
             follow()
