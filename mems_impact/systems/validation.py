@@ -20,7 +20,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dis import get_instructions
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import pairwise
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -79,10 +79,10 @@ def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
 
     `outside` are the variables that it closes over and that are not its own.
     """
-    for step in get_instructions(code):
-        shared = step.opname in ("STORE_DEREF", "DELETE_DEREF") and step.argval in outside
-        if shared or step.opname in ("STORE_GLOBAL", "DELETE_GLOBAL"):
-            yield step.argval
+    for operation, name in _instructions(code):
+        shared = operation in ("STORE_DEREF", "DELETE_DEREF") and name in outside
+        if shared or operation in ("STORE_GLOBAL", "DELETE_GLOBAL"):
+            yield name
     for inner in _within(code):
         yield from _changed(inner, outside & set(inner.co_freevars))
 
@@ -111,16 +111,22 @@ def _loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
     Other attributes are not globals: ``p.k`` is unrelated to a function ``k``.
     """
     value: Any = None
-    for step in get_instructions(code):
-        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-            value = scope.get(step.argval)
-        elif step.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(value, ModuleType):
-            value = getattr(value, step.argval, None)
+    for operation, name in _instructions(code):
+        if operation in ("LOAD_GLOBAL", "LOAD_NAME"):
+            value = scope.get(name)
+        elif operation in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(value, ModuleType):
+            value = getattr(value, name, None)
         else:
             value = None
         yield value
     for inner in _within(code):
         yield from _loaded(inner, scope)
+
+
+# Systems are made again and again of the same functions.
+@lru_cache(maxsize=512)
+def _instructions(code: CodeType) -> list[tuple[str, Any]]:
+    return [(step.opname, step.argval) for step in get_instructions(code)]
 
 
 def _within(code: CodeType) -> Iterator[CodeType]:
