@@ -21,10 +21,9 @@ SLOW_RATIO, FAST_RATIO = 3.0, 10.0  # speeds in and between slow passages, in th
 SLOWING_RATIO = 0.7  # largest ratio of the least speeds of a cycle and one of half its period
 EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
 ZERO_RATIO = 1e-12  # component of an equilibrium that counts as zero, in sizes of the cycle
-SEGMENT_SAMPLES = 64  # intervals per segment
-MAX_ERROR_GROWTH = (
-    1e6  # error growth in a segment; multipliers have the error growth^2 times rounding
-)
+SEGMENT_SAMPLES = 64  # least number of intervals per segment
+SHORTEST_PERIOD_SAMPLES = 8  # least number of intervals in a time of the shortest period
+MAX_ERROR_GROWTH = 1e6  # error growth in a segment, as past a saddle
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,9 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
         return None
     shorter = orbits[int(np.argmin(np.abs(periods - 0.5 * periods[-1])))]
     try:
-        (speed, mode, state, sizes, passages), (before, *_) = _slowest(last), _slowest(shorter)
+        (speed, mode, state, sizes, passages), (before, *_) = (
+            _slowest(orbit, float(periods.min())) for orbit in (last, shorter)
+        )
         if not (speed < SLOW_SPEED_RATIO * passages and speed < SLOWING_RATIO * before):
             return None
     except CONTINUATION_ERRORS:
@@ -87,17 +88,22 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
 
 
 def has_large_error_growth(point: ShootingEvaluation) -> bool:
-    """Return whether error growth within a segment makes multipliers uncertain by 1e-3."""
+    """Return whether errors grow within a segment as they do past a saddle."""
     return any(np.abs(arc.by_state).max(initial=0.0) > MAX_ERROR_GROWTH for arc in point.arcs)
 
 
-def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats, int]:
-    """Return the least speed of a cycle, its mode, state and scales, and the slow passages."""
+def _slowest(orbit: PeriodicOrbit, fast: float) -> tuple[float, int, Floats, Floats, int]:
+    """Return the least speed of a cycle, its mode, state and scales, and the slow passages.
+
+    The samples show what lasts as long as a cycle of the period `fast`.
+    """
     shooting, point = orbit.shooting, orbit.point
     variational, free = shooting.variational(point.parameter_point), shooting.free
     modes, states, slopes = [], [], []
     for i, y in enumerate(shooting.unpack(point.unknowns)[0]):
-        times = np.linspace(point.starts[i], point.ends[i], SEGMENT_SAMPLES + 1)
+        length = float(point.ends[i] - point.starts[i])
+        count = max(SEGMENT_SAMPLES, math.ceil(SHORTEST_PERIOD_SAMPLES * length / fast))
+        times = np.linspace(point.starts[i], point.ends[i], count + 1)
         here = y
         for begin, end in pairwise(times.tolist()):
             arc = variational.arc(shooting.segments[i].mode, here, begin, end)

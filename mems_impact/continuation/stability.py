@@ -47,6 +47,9 @@ class Border:
         Point of the border at which the equations are singular.
     accuracy : float
         Relative accuracy of the entries of a matrix.
+    fold_distance : float
+        Largest distance of a value from `center` at a fold; farther away, the turn of the parameter
+        is rounding.
     """
 
     growth: Callable[[Complexes], Floats]
@@ -54,6 +57,7 @@ class Border:
     apart: Callable[[Complexes, Complexes], Floats]
     center: float
     accuracy: float
+    fold_distance: float
 
     def spectrum(self, matrix: Floats) -> Spectrum:
         """Return the eigenvalues of a matrix, with their growth."""
@@ -66,6 +70,11 @@ class Border:
         with np.errstate(divide="ignore", invalid="ignore"):
             uncertainty = self.accuracy * moved / aligned * self.size(values) / np.abs(values)
         return Spectrum(values, self.growth(values), np.nan_to_num(uncertainty, nan=np.inf))
+
+    def is_remote(self, spectrum: Spectrum) -> bool:
+        """Return whether no value is near the center, as it is at a fold."""
+        apart = self.apart(spectrum.values, np.array(self.center))
+        return bool(np.all(apart > self.fold_distance))
 
     def crossed(self, before: Spectrum, after: Spectrum) -> list[tuple[int, int]]:
         """Return the values that cross the border, as indices before and after."""
@@ -139,6 +148,7 @@ IMAGINARY_AXIS = Border(
     apart=lambda one, other: np.asarray(np.abs(one - other)),
     center=0.0,
     accuracy=1e-9,
+    fold_distance=np.inf,
 )
 """The imaginary axis, for the eigenvalues of equilibria."""
 
@@ -148,6 +158,7 @@ CIRCLE = Border(
     apart=_chord,
     center=1.0,
     accuracy=1e-7,
+    fold_distance=0.1,
 )
 """The unit circle, for the multipliers of orbits."""
 
@@ -400,10 +411,15 @@ class Bifurcations(Generic[P]):
         self._end = last_point, search.spectrum(length)
         # A real eigenvalue that passes the border at a fold, and beyond the border elsewhere in the
         # step, has no crossing between the ends.
-        folds = [each.place for each in found if each.kind == FOLD]
-        hidden = any(not any(c.begin <= s <= c.end for c in crossings) for s in folds)
+        hidden = [
+            each
+            for each in found
+            if each.kind == FOLD and not any(c.begin <= each.place <= c.end for c in crossings)
+        ]
+        rounding = [f for f in hidden if self._border.is_remote(search.spectrum(f.place))]
+        found = [each for each in found if each not in rounding]
         missing = [] if continuum else unexplained(crossings, [place for place, *_ in found])
-        if (hidden or missing) and not short:
+        if (len(hidden) > len(rounding) or missing) and not short:
             raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
         for each in missing:
             place = 0.5 * (each.begin + each.end)

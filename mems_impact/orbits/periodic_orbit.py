@@ -19,11 +19,14 @@ from mems_impact.orbits.shooting import (
     TOUCHING_RATE,
     Shooting,
     ShootingEvaluation,
+    normal_basis,
     without_flow_direction,
 )
 from mems_impact.orbits.signature import Segment
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
+MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14
+MIN_PIECE_RATIO = 2.0**-12  # shortest piece of an arc of larger growth, relative to the arc
 
 
 @dataclass(frozen=True)
@@ -190,7 +193,51 @@ def reduced_monodromy(
     matrix = matrix[np.ix_(keep, keep)]
     if shooting.phase is None or not keep:
         return matrix
-    return without_flow_direction(matrix, point.arcs[0].slope_start[shooting.free][keep])
+    flow = point.arcs[0].slope_start[shooting.free][keep]
+    if first is None and any(np.abs(arc.by_state).max() > MAX_GROWTH for arc in point.arcs):
+        return _transverse_monodromy(shooting, point, keep, flow)
+    return without_flow_direction(matrix, flow)
+
+
+def _transverse_monodromy(
+    shooting: Shooting, point: ShootingEvaluation, keep: list[int], flow: Floats
+) -> Floats:
+    """Return the monodromy matrix on the plane normal to the flow, from pieces of the arcs.
+
+    Perturbations grow along a canard or past a saddle, and leave a large shift along the flow, in
+    which the others are lost to rounding. Without the shift at the end of each piece they are not.
+    """
+    known = vars(point).setdefault("_transverse", {})
+    if not known:
+        free, variational = shooting.free, shooting.variational(point.parameter_point)
+        across = normal_basis(flow)
+        columns = np.zeros((len(free), across.shape[1]))
+        columns[keep] = across
+        for c, factors in shooting.pinned.items():
+            columns[c] -= np.array(factors) @ columns
+        states, _ = shooting.unpack(point.unknowns)
+        for i, segment in enumerate(shooting.segments):
+            y, t, rest = states[i], float(point.starts[i]), [float(point.ends[i])]
+            smallest = MIN_PIECE_RATIO * (rest[0] - t)
+            while rest:
+                arc = variational.arc(segment.mode, y, t, rest[-1])
+                if np.abs(arc.by_state).max() > MAX_GROWTH and rest[-1] - t > smallest:
+                    rest.append(0.5 * (t + rest[-1]))
+                    continue
+                y, t = arc.end, rest.pop()
+                columns = _without(arc.slope_end[free], arc.by_state[free] @ columns)
+            if point.events[i] is not None:
+                before = np.zeros((shooting.n, columns.shape[1]))
+                before[free] = columns
+                after = point.arcs[(i + 1) % len(point.arcs)].slope_start
+                columns = _without(after[free], shooting.after_event(i, point, before)[free])
+        known["matrix"] = across.T @ columns[keep]
+    return np.asarray(known["matrix"])
+
+
+def _without(flow: Floats, columns: Floats) -> Floats:
+    """Return perturbations without their components along the flow."""
+    return np.asarray(columns - np.outer(flow, flow @ columns) / (flow @ flow))
 
 
 def reduced_components(

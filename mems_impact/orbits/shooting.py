@@ -153,8 +153,13 @@ def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
     In an orthonormal basis whose first vector is the flow, an eigenvector, the matrix is block
     triangular; the second diagonal block has all other multipliers.
     """
-    basis = np.linalg.qr(flow[:, None], mode="complete")[0][:, 1:]
+    basis = normal_basis(flow)
     return np.asarray(basis.T @ matrix @ basis)
+
+
+def normal_basis(flow: Floats) -> Floats:
+    """Return an orthonormal basis of the plane normal to the flow, as columns."""
+    return np.asarray(np.linalg.qr(flow[:, None], mode="complete")[0][:, 1:])
 
 
 # --- Shooting equations of a periodic orbit
@@ -468,25 +473,27 @@ class Shooting:
     def _monodromy(self, point: ShootingEvaluation, first: int | None) -> Floats:
         free = self.free
         total: Floats = np.eye(len(free))
-        for i, segment in enumerate(self.segments[:first]):
-            arc, event = point.arcs[i], point.events[i]
-            moved = arc.by_state  # (n, f)
-            if event is not None:
-                jump = event.jump_by_state
-                saltation = jump
-                guard = segment.guard(self.m)
-                if guard != NONE:
-                    gradient = event.margin_by_state[guard]
-                    rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
-                    rate = np.copysign(max(abs(rate), MIN_MARGIN_RATE), rate)
-                    saltation = jump + np.outer(self.kick(i, point), gradient) / rate
-                moved = saltation @ moved
+        for i in range(len(self.segments[:first])):
+            moved = self.after_event(i, point, point.arcs[i].by_state)  # (n, f)
             total = moved[free] @ total
         for c, factors in self.pinned.items():
             others = np.array(factors)
             others[c] = 0.0
             total = total - np.outer(total[:, c], others)
         return total
+
+    def after_event(self, i: int, point: ShootingEvaluation, before: Floats) -> Floats:
+        """Return perturbations after the event of segment `i` from those before, shape (n, any)."""
+        event, guard = point.events[i], self.segments[i].guard(self.m)
+        if event is None:
+            return before
+        saltation = event.jump_by_state
+        if guard != NONE:
+            gradient = event.margin_by_state[guard]
+            rate = float(gradient @ point.arcs[i].slope_end + event.margin_by_time[guard])
+            rate = np.copysign(max(abs(rate), MIN_MARGIN_RATE), rate)
+            saltation = saltation + np.outer(self.kick(i, point), gradient) / rate
+        return np.asarray(saltation @ before)
 
     def kick(self, i: int, point: ShootingEvaluation) -> Floats:
         """Return f_after - DR f_before - R_t at the event of segment `i`.

@@ -7,7 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mems_impact as mi
-from mems_impact.continuation.homoclinic import cycles_beside, homoclinic_value, saddle_quantity
+from mems_impact.continuation.homoclinic import (
+    cycles_beside,
+    homoclinic_value,
+    saddle_quantity,
+    slow_passage,
+)
 
 STEPS = mi.StepControl(largest=0.2)
 
@@ -222,3 +227,22 @@ def test_the_parameter_is_extrapolated_to_an_infinite_period():
     found, error = homoclinic_value(values, periods, 0.8)
     assert found == pytest.approx(1.25, abs=1e-12)
     assert error < 1e-12
+
+
+def spike(mode, t, y, p):
+    """As `circle`, with a turn that is up to 400 times as fast far from the bottleneck."""
+    x, v = y.x, y.y
+    inside, turn = 1.0 - x * x - v * v, (p.m - x) * (1.0 + 100.0 * (1.0 - x) ** 2)
+    return x * inside - v * turn, v * inside + x * turn
+
+
+def test_a_bottleneck_between_spikes_that_no_sample_shows():
+    system = mi.System(states=("x", "y"), flow=spike, parameters={"m": 1.2}, initial={"x": 1.0})
+    cycles = [
+        mi.find_orbit(system.changed(m=1.0 + slow), transient=20.0).found
+        for slow in (0.2, 2e-2, 2e-3, 2e-4, 2e-5)
+    ]
+    passage = slow_passage(cycles)
+    assert passage is not None
+    assert passage.state == pytest.approx([1.0, 0.0], abs=0.05)
+    assert passage.passages == 1
