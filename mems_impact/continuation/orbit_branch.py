@@ -173,6 +173,8 @@ COINCIDENT = 1e-7  # distance on the branch below which two losses count as one
 COMMON_CAUSE_DISTANCE = 1e-5  # distance on the branch below which losses share one cause
 MULTIPLIER_JUMP = 1e-3  # least relative change of a multiplier at a corner of the branch
 MULTIPLIER_NOISE = 1e-8  # error of multipliers
+MARGIN_ROUNDING = 1e-8  # margin at an equilibrium on a guard, relative to the largest of the cycle
+BEYOND_BOUNDS = "the period grows beyond bounds"
 HALF_PERIOD = "the orbit of half the period, from which this branch bifurcates"
 
 
@@ -393,7 +395,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if located.reason:
             self.record(lost.orbit.point, lost.direction)
             return located.reason
-        ended = self._end_of_rest(lost)
+        ended = self._end_at_equilibrium(lost) or self._end_of_rest(lost)
         if ended:
             return ended
         joined, reason = self._change_signature(lost)
@@ -431,7 +433,25 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Return the reason for an end at an orbit; empty if the branch continues."""
         if has_large_error_growth(point):
             self.stalled()
-        return "the period grows beyond bounds" if self.branch.passage is not None else ""
+        return BEYOND_BOUNDS if self.branch.passage is not None else ""
+
+    def _end_at_equilibrium(self, lost: BranchEvent) -> str:
+        """Return the reason for an end where a cycle reaches a guard at an equilibrium; else empty.
+
+        Near the equilibrium the rate of the guard is rounding, as the flow is.
+        """
+        orbit = lost.orbit
+        passage = slow_passage([*(point.orbit for point in self.branch.points), orbit])
+        if passage is None:
+            return ""
+        variational = orbit.shooting.variational(orbit.point.parameter_point)
+        margins, _ = variational.margins(passage.mode, 0.0, passage.state)
+        sizes = np.abs([arc.margins for arc in orbit.point.arcs]).max(axis=(0, 1))
+        if not (np.abs(margins) < MARGIN_ROUNDING * sizes).any():
+            return ""
+        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not lost]
+        self.branch.passage = passage
+        return BEYOND_BOUNDS
 
     def stalled(self) -> None:
         """Record the slow passage of the last limit cycle, if its period grows beyond bounds."""

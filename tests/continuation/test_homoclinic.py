@@ -246,3 +246,47 @@ def test_a_bottleneck_between_spikes_that_no_sample_shows():
     assert passage is not None
     assert passage.state == pytest.approx([1.0, 0.0], abs=0.05)
     assert passage.passages == 1
+
+
+HIGH, LOW = mi.modes("high", "low")
+
+
+def lagged(mode, t, y, p):
+    return (1.0 if mode == HIGH else -1.0) - y.x, y.x - 3.0 * y.z
+
+
+def below_upper(mode, t, y, p):
+    return p.h - y.x
+
+
+def above_lower(mode, t, y, p):
+    return y.x + p.h
+
+
+def to_low(mode, t, y, p):
+    return LOW, (y.x, y.z)
+
+
+def to_high(mode, t, y, p):
+    return HIGH, (y.x, y.z)
+
+
+def test_a_cycle_whose_thresholds_move_to_its_equilibria():
+    """The period 2 log((1 + h)/(1 - h)) is infinite at h = 1; there is no grazing."""
+    relay = mi.System(
+        states=("x", "z"),
+        flow=lagged,
+        parameters={"h": 0.5},
+        guards=[
+            mi.Guard("upper", below_upper, to_low, modes=(HIGH,)),
+            mi.Guard("lower", above_lower, to_high, modes=(LOW,)),
+        ],
+    )
+    branch = mi.continue_orbit(mi.find_orbit(relay), "h", stop=2.0, steps=STEPS)
+    assert branch.ended.startswith("the period grows beyond bounds")
+    assert branch.special_points == ()
+    table = branch.table[branch.table["h"] < 0.999]
+    h = table["h"].to_numpy()
+    exact = 2.0 * np.log((1.0 + h) / (1.0 - h))
+    assert table["period"].to_numpy() == pytest.approx(exact, rel=1e-8)
+    assert branch.table["h"].is_monotonic_increasing
