@@ -768,6 +768,7 @@ def conversion(systems: Sequence[HybridSystem]) -> Conversion:
         return first.out
 
     def out(heading: str, value: Any) -> Any:
-        return value * np.array([system.factor(heading) for system in systems])
+        unit = unit_of(heading, first.units)
+        return value * np.array([system.scales.factors.get(unit, 1.0) for system in systems])
 
     return out
