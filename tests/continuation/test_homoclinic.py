@@ -32,10 +32,10 @@ def van_der_pol(mode, t, y, p):
     return y.y, p.m * (1.0 - y.x * y.x) * y.y - y.x
 
 
-def followed(flow, start, m, stop, transient, options=None):
+def followed(flow, start, m, stop, transient, options=None, steps=STEPS):
     system = mi.System(states=("x", "y"), flow=flow, parameters={"m": m}, initial={"x": start})
     cycle = mi.find_orbit(system, transient=transient, options=options)
-    return mi.continue_orbit(cycle, "m", stop, steps=STEPS)
+    return mi.continue_orbit(cycle, "m", stop, steps=steps)
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_slow_relaxation_is_not_taken_for_it():
 def test_a_cycle_on_which_two_equilibria_are_about_to_be_born():
     # Its last periods are 700 times the first, and hardly anything moves in most of them.
     options = mi.Options(method="bdf", rtol=1e-10, atol=1e-12)
-    branch = followed(circle, 1.0, 1.5, 0.5, 50.0, options)
+    branch = followed(circle, 1.0, 1.5, 0.5, 50.0, options, mi.StepControl(largest=1.0))
     assert "beyond bounds" in branch.ended
     assert "saddle-node of equilibria" in branch.ended
     table = branch.table[branch.table["m"] > 1.001]
