@@ -6,6 +6,8 @@ orders of magnitude, since its fill grows with the number of segments only.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mems_impact._util.arrays import Floats
@@ -18,7 +20,7 @@ SPARSE_SIZE = 64  # least size of a matrix that is factorized sparsely
 BORDERED_SIZE = 12
 MAX_DENSITY = 0.2  # largest part of nonzeros of such a matrix
 INVERSE_ITERATIONS = 4  # for a smallest singular value
-MAX_BORDERED_NORM = 1e6  # of the null vector in units of a border that is almost normal to it
+MAX_BORDERED_NORM = 1.01  # of the null vector in units of a unit border that is nearly parallel
 
 
 class SparseFactorization:
@@ -98,25 +100,20 @@ def solve_linear(matrix: Floats, right: Floats) -> Floats:
 def null_vector(matrix: Floats) -> Floats:
     """Return a unit null vector of a matrix with one row less than columns, of arbitrary sign."""
     if len(matrix) >= BORDERED_SIZE:
-        border = np.zeros(matrix.shape[1])
-        border[-1] = 1.0
-        # The null vector is the better border: the bordered matrix is then as regular as can be.
+        border = last = np.eye(matrix.shape[1])[-1]
+        # Where the border is almost normal to the null vector, the solution is long, and all the
+        # more parallel to it. It is the better border: the matrix is then as regular as can be.
         for _ in range(2):
-            found = _bordered_null_vector(matrix, border)
-            if found is None:
+            try:
+                found = solve_linear(np.vstack([matrix, border]), last)
+            except np.linalg.LinAlgError:
                 break
-            border = found
+            size = float(np.linalg.norm(found))
+            if not math.isfinite(size):
+                break
+            border = found / size
         else:
-            return border
+            if size < MAX_BORDERED_NORM:
+                return border
     # The last right singular vector
     return np.asarray(np.linalg.svd(matrix)[2][-1])
-
-
-def _bordered_null_vector(matrix: Floats, border: Floats) -> Floats | None:
-    """Return the unit null vector by a solve with a border; None if that is ill-conditioned."""
-    try:
-        found = solve_linear(np.vstack([matrix, border]), np.eye(border.size)[-1])
-    except np.linalg.LinAlgError:
-        return None
-    size = float(np.linalg.norm(found))
-    return np.asarray(found / size) if size < MAX_BORDERED_NORM else None

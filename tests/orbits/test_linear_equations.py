@@ -57,6 +57,16 @@ def test_null_vector(last, segments):
     assert abs(found @ vector) == pytest.approx(1.0, abs=1e-12)
 
 
+def test_a_null_vector_almost_without_its_last_component(monkeypatch):
+    """As that of a long orbit, whose parameter is small: a singular value decomposition is slow."""
+    matrix = cyclic(20)
+    column = np.arange(1.0, len(matrix) + 1.0)[:, None]
+    vector = np.append(np.linalg.solve(matrix, -column), 1e-10)
+    monkeypatch.delattr(np.linalg, "svd")
+    found = null_vector(np.hstack([matrix, 1e10 * column]))
+    assert abs(found @ vector) == pytest.approx(np.linalg.norm(vector), rel=1e-12)
+
+
 def test_a_singular_matrix():
     matrix = np.eye(SPARSE_SIZE)
     matrix[3, 3] = 0.0
