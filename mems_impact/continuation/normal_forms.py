@@ -36,6 +36,7 @@ from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
 
+ENTRY_ERROR = 1e-12  # relative error of an entry of a derivative
 SIGNIFICANCE = 3.0  # multiple of its error that a coefficient must exceed to have a sign
 
 # --- The return map of an orbit.
@@ -188,7 +189,8 @@ class NormalForm:
     criticality : str
         "supercritical" if the orbit, curve or cycle that bifurcates is stable on the center
         manifold, "subcritical" if it is unstable; empty for a fold or a transcritical branch point,
-        or if the coefficient is zero within three times its error.
+        if the coefficient is zero within three times its error, or if the critical eigenvalue is
+        double, as without damping.
 
     See Also
     --------
@@ -229,11 +231,15 @@ class NormalForm:
 
 
 class _Critical(NamedTuple):
-    """A critical eigenvalue with its right and left eigenvectors, ``conj(p) q = 1``."""
+    """A critical eigenvalue with its right and left eigenvectors, ``conj(p) q = 1``.
+
+    The relative error of the left one is at least one for an eigenvalue that is not simple.
+    """
 
     value: complex
     right: Complexes
     left: Complexes
+    error: float
 
 
 def _critical(matrix: Floats, target: complex) -> _Critical:
@@ -241,17 +247,26 @@ def _critical(matrix: Floats, target: complex) -> _Critical:
     values, left, right = eig(matrix, left=True)
     i = int(np.argmin(np.abs(values - target)))
     q = right[:, i] / np.linalg.norm(right[:, i])
-    p = left[:, i] / np.conj(np.conj(left[:, i]) @ q)
-    return _Critical(complex(values[i]), q, p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = left[:, i] / np.conj(np.conj(left[:, i]) @ q)
+        moved = ENTRY_ERROR * float(np.abs(p) @ np.abs(matrix) @ np.abs(q))
+        apart = np.abs(np.delete(values, i) - values[i]).min(initial=np.inf)
+        error = (moved + abs(values[i] - target)) / apart
+    return _Critical(
+        complex(values[i]), q, p, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
+    )
 
 
-def _real(matrix: Floats, target: float) -> tuple[Floats, Floats]:
-    """Return the right and left eigenvectors of a real eigenvalue, the largest entry positive."""
+def _real(matrix: Floats, target: float) -> tuple[Floats, Floats, float]:
+    """Return the right and left eigenvectors of a real eigenvalue, and the error of the left one.
+
+    The largest entry of the right one is positive.
+    """
     found = _critical(matrix, target)
     phase = found.right[np.argmax(np.abs(found.right))]
     turn = np.conj(phase) / abs(phase)
     q = (found.right * turn).real
-    return q, (found.left * turn).real
+    return q, (found.left * turn).real, found.error
 
 
 def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
@@ -267,7 +282,7 @@ def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: floa
 
     `matrix` has the eigenvalue `target`: 1 for a map, 0 for a flow.
     """
-    q, p = _real(matrix, target)
+    q, p, _ = _real(matrix, target)
     along = directional_derivatives(system, q, size)
     a, error = 0.5 * float(p @ along.second @ q), 0.5 * _gain(p) * along.second_error
     equation = "x -> x + a x^2" if target == 1.0 else "x' = a x^2"
@@ -279,13 +294,14 @@ def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: flo
 
     ``h`` solves (mu - A) h = B(q, q) on the complement of q. Supercritical if c is negative.
     """
-    q, p = _real(matrix, target)
+    q, p, relative = _real(matrix, target)
     along = directional_derivatives(system, q, size)
     b = along.second @ q
     b = b - q * float(p @ b)
     h = _bordered(target * np.eye(q.size) - matrix, q, p, b)
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
+    error += abs(c) * relative
     equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
     return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(c, error))
 
@@ -306,11 +322,12 @@ def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalFor
     c = <p, C(q, q, q) + 3 B(q, h)> / 6 with (1 - A) h = B(q, q). Supercritical if c is positive:
     the orbit of twice the period is stable on the center manifold.
     """
-    q, p = _real(matrix, -1.0)
+    q, p, relative = _real(matrix, -1.0)
     along = directional_derivatives(system, q, size)
     h = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q)
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
+    error += abs(c) * relative
     return NormalForm("x -> -x + c x^3", {"c": c}, {"c": error}, criticality_of(-c, error))
 
 
