@@ -134,8 +134,9 @@ def main_group() -> None:
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5
 
     DEVICE is the name of a preset ("mems-impact devices" lists them) or the path of a TOML file.
-    Numbers are in the units of the device: SI, with the units in brackets, or dimensionless.
-    Durations are counted in forcing periods.
+    Quantities are in the units of the device: SI, with the units in brackets, or dimensionless; for
+    a device in SI they may have another unit, as '0.6 kHz'. Durations are counted in forcing
+    periods.
     """  # noqa: D301 - click looks for the backspace itself
 
 

@@ -99,7 +99,7 @@ class QuantityType(click.ParamType):
     Without a unit, texts stay texts, for parameters known later.
     """
 
-    name = "float"
+    name = "quantity"  # in help
 
     def __init__(self, unit: str | None = None) -> None:
         self.unit = unit
@@ -119,7 +119,7 @@ class QuantityType(click.ParamType):
         except QuantityError as error:
             self.fail(f"{value!r} must be {error}", param, ctx)
         except ValueError:
-            self.fail(f"{value!r} is not a valid float.", param, ctx)
+            self.fail(f"{value!r} must be a number, or a number with a unit", param, ctx)
 
     def _of_drive(self, value: str) -> str:
         """Return the text of a voltage, or of a charge: the device determines which."""
@@ -552,7 +552,7 @@ USUAL_KIND = "sine"
 
 # Options can describe a waveform whose parameters are all among these; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
-    "amplitude": ("Amplitude f of the voltage; top of a square wave, pulse or step [V].", None),
+    "amplitude": ("Amplitude of the voltage; top of a square wave, pulse or step [V].", None),
     "omega": ("Angular frequency of the voltage [rad/s].", None),
     "frequency": ("Frequency of the voltage, omega/(2 pi) [Hz].", None),
     "bias": ("Constant part of a sine or trapezoid [V].", "0"),

@@ -63,7 +63,11 @@ def command(
     low = {name: bounds[0] for name, bounds in over.items()}
     drive = drive_from(low, usual=KIND) if any(given.values()) else None
     if drive is not None and not isinstance(drive, mi.PulseAndHold):
-        raise click.UsageError(f"--drive {drive_choice(KIND)}: must be {KIND}, or a file with one")
+        chosen = drive_choice(KIND)
+        if chosen == device:
+            problem = f"has a table [drive] of another kind; add --drive {KIND}"
+            raise click.UsageError(f"{device} {problem}")
+        raise click.UsageError(f"--drive {chosen}: must be {KIND}, or a file with one")
     with output("soft-landing") as files:
         found = mi.soft_landing(actuator, drive, over=over or None, options=options)
         files.tables({"history": found.history, "impacts": found.closing.table})

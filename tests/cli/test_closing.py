@@ -53,3 +53,10 @@ def test_soft_landing_is_that_of_python(cli, tmp_path):
 )  # fmt: skip
 def test_wrong_options(cli, arguments, message):
     assert message in cli(*arguments).complaint()
+
+
+def test_a_landing_of_a_device_whose_file_has_another_voltage(cli):
+    cli("new", "device", "mine.toml")  # with a sine
+    done = cli("soft-landing", "mine.toml", "--amplitude", "40 V")
+    assert done.status == 2
+    assert "mine.toml has a table [drive] of another kind; add --drive pulse-and-hold" in done.err
