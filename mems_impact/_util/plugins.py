@@ -20,10 +20,10 @@ from mems_impact._util.formatting import shown
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import PluginWarning
 
-__all__ = ["COMMAND_GROUP", "DRIVES", "SYSTEMS", "TERM_GROUP", "names", "plugin"]
+__all__ = ["COMMAND_GROUP", "DRIVE_GROUP", "SYSTEM_GROUP", "TERM_GROUP", "names", "plugin"]
 
-SYSTEMS = "mems_impact.systems"
-DRIVES = "mems_impact.drives"
+SYSTEM_GROUP = "mems_impact.systems"
+DRIVE_GROUP = "mems_impact.drives"
 TERM_GROUP = "mems_impact.terms"
 COMMAND_GROUP = "mems_impact.commands"
 

@@ -99,9 +99,9 @@ class Checked(BaseModel, metaclass=_Kind):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     # `self` is positional-only so that even an unknown parameter called "self" is reported.
-    def __init__(self, /, *places: Any, **values: Any) -> None:
-        if places:
-            raise _unnamed(type(self), places, values)
+    def __init__(self, /, *positional: Any, **values: Any) -> None:
+        if positional:
+            raise _unnamed(type(self), positional, values)
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -210,10 +210,12 @@ class Checked(BaseModel, metaclass=_Kind):
     __replace__ = replace
 
 
-def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, Any]) -> TypeError:
+def _unnamed(
+    kind: type[Checked], positional: tuple[Any, ...], values: Mapping[str, Any]
+) -> TypeError:
     """Return the error about positional values, with an example of keywords."""
     names = [name for name in kind.model_fields if name not in values]
-    given = dict(zip(names, places, strict=False)) if len(places) <= len(names) else {}
+    given = dict(zip(names, positional, strict=False)) if len(positional) <= len(names) else {}
     call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
     example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
     return TypeError(f"{kind.__name__} takes its parameters by name: {example}")

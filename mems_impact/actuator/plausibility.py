@@ -30,11 +30,11 @@ class Range(NamedTuple):
 
 # More than a factor 10 wider than the range of published devices, on either side.
 MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
-ELECTRODE_AREA = Range(1e-7, 1e-4, 1e-1)  # of electrodes
+ELECTRODE_LENGTH = Range(1e-7, 1e-4, 1e-1)
 STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
 CAPACITANCE = Range(1e-19, 1e-12, 1e-6)
 SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)
-DEVICE = {
+DEVICE_RANGES = {
     "m1": MASS,
     "m2": MASS,
     "k": STIFFNESS,
@@ -60,16 +60,16 @@ TERM_RANGES = {
     "dielectric_charging.time": Range(1e-8, 1.0, 1e9),
     "frame_load.force": FORCE,
     "frame_spring.k1": STIFFNESS,
-    "fringing.width": ELECTRODE_AREA,
-    "fringing.length": ELECTRODE_AREA,
+    "fringing.width": ELECTRODE_LENGTH,
+    "fringing.length": ELECTRODE_LENGTH,
     "power_law_restitution.speed": SPEED,
     "regularized_friction.width": SPEED,
     "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
     "series_resistance.parasitic": CAPACITANCE,
     "series_resistance.current_limit": Range(1e-15, 1e-6, 10.0),
     "slew_rate.rate": Range(1e-6, 1e5, 1e12),
-    "squeeze_film.length": ELECTRODE_AREA,
-    "squeeze_film.width": ELECTRODE_AREA,
+    "squeeze_film.length": ELECTRODE_LENGTH,
+    "squeeze_film.width": ELECTRODE_LENGTH,
     "squeeze_film.pressure": Range(1e-4, 1e5, 1e8),
     "squeeze_film.viscosity": Range(1e-7, 2e-5, 1e-2),
     "squeeze_film.free_path_pressure": Range(1e-4, 7e-3, 1.0),
@@ -82,13 +82,13 @@ TERM_RANGES = {
     "tabulated_spring.forces": FORCE,
     "tilt.angle": Range(0.0, 0.05, 0.8),
     "tilted_plate.angle": Range(0.0, 0.01, 0.8),
-    "tilted_plate.length": ELECTRODE_AREA,
+    "tilted_plate.length": ELECTRODE_LENGTH,
 }
 """Ranges of the parameters of terms."""
 
 VOLTAGE, CHARGE = Range(0.0, 30.0, 1e4), Range(1e-19, 1e-12, 1e-7)
 PERIOD = Range(1e-8, 1e-3, 300.0)
-TARGETS = {
+TARGET_RANGES = {
     "m": Range(1e-13, 1e-7, 1e-3),
     "m/s": Range(1e-13, 1e-4, 100.0),
     "V": Range(1e-3, 30.0, 1e4),
@@ -121,7 +121,7 @@ def check_plausible_device(actuator: Device) -> None:
     """Warn once of parameters that seem to be given in other units."""
     if actuator.units != "SI":
         return
-    for name, within in DEVICE.items():
+    for name, within in DEVICE_RANGES.items():
         value, unit = getattr(actuator, name), PARAMETER_UNITS.get(name, "")
         named = f"{OF_PARAMETER[name]} {name}"  # as in a data sheet and in the paper
         if name == "alpha" and value > within.high:
@@ -223,8 +223,8 @@ def check_plausible_target(actuator: Device, quantity: str, value: float, unit: 
     """Warn once of a measured number that seems to be given in another unit."""
     if actuator.units != "SI":
         return
-    if unit in TARGETS:
-        _check(quantity, value, unit, TARGETS[unit])
+    if unit in TARGET_RANGES:
+        _check(quantity, value, unit, TARGET_RANGES[unit])
     if quantity == "resonance" and value > 0.0:
         own = math.sqrt(actuator.k / actuator.m2)
         turned = 2.0 * math.pi * value

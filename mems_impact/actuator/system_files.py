@@ -99,7 +99,7 @@ def is_system_name(name: str) -> bool:
 
 def system_names() -> tuple[str, ...]:
     """Return the names of the systems of plugins."""
-    return plugins.names(plugins.SYSTEMS)
+    return plugins.names(plugins.SYSTEM_GROUP)
 
 
 def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSystem:
@@ -116,7 +116,9 @@ def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSyst
 
 
 def _plugin_system(name: str) -> HybridSystem:
-    found = plugins.plugin(plugins.SYSTEMS, name, _is_system_or_function, "a System or a function")
+    found = plugins.plugin(
+        plugins.SYSTEM_GROUP, name, _is_system_or_function, "a System or a function"
+    )
     if found is None:
         known = ", ".join(system_names())
         raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {FORM}")

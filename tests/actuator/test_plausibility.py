@@ -54,7 +54,7 @@ def test_a_wrong_gap_is_not_reported_as_a_wrong_electrode_too():
     del sheet["electrode_area"], sheet["capacitance"], sheet["electrode_constant"]
     del sheet["release"]
     device = mi.Actuator.from_design(**sheet)
-    assert device.alpha > plausibility.DEVICE["alpha"].high
+    assert device.alpha > plausibility.DEVICE_RANGES["alpha"].high
     (found,) = told(lambda: device.under(DRIVE))
     assert found.startswith("gap d = 5 m")
 

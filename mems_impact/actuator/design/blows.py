@@ -25,10 +25,11 @@ class BlowStatistics(SummaryRepr):
     per_period : float
         Blows per forcing period.
     displacement_per_blow : float
-        Displacement of the frame over the window divided by the number of blows; 0 without
+        Displacement of the frame over the window divided by the number of blows, with the slip
+        between blows, which the column "displacement" of `Run.blows` excludes; 0 without
         displacement and blows, NaN if the frame slips without blows.
     displacement_std : float
-        Population standard deviation of the displacements of single blows; NaN without blows.
+        Population standard deviation of that column; NaN without blows.
     si : bool
         Whether these are in SI, those of a device that is.
 

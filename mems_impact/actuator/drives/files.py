@@ -133,7 +133,7 @@ def holds_drive(name_or_path: str) -> bool:
 
 def drive_kinds() -> tuple[str, ...]:
     """Return the kinds of waveforms, those of plugins last."""
-    return plugins.names(plugins.DRIVES, WAVEFORMS)
+    return plugins.names(plugins.DRIVE_GROUP, WAVEFORMS)
 
 
 def drive_of_kind(kind: str) -> type[Drive]:
@@ -144,7 +144,7 @@ def drive_of_kind(kind: str) -> type[Drive]:
         return own
     added: type[Drive] | None = None
     if isinstance(kind, str):
-        added = plugins.plugin(plugins.DRIVES, kind, _is_drive, "a subclass of Drive")
+        added = plugins.plugin(plugins.DRIVE_GROUP, kind, _is_drive, "a subclass of Drive")
     if added is None:
         raise InvalidParameter("kind", kind, f"one of {', '.join(drive_kinds())}")
     return added
