@@ -326,16 +326,13 @@ def _followed(
         ) -> None:
             """Follow some points further, and replace those that become periodic."""
             later = continued(mapper, chosen, transient)
-            attractors = classifier.attractors(chosen, later, without)
-            for i, outcome, after in zip(chosen, later.outcome, attractors, strict=True):
-                if outcome == detection.PERIODIC:
-                    each = found[i]
-                    found[i] = replace(
-                        after,
-                        returns=each.returns + after.returns,
-                        exponent=each.exponent,
-                        error=each.error,
-                    )
+            rows = np.flatnonzero(later.outcome == detection.PERIODIC).tolist()
+            periodic = [chosen[row] for row in rows]
+            attractors = classifier.attractors(periodic, later.take(rows), without)
+            for i, after in zip(periodic, attractors, strict=True):
+                each = found[i]
+                returns = each.returns + after.returns
+                found[i] = replace(after, returns=returns, exponent=each.exponent, error=each.error)
 
         approaching, lasting = [], []
         for i, ((case, at, _), each) in enumerate(zip(batch, found, strict=True)):
@@ -408,6 +405,8 @@ class _Classifier:
         exponent_periods: int = EXPONENT_PERIODS,
     ) -> list[Attractor]:
         """Return the attractors of chosen points, whose results are `settled`."""
+        if len(chosen) == 0:
+            return []
         system, names = self._system, self._system.states
         systems = [self._batch[i][0].system for i in chosen]
         periods = np.array([self._batch[i][1].period for i in chosen])

@@ -203,6 +203,16 @@ class RecurrenceColumns:
     marks: dict[str, Floats]
     visited: Floats
 
+    def take(self, points: Sequence[int]) -> RecurrenceColumns:
+        """Return the columns of some points."""
+        taken: dict[str, Any] = {
+            name: {key: column[points] for key, column in each.items()}
+            if isinstance(each, dict)
+            else each[points]
+            for name, each in vars(self).items()
+        }
+        return RecurrenceColumns(**taken)
+
     def final(self, i: int) -> HybridState:
         """Return the last state of point `i`."""
         return HybridState(int(self.cycle[i]), float(self.time[i]), int(self.mode[i]), self.y[i])
