@@ -60,7 +60,7 @@ def names(directory):
     ("arguments", "files"),
     [
         pytest.param(SIMULATE, [*TABLES, "simulate.png"], marks=pytest.mark.slow),
-        (SWEEP, ["sweep-summary.csv", "sweep-table.csv", "sweep.png"]),
+        ([*SWEEP, "--no-figure"], ["sweep-summary.csv", "sweep-table.csv"]),
     ],
     ids=["simulate", "sweep"],
 )
