@@ -188,7 +188,7 @@ def deviations(
     found = {}
     for name, given in tolerances.items():
         if name not in names:
-            raise InvalidParameter("tolerances", name, f"of one of {', '.join(names)}")
+            raise InvalidParameter("tolerances", name, f"one of {', '.join(names)}")
         part, field = percentage(given), f"tolerance of {name}"
         if part is None:
             value = system.without_unit(name, given, field)

@@ -477,7 +477,7 @@ def _specification(
     found = {}
     for name, ends in given.items():
         if name not in known:
-            raise InvalidParameter("specification", name, f"of columns among {', '.join(known)}")
+            raise InvalidParameter("specification", name, f"one of the columns {', '.join(known)}")
         field, allowed = f"specification.{name}", "two numbers, low and high, or None for either"
         try:
             low, high = system.without_unit(name, ends, field)

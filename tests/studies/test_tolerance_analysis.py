@@ -136,7 +136,7 @@ def test_a_device_that_cannot_be_is_a_row():
         ({"samples": 100, "indices": True}, "such as 128"),
         ({"sampling": "halton"}, "one of sobol"),
         ({"seed": 0.5}, "seed = 0.5"),
-        ({"specification": {"speed": (0, 1)}}, "columns among"),
+        ({"specification": {"speed": (0, 1)}}, "one of the columns"),
         ({"specification": {STEP: (1, 0)}}, "low and high"),
         ({"specification": {STEP: 3}}, "low and high"),
         ({"recurrence": 3}, "a RecurrenceOptions"),
