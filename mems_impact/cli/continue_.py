@@ -139,6 +139,8 @@ def _tables(branch: mi.Branch, end: str = "") -> dict[str, pd.DataFrame]:
 
 
 def _show(branch: mi.Branch) -> None:
+    from mems_impact.continuation.sliding import TYPE_LABELS
+
     table = branch.table
     low, high = table.iloc[:, 0].min(), table.iloc[:, 0].max()
     unit = unit_of(table, table.columns[0])
@@ -152,8 +154,11 @@ def _show(branch: mi.Branch) -> None:
         )
     )
     width = max([3, *(len(special.label) + 1 for special in branch.special_points)])
-    for special in branch.special_points:
+    types = branch.special_table["type"]
+    for special, kind in zip(branch.special_points, types, strict=True):
         side = f" ({_side(special)})" if special.label == "G" else ""
+        if kind in TYPE_LABELS:  # by which the figure names it
+            side = f" ({TYPE_LABELS[kind]}: {kind})"
         name = "" if special.label == special.kind else f" {special.kind}"
         show(f"  {special.label:<{width}}{special.value:.12g}{unit}{name}{side}")
     show("")

@@ -128,7 +128,7 @@ def command(
         add_json_tables({"branches": _summary(diagram)})
         special = diagram.special_table
         show(f"{diagram.tree}\n")
-        few = special.reindex(columns=["label", "kind", parameter, "branch"]).head(
+        few = special.reindex(columns=["label", "kind", "type", parameter, "branch"]).head(
             SHOWN_SPECIAL_POINTS
         )
         few.attrs = special.attrs

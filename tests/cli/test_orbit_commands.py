@@ -36,6 +36,17 @@ def test_a_branch_that_stops_at_a_special_point(cli, tmp_path):
     assert list(pd.read_csv(tmp_path / "out" / "continue-points.csv")["label"]) == ["CF"]
 
 
+def test_a_sliding_bifurcation_has_the_label_of_the_figure(cli):
+    device = ["--frequency", "1.5kHz", "--quality", "20", "--proof-mass", "0.1mg"]
+    device += ["--frame-mass", "1.16mg", "--gap", "4um", "--travel", "2.2um", "--pull-in", "30V"]
+    device += ["--friction", "1.2,0.9", "--restitution", "0.6"]
+    assert cli("new", "device", "mine.toml", *device).status == 0
+    drive = ["--amplitude", "30V", "--start", "900", "--stop", "700", "--parameter", "frequency"]
+    done = cli("continue", "mine.toml", *drive, "--no-figure")
+    assert "break-away 788.593133" in done.out
+    assert "Hz (AS: adding-sliding)" in done.out
+
+
 def test_a_grazing_of_unknown_type_is_shown_with_the_reason(cli):
     device = ["continue", "zhao2004", "--set", "mu_d=1e-6", "--omega", "0.5", "--past-grazing"]
     done = cli(*device, "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24")
@@ -136,7 +147,7 @@ def test_a_long_label_is_apart_from_its_value(monkeypatch):
 
     branch = Branch(
         table=table, orbits=[SimpleNamespace(periods=1)], parameter="amplitude",
-        special_points=points, ended="here",
+        special_points=points, special_table=pd.DataFrame({"type": ["", ""]}), ended="here",
     )  # fmt: skip
     continue_._show(branch)
     assert "  slip end 51.8903259679 V" in lines
