@@ -527,8 +527,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         there. Elsewhere the test functions continue across the change of order, unless the field
         between the two events differs: then the multipliers jump.
         """
+        try:  # multipliers may change fast along the branch
+            there = solve(shooting, point.unknowns, np.array([met.value]))
+        except CONTINUATION_ERRORS:
+            there = point
         before = CIRCLE.spectrum(reduced_monodromy(met.orbit.shooting, earlier))
-        after = CIRCLE.spectrum(reduced_monodromy(shooting, point))
+        after = CIRCLE.spectrum(reduced_monodromy(shooting, there))
         passing = CIRCLE.crossed(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if met.direction[-1] * along[-1] < 0.0:

@@ -230,7 +230,7 @@ class Crossings:
         if sum(np.sign(after.growth[j]) for _, j in passing) == 0:
             return []
         middle, center = 0.5 * (begin + end), self._border.center
-        # Without damping, real values meet at the border and go on along it as a pair.
+        # Without damping, real values meet at the border and continue along it as a pair.
         values = (here if here.imag == 0.0 else there for here, there in ways)
         kinds = {(value.imag == 0.0, value.real >= center): value for value in values}
         return [

@@ -241,3 +241,32 @@ def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     branch = mi.continue_orbit(orbit, "A", stop=value * float(rng.uniform(0.3, 1.8)), steps=steps)
     assert branch.table.admissible.all()
     assert all(point.orbit.admissible for point in branch.special_points)
+
+
+def shifted_force(mode, t, y, p):
+    return y.v, p.A * math.cos(0.8 * t + p.phase) - y.x - 0.1 * y.v
+
+
+def gap(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (1.0, -0.8 * y.v)
+
+
+def test_an_impact_of_low_speed_passes_the_start_of_a_period():
+    """Near a grazing multipliers change fast; where the period begins is arbitrary."""
+    oscillator = mi.System(
+        states=("x", "v"),
+        flow=shifted_force,
+        period=2.0 * math.pi / 0.8,
+        parameters={"A": 0.6, "phase": 0.8 * 0.2715},
+        guards=[mi.Impact("stop", gap, rebound)],
+    )
+    branch = mi.continue_orbit(mi.find_orbit(oscillator, transient=100), "A", stop=0.36)
+    impacts = [orbit.impacts["t"].iloc[0] for orbit in branch.orbits if len(orbit.impacts)]
+    assert max(impacts) > 7.0 > 1.0 > min(impacts)
+    doubling, grazing = branch.special_points
+    assert (doubling.label, grazing.label) == ("PD", "G")
+    assert grazing.value == pytest.approx(math.hypot(1.0 - 0.8**2, 0.1 * 0.8), abs=1e-9)
