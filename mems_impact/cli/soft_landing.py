@@ -76,8 +76,8 @@ def command(
             name: OutputValue(found.drive.number(name), found.closing.run.system.unit(name))
             for name in found.drive.names
         }
-        shown["impact speed"] = OutputValue(found.speed, "m/s")
-        shown["impact speed under a step"] = OutputValue(found.step_speed, "m/s")
+        shown["largest impact speed"] = OutputValue(found.speed, "m/s")
+        shown["largest impact speed under a step"] = OutputValue(found.step_speed, "m/s")
         shown["ended"] = OutputValue(found.ended)
         show_values(shown, named=found.si)
         show("\nClosing:")
