@@ -218,7 +218,8 @@ def find_equilibria(
         found += [Equilibrium(system=system, found=state) for state in here]
     if not found:
         reason = "no equilibrium was found" if failed is None else failed.reason
-        raise OrbitError(reason, 'give another guess, or bounds={"x": (low, high)} for the search')
+        argument = f"bounds={{{system.states[0]!r}: (low, high)}}"
+        raise OrbitError(reason, f"give another guess, or {argument} for the search")
     return tuple(found)
 
 

@@ -370,3 +370,9 @@ def test_an_equilibrium_that_stays_on_a_boundary_does_not_cross_it():
     assert branch.ended == "a reached its bound"
     assert not branch.special_points
     assert all(each.boundaries == ("side",) for each in branch.equilibria)
+
+
+def test_without_equilibria_the_message_names_a_state_of_the_system():
+    driven = mi.System(states=("th",), flow=lambda mode, t, y, p: (1.0 + y.th**2,))
+    with pytest.raises(mi.OrbitError, match=r"bounds=\{'th': \(low, high\)\}"):
+        mi.find_equilibria(driven)
