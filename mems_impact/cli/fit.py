@@ -111,7 +111,8 @@ def command(
         add_json_values(
             {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
         )
-        show(filled(f"{found.verdict}: {found.note}") + "\n")
+        if found.verdict == "good":  # a warning tells any other verdict
+            show(filled(f"{found.verdict}: {found.note}") + "\n")
         show_table("parameters", found.parameters, digits=6)
         show_table("residuals", found.residuals, digits=6)
         names = map(parameter_named, free)

@@ -67,7 +67,7 @@ def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
 def test_a_misfit_is_a_failure(cli, tmp_path):
     done = cli("fit", "mita2003", "--free", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
     assert done.status == 1
-    assert done.out.startswith("misfit: the fit misses the target by more than 3 tolerances")
+    assert "misfit" not in done.out  # the warning tells the verdict, once
     line = done.err.splitlines()[-1]
     assert line.startswith("mems-impact: warning: misfit: the fit misses the target")
     assert "per impact or per blow?" in line
@@ -79,7 +79,7 @@ def test_bounds(cli):
     bounded = [*FIT, "--target", "pull-in voltage=300", "--bounds", "k=1:10"]
     done = cli(*bounded)
     assert done.status == 1
-    assert "k is at its upper bound" in done.out
+    assert "k is at its upper bound" in done.err
 
 
 @pytest.mark.parametrize(
