@@ -239,7 +239,20 @@ def _check(name: str, value: float, unit: str, within: Range) -> None:
         return
     message = _range_message(name, value, unit, within)
     units = sorted(_plausible_units(size, unit, within), key=lambda each: each[0])
-    _warn_once(f"{message}; {value:g} {units[0][1]}?" if units else message)
+    _warn_once(f"{message}; {_amount(value, units[0][1], unit)}?" if units else message)
+
+
+def _amount(value: float, other: str, unit: str) -> str:
+    """Return a number in another unit than `unit`; below 1, with a smaller prefix if there is one.
+
+    Larger numbers are left as they were typed.
+    """
+    factors = {unit: 1.0, **_alternative_units(unit)}
+    for name, factor in factors.items():
+        number = value * factors[other] / factor
+        if abs(value) < 1.0 <= round(abs(number), 9) < 1e3 and name[1:] == other[1:]:
+            return f"{number:g} {name}"
+    return f"{value:g} {other}"
 
 
 def _range_message(name: str, value: float, unit: str, within: Range) -> str:
