@@ -176,7 +176,8 @@ class Statistics:
         Number of chatter sequences that ended in sticking contact. On compliant stoppers, number of
         contacts longer than a bounce (see `RestDetector`), counted at their ends.
     energy_lost_per_period : float
-        Energy lost in impacts, including chatter, and in contacts with compliant stoppers.
+        Energy lost in impacts, including chatter, and in contacts with compliant stoppers; friction
+        and damping are not counted. `energy` computes the whole balance.
     """
 
     window_first: float

@@ -643,8 +643,9 @@ def sensitivity(
         "per cycle") for each cyclic state x, its observables (over the orbit), "period" of a limit
         cycle, "impact speed" (the largest), "closest approach", "largest multiplier" (its
         modulus). For an actuator: "displacement per period", "mean speed", "displacement per
-        impact", "impact speed", "closest approach", "energy lost per period" (in impacts),
-        "largest multiplier", and "energy given per period", which is costly.
+        impact", "impact speed", "closest approach", "energy lost per period" (in impacts, without
+        friction; `energy` has the whole balance), "largest multiplier", and "energy given per
+        period", which is costly.
 
     Returns
     -------
