@@ -230,7 +230,10 @@ def map_attractors(
             follow()
             found.append(Attractor(motion=FAILED, status=str(error)))
             continue
-        if batch and not _same_structure(batch[0][1], problem):
+        if batch and not (
+            _same_structure(batch[0][1], problem)
+            and _length_unit(case.system, problem) == _length_unit(batch[0][0].system, batch[0][1])
+        ):
             follow()
         if numbers is not None:
             with at_study_point(numbers[len(found) + len(batch)]):
@@ -274,7 +277,7 @@ def _followed(
             observed=system.observed,
         )
 
-    unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    unit = _length_unit(system, problem)
     total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
     transient, longer = (
         max(0.0, times * total - recurrence.periods) / unit
@@ -563,6 +566,14 @@ def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Opti
     except (RunError, FunctionError, InvalidParameter) as error:
         return str(error)
     return "the run ends before that"
+
+
+def _length_unit(system: HybridSystem, problem: Problem) -> float:
+    """Return the period of a problem in the unit of `RecurrenceOptions`.
+
+    A time scale that is a function of the parameters makes that of an autonomous system vary.
+    """
+    return 1.0 if system.forced else float(system.out("time", problem.period))
 
 
 def _same_structure(one: Problem, other: Problem) -> bool:

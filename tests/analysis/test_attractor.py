@@ -84,6 +84,29 @@ def test_a_point_is_the_same_whoever_goes_with_it(method):
         assert (alone.exponent, alone.error) == (one.exponent, one.error)
 
 
+def van_der_pol(mode, t, y, p):
+    return y.v, (1.0 - y.x * y.x) * p.k * y.v - p.k * p.k * y.x
+
+
+def test_lengths_are_times_of_each_point_if_time_scales_differ():
+    system = mi.System(
+        flow=van_der_pol,
+        states=("x", "v"),
+        parameters={"k": 1.0},
+        section=("x", 0.0),
+        initial=mi.State(x=2.0),
+        time_scale=lambda p: 1.0 / p.k,
+    )
+    recurrence = RecurrenceOptions(transient=0.0, periods=30.0, longest=1, tolerance=1e-13)
+    recurrence = replace(recurrence, exponents="none")
+    many = [InitialCondition(system.changed(k=k)) for k in (1.0, 4.0, 0.25)]
+    together = map_attractors(many, recurrence)
+    for case, one in zip(many, together, strict=True):
+        (alone,) = map_attractors([case], recurrence)
+        assert alone.returns == one.returns
+        assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
+
+
 def spiral(mode, t, y, p):
     return y.v, -y.x - 0.1 * y.v
 
