@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.bisection import discontinuity
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.linear_equations import null_vector
@@ -351,6 +353,7 @@ They include errors that a function of the user's system raises outside its doma
 """
 
 CLOSED = "closed upon itself"
+DISCONTINUITY_DISTANCE = 1e-2  # reach of differences by a parameter, in its unit of the numerics
 SHORT_STEP_RATIO = 0.1  # part of the largest step below which a message names the limiting cause
 NEUTRAL_DISTANCE = 1e-7  # distance from +1 within which a multiplier counts as permanently neutral
 ORBIT_CONTINUUM = (
@@ -534,7 +537,35 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the message for a point beyond which no step of any length succeeds."""
         values = zip(self.parameters, point.values.tolist(), strict=True)
         where = " and ".join(f"{name} = {self.family.amount(name, v)}" for name, v in values)
-        return f"no further step possible beyond {where}: {reason_of(error, self.family)}"
+        reason = self._discontinuity(point) or reason_of(error, self.family)
+        return f"no further step possible beyond {where}: {reason}"
+
+    def rates(self, point: P, value: float) -> Floats:
+        """Return the equations at the states of a point, at another value of the parameter.
+
+        Empty by default, as for a curve: no discontinuity is sought.
+        """
+        return np.zeros(0)
+
+    def _discontinuity(self, point: P) -> str:
+        """Return a message if the equations jump in the parameter near a point; else empty.
+
+        The differences of the derivatives by the parameter reach across a jump, so that errors
+        that have other reasons elsewhere end a branch close to it.
+        """
+        name, value = self.parameters[-1], float(point.values[-1])
+        try:
+            if not self.rates(point, value).size:
+                return ""
+            rate = self.family.at(**{name: value}).derivative(name)[0]
+            reach = DISCONTINUITY_DISTANCE / (float(np.abs(rate).max(initial=0.0)) or 1.0)
+            jump = discontinuity(partial(self.rates, point), value - reach, value + reach)
+        except CONTINUATION_ERRORS:  # the equations are not defined on both sides
+            return ""
+        if jump is None:
+            return ""
+        where = self.family.amount(name, jump)
+        return f"the equations are discontinuous in {name} near {name} = {where}"
 
 
 class Continuation(Generic[P, R, E]):

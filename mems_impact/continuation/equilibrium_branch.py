@@ -230,6 +230,10 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         reason, remedy = "the correction at the bound did not converge", "take shorter steps"
         return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
 
+    def rates(self, point: EquilibriumEvaluation, value: float) -> Floats:
+        """Return the flow at an equilibrium, at another value of the parameter."""
+        return self.equations.evaluate(point.unknowns, np.array([value])).residual
+
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
         """Append the special points of a step, also to the points of the branch."""
         branch = self.branch

@@ -362,6 +362,20 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Correct a guess at its value of the parameter."""
         return solve(self.shooting, guess[:-1], guess[-1:])
 
+    def rates(self, point: ShootingEvaluation, value: float) -> Floats:
+        """Return the flow at both ends of all segments, and the states after the events."""
+        automaton = self.family.automaton
+        p = np.asarray(self.family.numbers(**{self.parameters[0]: value}).parameters, dtype=float)
+        states, _ = self.shooting.unpack(point.unknowns)
+        found = []
+        for i, segment in enumerate(self.shooting.segments):
+            mode, end, last = segment.mode, float(point.ends[i]), point.arcs[i].end
+            found.append(automaton.slope_at(mode, float(point.starts[i]), states[i], p))
+            found.append(automaton.slope_at(mode, end, last, p))
+            if segment.code != BOUNDARY:
+                found.append(automaton.state_after(mode, segment.code, end, last, p)[1])
+        return np.concatenate(found)
+
     def tests(self, point: ShootingEvaluation, along: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an orbit."""
         return orbit_tests(self.shooting, point, tangent(point, along))

@@ -173,3 +173,62 @@ def test_a_cycle_with_impacts_shrinks_to_a_boundary_equilibrium_not_to_a_hopf_po
     branch = mi.continue_orbit(cycle, "d", -1.0, back=0.5)  # beyond a fold
     assert branch.orbits[-1].system.parameters["d"] == pytest.approx(0.0, abs=1e-3)
     assert "shrinks to a point on the boundary of wall: no Hopf point" in branch.ended
+
+
+def stiffening(mode, t, y, p):
+    k = 1.0 if p.a < 0.5 else 2.0
+    return y.v, p.a * math.cos(t) - 0.3 * y.v - 1.7 * k * y.x
+
+
+def weakening(mode, t, y, p):
+    return mode, (0.1, (-0.8 if p.a < 0.5 else -0.5) * y.v)
+
+
+def bounded(mode, t, y, p):
+    return 0.1 - y.x
+
+
+def linear(mode, t, y, p):
+    return y.v, p.a * math.cos(t) - 0.3 * y.v - 1.7 * y.x
+
+
+JUMP = "the equations are discontinuous in a near a = 0.5"
+
+
+@pytest.mark.parametrize(
+    ("flow", "guards"),
+    [
+        pytest.param(stiffening, [], marks=pytest.mark.slow),  # long arcs beside the jump
+        (linear, [mi.Impact("wall", bounded, weakening)]),
+    ],
+)
+def test_a_branch_of_orbits_ends_where_the_equations_jump(flow, guards):
+    system = mi.System(
+        states=("x", "v"), flow=flow, period=2 * math.pi, parameters={"a": 0.48}, guards=guards
+    )
+    orbit = mi.find_orbit(mi.simulate(system, periods=100, options=PLAIN))
+    branch = mi.continue_orbit(orbit, "a", 0.6)
+    assert branch.ended.endswith(JUMP)
+    assert branch.table["a"].iloc[-1] == pytest.approx(0.5, abs=5e-3)
+
+
+def test_a_branch_of_equilibria_ends_where_the_equations_jump():
+    def flow(mode, t, y, p):
+        return (p.a - (1.0 if p.a < 0.5 else 2.0) * y.x,)
+
+    system = mi.System(states=("x",), flow=flow, parameters={"a": 0.2})
+    (rest,) = mi.find_equilibria(system)
+    branch = mi.continue_equilibrium(rest, "a", 1.0)
+    assert branch.ended.endswith(JUMP)
+    assert branch.table["a"].iloc[-1] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_other_ends_are_not_blamed_on_a_jump():
+    """A function with a vertical tangent at zero is continuous; the flow is not defined beyond."""
+
+    def flow(mode, t, y, p):
+        return (math.sqrt(p.a) - y.x,)
+
+    system = mi.System(states=("x",), flow=flow, parameters={"a": 0.2})
+    (rest,) = mi.find_equilibria(system)
+    assert "discontinuous" not in mi.continue_equilibrium(rest, "a", -1.0).ended
