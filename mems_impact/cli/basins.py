@@ -22,6 +22,7 @@ from mems_impact.cli.options import (
     sample_options,
     study_integrator_options,
     study_options,
+    symbol_of,
 )
 from mems_impact.cli.output import show_table
 
@@ -75,12 +76,17 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     over a parameter. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.system import ActuatorSystem
 
     progress = options["progress"]
     beside = ("follow", "shares")
     system, given = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
     if options["follow"] is not None:
-        system.check_parameter(options["follow"][0])
+        name, *values = options["follow"]
+        if isinstance(system, ActuatorSystem):
+            name = symbol_of(name)
+            options["follow"] = name, *values
+        system.check_parameter(name)
     with options["output"](KIND) as files:
         found = run_saving_partial(
             lambda: mi.basins(system, **given, progress=progress),

@@ -22,6 +22,7 @@ from mems_impact.cli.options import (
     range_options,
     refuse_system,
     state_from,
+    symbol_of,
 )
 from mems_impact.cli.output import Output, add_json_tables, filled, show, unit_of
 from mems_impact.cli.runtime import warn
@@ -96,6 +97,7 @@ def command(
     import mems_impact as mi
 
     refuse_system(device)
+    parameter = symbol_of(parameter)
     drive = drive_from({parameter: start})
     if parameter not in drive.names:
         changes = {**changes, parameter: start}

@@ -18,6 +18,7 @@ from mems_impact.cli.options import (
     output_options,
     progress_option,
     store_option,
+    symbol_of,
 )
 from mems_impact.cli.output import Output, add_json_tables, show, show_table
 from mems_impact.integrators.options import Options
@@ -101,8 +102,11 @@ def command(
     A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.system import ActuatorSystem
 
     system, state = load_subject(device, changes, initial, {parameter: low})
+    if isinstance(system, ActuatorSystem):
+        parameter = symbol_of(parameter)
     with output("diagram") as files:
         try:
             diagram = mi.bifurcation_diagram(

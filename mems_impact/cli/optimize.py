@@ -19,6 +19,7 @@ from mems_impact.cli.options import (
     progress_option,
     ranges_option,
     state_from,
+    symbol_of,
     tolerance_option,
 )
 from mems_impact.cli.output import (
@@ -122,9 +123,9 @@ def command(
         actuator = actuator_from(device, changes)
         system = actuator.under(drive_from())
         given = {
-            "over": over,
+            "over": {symbol_of(name): bounds for name, bounds in over.items()},
             "subject_to": subject_to,
-            "tolerances": tolerances,
+            "tolerances": {symbol_of(name): each for name, each in tolerances.items()},
             "points": points,
             "initial": state_from(initial, actuator),
             "transient": transient,

@@ -93,6 +93,16 @@ def parameter_unit(name: str) -> str:
     return units.get(own if dot else name, "")
 
 
+def symbol_of(name: str) -> str:
+    """Return the symbol of a parameter of a device that a data sheet names; others unchanged.
+
+    The frequency is that of the drive.
+    """
+    from mems_impact.actuator.parameters import parameter_named
+
+    return name if name in NUMBER_UNITS else parameter_named(name)
+
+
 class QuantityType(click.ParamType):
     """A number, or a text with a unit such as "0.6 kHz", of a parameter with this unit.
 
@@ -339,7 +349,7 @@ def _axis(
         return None
     name, start, stop, count = axis
     kind = QuantityType(parameter_unit(name))
-    return name, kind.number(start), kind.number(stop), count
+    return symbol_of(name), kind.number(start), kind.number(stop), count
 
 
 def axis_options(first: str, second: str) -> Decorator:
@@ -842,7 +852,7 @@ def _distributions(
             problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
             problem += "NAME=PER CENT, such as d=5%"
             raise click.BadParameter(problem)
-    return found
+    return {symbol_of(name): given for name, given in found.items()}
 
 
 def distribution_option(

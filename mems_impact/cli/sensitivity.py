@@ -17,6 +17,7 @@ from mems_impact.cli.options import (
     orbit_integrator_options,
     output_options,
     state_from,
+    symbol_of,
     tolerance_option,
 )
 from mems_impact.cli.output import (
@@ -88,6 +89,7 @@ def command(
     else:
         actuator = actuator_from(device, changes)
         system, named = actuator.under(drive_from()), None
+        tolerances = {symbol_of(name): each for name, each in tolerances.items()}
         given = {
             "initial": state_from(initial, actuator),
             "transient": transient,

@@ -21,6 +21,7 @@ from mems_impact.cli.options import (
     progress_option,
     range_options,
     study_options,
+    symbol_of,
     transient_option,
 )
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
@@ -98,6 +99,7 @@ def command(
     import mems_impact as mi
     from mems_impact.studies.engine.config import executor_named
 
+    parameter = symbol_of(parameter)
     if "." in parameter:  # of a term, which the device may not have yet
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)

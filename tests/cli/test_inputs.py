@@ -3,11 +3,13 @@
 import pytest
 
 import mems_impact as mi
+from mems_impact.cli.options import symbol_of
 
 QUICK = ["--engine", "interpreted", "--no-figure"]
 CODE = """
 import math
 import mems_impact as mi
+from mems_impact.cli.options import symbol_of
 
 def flow(mode, t, y, p):
     return y.v, p.A * math.cos(t) - y.x - 0.1 * y.v
@@ -70,3 +72,16 @@ def test_a_name_that_nobody_adds():
         mi.load_system("nobody")
     with pytest.raises(mi.InvalidParameter, match="system"):
         mi.load_system("own_code.py:two words")
+
+
+@pytest.mark.parametrize(
+    ("name", "symbol"), [("gap", "d"), ("d", "d"), ("amplitude", "amplitude"), ("tilt.angle",) * 2]
+)
+def test_a_parameter_of_a_data_sheet_has_a_symbol(name, symbol):
+    assert symbol_of(name) == symbol
+
+
+def test_the_frequency_to_be_varied_is_that_of_the_drive():
+    assert symbol_of("frequency") == "frequency"
+    with pytest.raises(mi.InvalidParameter, match="derived from parameters"):
+        symbol_of("pull_in")

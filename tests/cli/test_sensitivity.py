@@ -8,7 +8,7 @@ NEAR = ["--initial", "x2=0.32945", "--initial", "v2=0.33758", "--transient", "0"
 
 
 def test_sensitivity(cli, tmp_path):
-    done = cli("sensitivity", *POINT, *NEAR, "--tolerance", "delta=0.005")
+    done = cli("sensitivity", *POINT, *NEAR, "--tolerance", "travel=0.005")
     assert done.status == 0
     assert "mean speed  5.83534" in done.out
     out = tmp_path / "out"
@@ -25,7 +25,7 @@ def test_sensitivity(cli, tmp_path):
     ("arguments", "named"),
     [
         (["--quantity", "speedy"], "mean speed"),
-        (["--tolerance", "stiffness=1"], "stiffness"),
+        (["--tolerance", "quality=1"], "derived from parameters"),
         (["--tolerance", "k"], "NAME=NUMBER"),
     ],
 )

@@ -36,7 +36,7 @@ def test_basins_tell_of_initial_states_that_cannot_be(cli):
 
 
 def test_tolerances_with_a_specification(cli, tmp_path):
-    over = ["--over", "e=norm:0.8:0.01", "--over", "d=uniform:1%"]
+    over = ["--over", "e=norm:0.8:0.01", "--over", "gap=uniform:1%"]
     wish = ["--specification", "displacement per period=1e-4:"]
     drive = ["--amplitude", "0.24", "--omega", "0.5"]
     done = cli(

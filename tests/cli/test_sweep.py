@@ -67,8 +67,8 @@ def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device
 
 def test_a_parameter_of_the_device(cli, tmp_path):
     done = cli(
-        *ARGUMENTS, "--parameter", "e", "--start", "0.7", "--stop", "0.8", "--amplitude", "0.24",
-        "--direction", "up", "--no-figure",
+        *ARGUMENTS, "--parameter", "restitution", "--start", "0.7", "--stop", "0.8",
+        "--amplitude", "0.24", "--direction", "up", "--no-figure",
     )  # fmt: skip
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
