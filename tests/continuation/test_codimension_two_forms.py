@@ -167,8 +167,10 @@ class Block(Conjugate):
 def test_double_multipliers(seed):
     plus = _double_plus(Block(block(1.0, [(2, 0, 0.7), (1, 1, -1.3)]), seed))
     assert plus.coefficients == pytest.approx({"a": 0.7, "b": -1.3}, abs=1e-7)
+    assert max(plus.errors.values()) < 1e-6
     minus = _double_minus(Block(block(-1.0, [(3, 0, 0.7), (2, 1, -1.3)]), seed))
     assert minus.coefficients == pytest.approx({"a": 0.7, "b": -1.3}, abs=1e-5)
+    assert max(minus.errors.values()) < 1e-3
 
 
 @pytest.mark.parametrize("seed", [0, 1])
