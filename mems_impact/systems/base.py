@@ -451,6 +451,11 @@ class HybridSystem(Result, ABC):
         """The observables that studies record."""
         return self.observables
 
+    @property
+    def time_functions(self) -> tuple[Callable[..., Any], ...]:
+        """The user's functions of the parameters that give times, such as the forcing period."""
+        return ()
+
     def observable_codes(self, observable: Observable) -> tuple[int, ...]:
         """Return the codes of the transitions at which studies evaluate an observable."""
         guards = [guard.name for guard in self.automaton.guards]

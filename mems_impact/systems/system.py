@@ -421,6 +421,12 @@ class System(HybridSystem):
         return self._period is not None
 
     @property
+    def time_functions(self) -> tuple[Callable[..., Any], ...]:
+        """Those of the period, the switching times and the time scale."""
+        times = self._period, self._switches, self._time_scale
+        return tuple(each for each in times if callable(each))
+
+    @property
     def forcing_period(self) -> float | None:
         """The forcing period; None for an autonomous system."""
         return arguments.number("period", self._period, self._named(self._parameters.values()))

@@ -14,7 +14,7 @@ import hashlib
 import operator
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from dis import EXTENDED_ARG, opmap
 from enum import Enum, EnumMeta
@@ -234,8 +234,9 @@ class _Reader:
         self._digest = hashlib.sha256()
         self._numbers: dict[FunctionType, int] = {}
         self._inside: list[ModuleType] = []
+        self._wholes: list[Any] = []  # mutable objects whose parts are being added
         self.kept: list[Any] = []  # objects identified by address only
-        self.arrays = False  # whether arrays are among the dependencies
+        self.arrays = False  # whether arrays, lists or dicts are among the dependencies
         self.reads: _Reads = []
 
     def name(self) -> str:
@@ -268,7 +269,7 @@ class _Reader:
         elif isinstance(value, tuple):
             self.put(kind, getattr(value, "_fields", ()), len(value))
             for part in value:
-                self.value(part)
+                self.value(part, names)
         elif isinstance(value, type | BuiltinFunctionType | np.ufunc):
             self.put(kind, getattr(value, "__module__", ""), getattr(value, "__qualname__", ""))
             self.put(value.__name__, getattr(value, "_fields", ()))
@@ -276,10 +277,25 @@ class _Reader:
                 self.value(tuple(value.__members__.values()))
         elif isinstance(value, types.Type | ir.Type):
             self.put(kind, str(value))
+        elif isinstance(value, list | dict):
+            self.arrays = True
+            self.put(kind, len(value))
+            self._parts(value, value.items() if isinstance(value, dict) else value, names)
         else:
             # The reference keeps the object alive, so that its address stays unique.
             self.kept.append(value)
             self.put(kind, id(value))
+            own = getattr(value, "__dict__", {})
+            self._parts(value, [(name, own[name]) for name in names if name in own], names)
+
+    def _parts(self, whole: Any, parts: Iterable[Any], names: tuple[str, ...]) -> None:
+        """Add the parts of a mutable object, which may contain itself."""
+        if any(whole is each for each in self._wholes):
+            return
+        self._wholes.append(whole)
+        for part in parts:
+            self.value(part, names)
+        self._wholes.pop()
 
     def _function(self, function: FunctionType) -> None:
         if function in self._numbers:

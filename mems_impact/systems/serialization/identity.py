@@ -28,6 +28,7 @@ def identity(system: HybridSystem) -> dict[str, Any]:
     automaton = system.automaton
     functions = [automaton.flow, automaton.margins, automaton.transition]
     functions += [each.function for each in system.study_observables]
+    functions += system.time_functions
     return {"system": node, "arrays": arrays, "functions": digest(*functions)}
 
 
