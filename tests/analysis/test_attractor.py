@@ -254,6 +254,50 @@ def test_a_period_is_completed_within_a_bounded_time(end, extended):
     assert s.end_cycle == end + 3
 
 
+def test_a_farthest_point_is_no_closest_approach():
+    """At a turning point one margin is smallest and the other largest; rounding may mix them up."""
+
+    def flow(mode, t, y, p):
+        return y.v, -2.0 * p.d * y.v - y.x + p.a * math.cos(p.w * t)
+
+    right = mi.Guard(
+        "right",
+        lambda mode, t, y, p: p.g - y.x,
+        transition=lambda mode, t, y, p: (mode, (p.g, -0.8 * y.v)),
+        impact=True,
+    )
+    left = mi.Guard(
+        "left",
+        lambda mode, t, y, p: y.x + p.g,
+        transition=lambda mode, t, y, p: (mode, (-p.g, -0.8 * y.v)),
+        impact=True,
+    )
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        guards=[right, left],
+        parameters={"d": 0.05, "a": 1.0, "w": 1.5, "g": 0.7},
+        period=lambda p: 2.0 * math.pi / p.w,
+    )
+    values = [
+        (0.8036132090834769, 1.3135498051973227), (0.7314936002642454, 1.2152119813166027),
+        (0.8489270991052509, 1.4327335171124407), (0.692324155508556, 1.0137388163173744),
+        (0.6523558969470413, 0.9977570336785675), (0.7021765884716669, 1.4309129529171452),
+        (0.8478504872044468, 1.568256412902963), (0.5566359008577463, 0.8170738919940179),
+        (0.8902498972533027, 1.548920889759148), (0.6181046392281758, 0.8776307382607951),
+    ]  # fmt: skip
+    cases = [InitialCondition(system.changed(w=w, a=a)) for w, a in values]
+    recurrence = RecurrenceOptions(transient=100, periods=20, longest=2, exponents="none")
+    closest = [
+        [
+            each.measures["closest approach"]
+            for each in map_attractors(cases, recurrence, mi.Options(method=method))
+        ]
+        for method in ("dop853", "adams")
+    ]
+    assert closest[0] == pytest.approx(closest[1], abs=1e-5)
+
+
 @pytest.mark.parametrize("transient", [0, 1, 40, 300])
 def test_closest_approaches_are_those_of_a_run(transient):
     actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.18, omega=0.5)

@@ -470,6 +470,17 @@ def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
     return 1 if low[i] < 0.0 and high[i] >= 0.0 and engine.direction >= 0 else 0
 
 
+def passes_backwards(engine: Any, i: int, low: Any, high: Any) -> bool:
+    """Return whether function `i` crosses zero between rows in the direction that does not count.
+
+    Close to this zero, rounding may show the other direction.
+    """
+    before, after = value(engine, i, low), value(engine, i, high)
+    if i < engine.m:
+        return before < 0.0 and after > 0.0
+    return i < 2 * engine.m and before > 0.0 and after < 0.0
+
+
 def any_crossed(engine: Any, low: Any, high: Any) -> bool:
     """Return whether any function crosses zero between rows."""
     for i in range(2 * engine.m + 1):  # noqa: SIM110
@@ -481,11 +492,11 @@ def any_crossed(engine: Any, low: Any, high: Any) -> bool:
 def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
     """Return the function with the first zero by linear interpolation, and its relative position.
 
-    Return NONE if no function crosses zero.
+    Return NONE if no function crosses zero, except for those that are marked as passing backwards.
     """
     first, place = NONE, 1.0
     for i in range(2 * engine.m + 1):
-        if crossed(engine, i, low, high) != 0:
+        if interface.root_directions(engine, i) == 0 and crossed(engine, i, low, high) != 0:
             before = value(engine, i, low)
             there = before / (before - value(engine, i, high))
             if first == NONE or there < place:
@@ -510,6 +521,8 @@ def first_root(engine: Any, begin: float, end: float) -> float:
     near, far, last, trial = LOW, SPARE, SPARE + 1, SPARE + 2  # rows
     for i in range(count):
         row(engine, far)[i] = row(engine, HIGH)[i]
+        backwards = passes_backwards(engine, i, row(engine, near), row(engine, far))
+        set_fired(engine, i, int(backwards))
     a, b, c = begin, end, end
     moved_far, points = False, 2
     radius = b - a
@@ -559,7 +572,10 @@ def first_root(engine: Any, begin: float, end: float) -> float:
         points = 3
         radius *= 0.5
     for i in range(count):
-        set_fired(engine, i, crossed(engine, i, row(engine, near), row(engine, far)))
+        fired = 0
+        if interface.root_directions(engine, i) == 0:
+            fired = crossed(engine, i, row(engine, near), row(engine, far))
+        set_fired(engine, i, fired)
     for i in range(count):
         row(engine, LOW)[i] = row(engine, far)[i]
     return b
