@@ -463,7 +463,6 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         sizes = np.abs([arc.margins for arc in orbit.point.arcs]).max(axis=(0, 1))
         if not (np.abs(margins) < MARGIN_ROUNDING * sizes).any():
             return ""
-        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not lost]
         self.branch.passage = passage
         return BEYOND_BOUNDS
 
