@@ -443,7 +443,8 @@ class _Classifier:
                     reason = _reason(self._batch[i][0], recurrence, self._options)
                 found.append(Attractor(motion=FAILED, status=reason))
                 continue
-            exponent, error, instant = math.nan, math.nan, settled.final(k)
+            exponent, error = math.nan, math.nan
+            instant, states = settled.final(k), settled.states(k)
             if recurrence.exponents == "all" or (
                 recurrence.exponents == "unsettled" and motion == UNSETTLED
             ):
@@ -454,16 +455,14 @@ class _Classifier:
                         self._batch[i][1], instant, exponent_periods
                     )
                 if motion == UNSETTLED:
-                    motion = self._by_exponent(
-                        exponent, error, length, settled.states(k), bool(quiet[k])
-                    )
+                    motion = self._by_exponent(exponent, error, length, states, bool(quiet[k]))
             found.append(
                 Attractor(
                     motion=motion,
                     period=int(settled.repeats[k]),
                     returns=int(settled.returns[k]),
                     final=systems[k].state_of(instant),
-                    states=settled.states(k) * units[k],
+                    states=states * units[k],
                     measures=dict(zip(measures, row, strict=True)),
                     exponent=exponent / times[k],
                     error=error / times[k],

@@ -22,7 +22,11 @@ from scipy.linalg import eig
 
 from mems_impact._util.arrays import Complexes, Floats
 from mems_impact.continuation.equilibrium_branch import HOPF
-from mems_impact.continuation.higher_derivatives import Jacobian, directional_derivatives
+from mems_impact.continuation.higher_derivatives import (
+    DirectionalDerivatives,
+    Jacobian,
+    directional_derivatives,
+)
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
@@ -292,6 +296,15 @@ def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: floa
     return NormalForm(equation, {"a": a}, {"a": error})
 
 
+def _cubic(
+    along: DirectionalDerivatives, q: Floats, p: Floats, h: Floats, relative: float
+) -> tuple[float, float]:
+    """Return <p, C(q, q, q) + 3 B(q, h)> / 6 and its error; `relative` is that of p."""
+    c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
+    error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
+    return c, error + abs(c) * relative
+
+
 def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
     """Return the cubic coefficient of a pitchfork: c = <p, C(q, q, q) + 3 B(q, h)> / 6.
 
@@ -300,9 +313,7 @@ def cubic_coefficient(system: Jacobian, matrix: Floats, size: float, target: flo
     q, p, relative = _real(matrix, target)
     along = directional_derivatives(system, q, size)
     h = _bordered(target * np.eye(q.size) - matrix, q, p, along.second @ q)
-    c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
-    error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
-    error += abs(c) * relative
+    c, error = _cubic(along, q, p, h, relative)
     equation = "x -> x + c x^3" if target == 1.0 else "x' = c x^3"
     return NormalForm(equation, {"c": c}, {"c": error}, criticality_of(c, error))
 
@@ -325,10 +336,8 @@ def flip_coefficient(system: Jacobian, matrix: Floats, size: float) -> NormalFor
     """
     q, p, relative = _real(matrix, -1.0)
     along = directional_derivatives(system, q, size)
-    h = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q)
-    c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
-    error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
-    error += abs(c) * relative
+    h: Floats = np.linalg.solve(np.eye(q.size) - matrix, along.second @ q).astype(float)
+    c, error = _cubic(along, q, p, h, relative)
     return NormalForm("x -> -x + c x^3", {"c": c}, {"c": error}, criticality_of(-c, error))
 
 
