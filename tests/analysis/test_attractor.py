@@ -254,6 +254,34 @@ def test_a_period_is_completed_within_a_bounded_time(end, extended):
     assert s.end_cycle == end + 3
 
 
+def smooth(mode, t, y, p):
+    # A linear oscillator with a relaxation of rate k, which makes it stiff if k is large.
+    return y.v, -p.d * y.v - y.z + p.a * math.cos(p.w * t), -p.k * (y.z - y.x)
+
+
+@pytest.mark.parametrize(
+    ("method", "rate"), [("adams", 30.0), ("bdf", 30.0), ("auto", 3e4), ("bdf", 3e4)]
+)
+def test_smooth_motion_settles_within_the_errors_of_a_multistep_method(method, rate):
+    # Their returns differ by up to some 50 relative tolerances of a step.
+    values = {"d": 0.1, "a": 0.3, "w": 2.3, "k": rate}
+    system = mi.System(
+        states=("x", "v", "z"),
+        flow=smooth,
+        parameters=values,
+        period=lambda p: 2.0 * math.pi / p.w,
+        initial={"x": 0.0, "v": 0.0, "z": 0.0},
+    )
+    recurrence = RecurrenceOptions(transient=200, periods=20, longest=2, exponents="none")
+    options = mi.Options(method=method)
+    (found,) = map_attractors([InitialCondition(system)], recurrence, options)
+    assert (found.status, found.motion, found.period) == ("ok", "periodic", 1)
+    w = values["w"]
+    # x'' + d x' + z = a cos(w t), z' = k (x - z)
+    x = 0.3 / (-w * w + 1j * 0.1 * w + rate / (rate + 1j * w))
+    assert found.final["x"] == pytest.approx(x.real, rel=1e-5)
+
+
 def test_a_farthest_point_is_no_closest_approach():
     """At a turning point one margin is smallest and the other largest; rounding may mix them up."""
 

@@ -79,7 +79,7 @@ WORK = np.dtype(
         ("return_index", np.int64),
         ("longest", np.int64),  # longest period in returns
         ("tolerance", np.float64),
-        ("noise", np.float64),  # relative differences below this are rounding
+        ("noise", np.float64),  # relative errors of a one-step method
         ("smallest", np.float64),  # size of a component that counts as zero
         ("transient", np.float64),  # periods of the problem
         ("length", np.float64),  # of the statistics of an aperiodic motion, in periods
@@ -250,6 +250,9 @@ SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is
 # orbit has left it by then. A close passage is the likelier, the longer the motion; for few returns
 # a share of their number suffices.
 FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
+# Errors of a multistep method relative to those of a one-step method. Its steps are not those of the
+# period before, so that returns of smooth motions continue to differ.
+MULTISTEP_NOISE = 64.0
 WINDOW_SHARE = 0.25  # length of a window relative to the number of returns before it
 # Share of the first window in the logarithm of the decrease over two windows. It is 4/9 for a
 # geometric sequence, 1/2 for a power of time; the turns of a spiral disturb it.
@@ -531,7 +534,7 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
         w.at_rest = 0
     if w.returns >= (1.0 + WINDOW_SHARE) * w.opened + 2 * w.longest * int(w.opened == 0):
         open_window(w)
-    w.repeats = repeats_after(s, w)
+    w.repeats = repeats_after(engine, s, w)
     if w.repeats > 0:
         cover_returns(engine, w, k)
         if w.returns - w.repeats >= w.covered:
@@ -549,7 +552,7 @@ def cover_returns(engine: Any, w: Any, k: int) -> None:
         interface.search_approaches(engine, 1)
 
 
-def repeats_after(s: Any, w: Any) -> int:
+def repeats_after(engine: Any, s: Any, w: Any) -> int:
     """Return the period of the motion in returns, 0 if it is not periodic yet."""
     k, n, sizes = w.returns - 1, s.n, scratch_row(w, SIZES)
     confirmations, largest = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
@@ -572,6 +575,7 @@ def repeats_after(s: Any, w: Any) -> int:
         if near and distance > w.noise:  # the remaining distance is distance q / (1 - q)
             gain = before - distance
             near = gain > 0.0 and distance * distance <= w.tolerance * gain
+            near = near or distance <= noise_of(engine, s, w)
         confirmations[after - 1] = confirmations[after - 1] + 1.0 if near else 0.0
         needed = max(FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns))
         if found == 0 and confirmations[after - 1] >= max(2 * after, needed):
@@ -651,10 +655,18 @@ def is_at_rest(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> b
     t = when - math.floor(when / s.period) * s.period
     interface.flow(engine, mode, t, y, slope)
     for j in range(s.n):
-        moves = abs(slope[j]) * s.scale > w.noise * sizes[j]
-        if table_row(s, CYCLIC)[j] == 0.0 and moves:
+        change = abs(slope[j]) * s.scale / sizes[j]
+        if table_row(s, CYCLIC)[j] == 0.0 and change > w.noise and change > noise_of(engine, s, w):
             return False
     return True
+
+
+def noise_of(engine: Any, s: Any, w: Any) -> float:
+    """Return the relative difference of returns within which errors of the method dominate."""
+    for mode in range(s.modes):
+        if interface.method_memory(engine, mode) < 0:
+            return float(MULTISTEP_NOISE * w.noise)
+    return float(w.noise)
 
 
 def write_result(engine: Any, s: Any, w: Any) -> None:
