@@ -250,8 +250,8 @@ SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is
 # orbit has left it by then. A close passage is the likelier, the longer the motion; for few returns
 # a share of their number suffices.
 FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
-# Errors of a multistep method relative to those of a one-step method. Its steps are not those of the
-# period before, so that returns of smooth motions continue to differ.
+# Errors of a multistep method relative to those of a one-step method. Its steps differ from period
+# to period, and with them the returns of a smooth motion.
 MULTISTEP_NOISE = 64.0
 WINDOW_SHARE = 0.25  # length of a window relative to the number of returns before it
 # Share of the first window in the logarithm of the decrease over two windows. It is 4/9 for a
