@@ -109,10 +109,7 @@ def search_approaches(engine: Any, search: int) -> None:
 
 
 def method_memory(engine: Any, mode: int) -> int:
-    """Return the engine's memory of `mode`, which determines the method of its next arc.
-
-    It is below 0 for a multistep method.
-    """
+    """Return the engine's memory of `mode`, which determines the method of its next arc."""
     return engine.method_memory(mode)
 
 

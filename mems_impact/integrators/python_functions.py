@@ -117,7 +117,7 @@ class Functions(SingleMethodEngine):
         self._fault: Fault | None = None
 
     def method_memory(self, mode: int) -> int:
-        """Return 0: always a one-step method."""
+        """Return 0: a single method has no memory."""
         return 0
 
     def fault(self) -> Fault | None:

@@ -10,9 +10,10 @@ or, without a section, an event of one guard. A motion has period n if 2 n succe
 at least 16 or a fourth of all (the smaller number), agree with those n returns earlier within a
 tolerance, and if the remaining distance to the orbit, extrapolated from the last two differences as
 a geometric sequence, is below the tolerance too. The first condition excludes motions that pass
-close to an unstable orbit, the second slow approaches to an orbit. A motion with differences that
-decrease from window to window of its returns is continued until it converges, within a bounded
-multiple of its length.
+close to an unstable orbit, the second slow approaches to an orbit. Differences that have ceased to
+decrease are errors of the method, and fulfil the second condition, if they do not accumulate over
+16 n returns. A motion with differences that decrease from window to window of its returns is
+continued until it converges, within a bounded multiple of its length.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ WORK = np.dtype(
         ("return_index", np.int64),
         ("longest", np.int64),  # longest period in returns
         ("tolerance", np.float64),
-        ("noise", np.float64),  # relative errors of a one-step method
+        ("noise", np.float64),  # relative differences below this are rounding
         ("smallest", np.float64),  # size of a component that counts as zero
         ("transient", np.float64),  # periods of the problem
         ("length", np.float64),  # of the statistics of an aperiodic motion, in periods
@@ -107,10 +108,14 @@ NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
 # component; states and observables at an event; observables at the last return; number of
 # successive small differences for each period; means and squares of gains; largest differences of
 # the present window of returns and of the last three. Then a ring of the last 2 `longest` returns
-# (time, mode, state, differences), and the statistics of the last `longest` returns.
+# (time, mode, state, differences), the statistics of the last `longest` returns, and a series of
+# differences for each period.
 NOW, ALL, SIZES, STATES, VALUES, GAINED, CONFIRMATIONS, MEANS, SQUARES = range(9)
 LARGEST_DISTANCES, RING = 9, 13
 WHEN, WHICH, WHERE = 0, 1, 2
+# Of the differences since a return: 1 if the last series did not accumulate; their number, 0 if the
+# last one exceeds the tolerance; the largest of them; the state at the return.
+STATIONARY_DIFFERENCES, SERIES, LARGEST, SINCE = range(4)
 
 
 def scratch_row(w: Any, i: int) -> Any:
@@ -126,6 +131,11 @@ def return_row(w: Any, k: int) -> Any:
 def return_statistics(w: Any, k: int) -> Any:
     """Return the statistics of return `k`."""
     return scratch_row(w, RING + 2 * w.longest + k % w.longest)
+
+
+def series_row(w: Any, after: int) -> Any:
+    """Return the row of the differences from the return `after` returns earlier."""
+    return scratch_row(w, RING + 3 * w.longest + after - 1)
 
 
 def width_of(m: int, modes: int, gains: int, marks: int) -> int:
@@ -250,9 +260,6 @@ SUBPERIOD_TOLERANCE = 10.0  # tolerances within which a divisor of the period is
 # orbit has left it by then. A close passage is the likelier, the longer the motion; for few returns
 # a share of their number suffices.
 FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
-# Errors of a multistep method relative to those of a one-step method. Its steps differ from period
-# to period, and with them the returns of a smooth motion.
-MULTISTEP_NOISE = 64.0
 WINDOW_SHARE = 0.25  # length of a window relative to the number of returns before it
 # Share of the first window in the logarithm of the decrease over two windows. It is 4/9 for a
 # geometric sequence, 1/2 for a power of time; the turns of a spiral disturb it.
@@ -272,7 +279,7 @@ def memory_shape(n: int, m: int, modes: int, w: Any) -> tuple[int, int]:
     """Return the shape of the memory."""
     statistics = width_of(m, modes, w["gains"], w["marks"])
     width = max(statistics, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
-    return 3 * w["longest"] + RING, width
+    return RING + 4 * w["longest"], width
 
 
 def result_width(n: int, m: int, modes: int, w: Any) -> int:
@@ -427,6 +434,9 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
         scratch_row(w, GAINED)[i] = 0.0
         for k in range(4):
             scratch_row(w, LARGEST_DISTANCES + k)[i] = math.inf
+    for after in range(1, w.longest + 1):
+        series_row(w, after)[STATIONARY_DIFFERENCES] = 0.0
+        series_row(w, after)[SERIES] = 0.0
 
 
 def update_sizes(s: Any, w: Any) -> None:
@@ -534,7 +544,7 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
         w.at_rest = 0
     if w.returns >= (1.0 + WINDOW_SHARE) * w.opened + 2 * w.longest * int(w.opened == 0):
         open_window(w)
-    w.repeats = repeats_after(engine, s, w)
+    w.repeats = repeats_after(s, w)
     if w.repeats > 0:
         cover_returns(engine, w, k)
         if w.returns - w.repeats >= w.covered:
@@ -552,9 +562,9 @@ def cover_returns(engine: Any, w: Any, k: int) -> None:
         interface.search_approaches(engine, 1)
 
 
-def repeats_after(engine: Any, s: Any, w: Any) -> int:
+def repeats_after(s: Any, w: Any) -> int:
     """Return the period of the motion in returns, 0 if it is not periodic yet."""
-    k, n, sizes = w.returns - 1, s.n, scratch_row(w, SIZES)
+    k, n = w.returns - 1, s.n
     confirmations, largest = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
     here = return_row(w, k)
     found = 0
@@ -563,19 +573,16 @@ def repeats_after(engine: Any, s: Any, w: Any) -> int:
         if k >= after:
             then = return_row(w, k - after)
             if then[WHICH] == here[WHICH]:
-                distance = 0.0
-                for j in range(n):
-                    if table_row(s, CYCLIC)[j] == 0.0:
-                        difference = abs(here[WHERE + j] - then[WHERE + j]) / sizes[j]
-                        distance = max(distance, difference)
+                distance = difference(s, w, here, then, WHERE)
         before = return_row(w, k - after)[WHERE + n + after - 1] if k >= 2 * after else math.inf
         here[WHERE + n + after - 1] = distance
         largest[after - 1] = max(largest[after - 1], distance)
+        extend_series(s, w, after, distance)
         near = distance <= w.tolerance and k >= 2 * after
         if near and distance > w.noise:  # the remaining distance is distance q / (1 - q)
             gain = before - distance
             near = gain > 0.0 and distance * distance <= w.tolerance * gain
-            near = near or distance <= noise_of(engine, s, w)
+            near = near or series_row(w, after)[STATIONARY_DIFFERENCES] == 1.0
         confirmations[after - 1] = confirmations[after - 1] + 1.0 if near else 0.0
         needed = max(FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns))
         if found == 0 and confirmations[after - 1] >= max(2 * after, needed):
@@ -586,6 +593,41 @@ def repeats_after(engine: Any, s: Any, w: Any) -> int:
         if found % after == 0 and distance <= SUBPERIOD_TOLERANCE * w.tolerance:
             return after
     return found
+
+
+def difference(s: Any, w: Any, here: Any, there: Any, first: int) -> float:
+    """Return the largest relative difference of two states, that in `there` from column `first`."""
+    largest = 0.0
+    for j in range(s.n):
+        if table_row(s, CYCLIC)[j] == 0.0:
+            change = abs(here[WHERE + j] - there[first + j])
+            largest = max(largest, change / scratch_row(w, SIZES)[j])
+    return largest
+
+
+def extend_series(s: Any, w: Any, after: int, distance: float) -> None:
+    """Add a difference to those since an earlier return; decide whether they accumulate.
+
+    Errors of a method whose steps are not periodic do not: the distance from the earlier return is
+    no larger than one of them. In a slow approach it is nearly their sum. Along an unstable orbit
+    the last difference is the largest, whatever its direction.
+    """
+    series, here = series_row(w, after), return_row(w, w.returns - 1)
+    if distance > w.tolerance:
+        series[STATIONARY_DIFFERENCES] = 0.0
+        series[SERIES] = 0.0
+        return
+    series[SERIES] += 1.0
+    series[LARGEST] = max(series[LARGEST], distance)
+    if series[SERIES] > MIN_CONFIRMATIONS * after:
+        total = difference(s, w, here, series, SINCE)
+        stationary = total <= series[LARGEST] and distance < series[LARGEST]
+        series[STATIONARY_DIFFERENCES] = 1.0 if stationary else 0.0
+        series[SERIES] = 1.0
+    if series[SERIES] == 1.0:
+        series[LARGEST] = 0.0
+        for j in range(s.n):
+            series[SINCE + j] = here[WHERE + j]
 
 
 def open_window(w: Any) -> None:
@@ -655,18 +697,10 @@ def is_at_rest(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> b
     t = when - math.floor(when / s.period) * s.period
     interface.flow(engine, mode, t, y, slope)
     for j in range(s.n):
-        change = abs(slope[j]) * s.scale / sizes[j]
-        if table_row(s, CYCLIC)[j] == 0.0 and change > w.noise and change > noise_of(engine, s, w):
+        moves = abs(slope[j]) * s.scale > w.noise * sizes[j]
+        if table_row(s, CYCLIC)[j] == 0.0 and moves:
             return False
     return True
-
-
-def noise_of(engine: Any, s: Any, w: Any) -> float:
-    """Return the relative difference of returns within which errors of the method dominate."""
-    for mode in range(s.modes):
-        if interface.method_memory(engine, mode) < 0:
-            return float(MULTISTEP_NOISE * w.noise)
-    return float(w.noise)
 
 
 def write_result(engine: Any, s: Any, w: Any) -> None:

@@ -369,7 +369,7 @@ def _reset(engine: Any, max_step: float) -> None:
 
 
 def _method_memory(engine: Any, mode: int) -> int:
-    return -1
+    return 0
 
 
 @cache

@@ -156,10 +156,6 @@ class InterpretedCvode(Functions):
         self._horizon = self._t + 1.0
         return int(self._result.status)
 
-    def method_memory(self, mode: int) -> int:
-        """Return -1: always a multistep method."""
-        return -1
-
     def time(self) -> float:
         """Return the time at which the last step ended."""
         return self._t

@@ -107,7 +107,7 @@ def sharpen(engine: Any, share: float, flight_time: float) -> None:
 
 
 def method_memory(engine: Any, mode: int) -> int:
-    """Return 0: always a one-step method."""
+    """Return 0: a single method has no memory."""
     return 0
 
 
