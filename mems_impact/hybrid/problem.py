@@ -118,16 +118,16 @@ class Problem:
 
 def check_times(numbers: ProblemParameters, size: float = 1.0, unit: str = "") -> None:
     """Raise InvalidParameter if times are invalid; the message has them in a unit of `size`."""
-    period, switches, scale = numbers.period * size, numbers.switches, numbers.time_scale
-    if not (math.isfinite(period) and period > 0.0):
-        raise InvalidParameter(field="period", value=period, allowed="finite and above 0")
+    # The time scale first, which is the period of a system without one.
+    for name, time in (("time_scale", numbers.time_scale), ("period", numbers.period)):
+        if time is not None and not (math.isfinite(time) and time > 0.0):
+            raise InvalidParameter(field=name, value=time * size, allowed="finite and above 0")
+    period, switches = numbers.period * size, numbers.switches
     rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
     if not (rising and (not switches or switches[-1] <= numbers.period)):
         allowed = f"ascending times above 0 and up to the period, {period:.6g} {unit}".rstrip()
         times = tuple(time * size for time in switches)
         raise InvalidParameter(field="switches", value=times, allowed=allowed)
-    if scale is not None and not scale > 0.0:
-        raise InvalidParameter(field="time_scale", value=scale * size, allowed="above 0")
 
 
 class Engine(Protocol):

@@ -85,6 +85,14 @@ def test_times_beyond_the_period(swinging):
     )
 
 
+@pytest.mark.parametrize("name", ["period", "time_scale"])
+def test_times_that_are_not_positive(name):
+    units = {name: UNITS[name] for name in ("x", "time")}
+    with pytest.raises(mi.InvalidParameter) as caught:
+        mi.System(states=("x", "v"), flow=relaxing, units=units, **{name: -6e-3}, **TYPICAL)
+    assert str(caught.value) == f"{name} = -0.006: must be finite and above 0"
+
+
 def test_reasons_in_rows(swinging):
     table = mi.operating_map(
         swinging, x=("late", [5e-4, 2e-3]), y=("w", [6e3, 6.1e3]), recurrence=SHORT,
