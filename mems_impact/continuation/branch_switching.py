@@ -28,10 +28,12 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
-# --- Period doublings
-
-SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the doubling orbit, in the space of unknowns
+# Distances of the first orbit from a period doubling, in the space of unknowns, or from a Hopf
+# point, relative to the state if above 1.
+SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
+
+# --- Period doublings
 
 
 def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
@@ -173,8 +175,6 @@ def switch_equilibrium(
 
 # --- Hopf points
 
-AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, relative to the state if above 1
-
 
 def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, Floats]:
     """Return a small limit cycle next to a Hopf point, and the way to it.
@@ -208,15 +208,14 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     phase = Phase(tuple(across.tolist()), float(across @ center), period)
     segments = (Segment(equilibrium.mode, 0, BOUNDARY),)
     size = max(1.0, float(np.abs(center).max()))
-    family = _family_with_method(equilibrium, center + size * AMPLITUDES[-1] * along, period)
+    family = _family_with_method(equilibrium, center + size * SWITCH_DISTANCES[-1] * along, period)
     shooting = Shooting(family, segments, (parameter,), phase=phase)
     # To first order in the amplitude only the state changes; period and parameter are those of the
     # linearization.
     middle = np.array([*center, period / phase.unit, value])
     away = np.array([*along, 0.0, 0.0])
-    return first_orbit_on_branch(
-        shooting, middle, away, [size * amplitude for amplitude in AMPLITUDES]
-    )
+    distances = [size * distance for distance in SWITCH_DISTANCES]
+    return first_orbit_on_branch(shooting, middle, away, distances)
 
 
 def _family_with_method(equilibrium: EquilibriumState, beside: Floats, period: float) -> Family:

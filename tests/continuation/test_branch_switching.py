@@ -34,6 +34,17 @@ def test_both_halves_of_a_pitchfork(error):
     assert halves.ended == "a reached its bound"
 
 
+def test_points_beyond_a_step_are_not_those_within():
+    """The growth rate falls to the level from which its slope before leads to a zero at 10."""
+
+    def rate(a):
+        return 1.0 - 0.1 * a - math.tanh(25.0 * (a - 1.0)) + math.tanh(25.0 * (a - 3.0))
+
+    found = forks(lambda mode, t, y, p: (rate(p.a) * y.x - y.x**3,), 4.0, 0.0, longest=0.5)
+    exact = [brentq(rate, low, low + 1.0, xtol=1e-15) for low in (0.5, 2.5)]
+    assert [fork.value for fork in found] == pytest.approx(exact, abs=1e-10)
+
+
 def test_a_transcritical_branch_is_continued_on_both_sides():
     (crossing,) = forks(lambda mode, t, y, p: ((p.a - 0.3) * y.x - y.x**2,))
     assert crossing.value == pytest.approx(0.3, abs=1e-13)
@@ -88,6 +99,23 @@ def test_a_continuum_at_one_value_is_no_branch():
     (crossing,) = forks(lambda mode, t, y, p: (p.a * y.x,))
     with pytest.raises(mi.OrbitError, match="continuum"):
         mi.switch_branch(crossing)
+
+
+def test_cycles_begin_small_at_a_hopf_point():
+    """Also where their amplitude sqrt(a - 100) is that of a relative change below 1e-7."""
+
+    def flow(mode, t, y, p):
+        grows = p.a - 100.0 - y.x**2 - y.v**2
+        return grows * y.x - y.v, y.x + grows * y.v
+
+    system = mi.System(states=("x", "v"), flow=flow, parameters={"a": 99.0})
+    rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
+    (hopf,) = mi.continue_equilibrium(rest, "a", 101.0).special_points
+    cycles = mi.switch_branch(hopf, bounds=(99.0, 101.0), steps=mi.StepControl(most=2)).orbits
+    radii = np.array([math.hypot(cycle.state.x, cycle.state.v) for cycle in cycles])
+    values = np.array([cycle.system.parameters["a"] for cycle in cycles])
+    assert values - 100.0 == pytest.approx(radii**2, abs=1e-9)
+    assert 0.0 < radii[0] < 0.05
 
 
 def fork_map(mode, t, y, p):
