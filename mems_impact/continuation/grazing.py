@@ -126,10 +126,13 @@ def contact_coefficients(
     gradient = event.margin_by_state[monitor.guard][free][keep]
     image = impact_direction(shooting, point, segment.mode, monitor.guard, time, to_touch.end)[keep]
     if shooting.phase is not None:
+        # A shift along the flow does not decay, and rounding errors along it would grow relative to
+        # what does.
         along = to_touch.slope_end[free][keep]
-        aside = image - along * float(along @ image) / float(along @ along)
-        if np.linalg.norm(aside) < NULL_KICK_RATIO * np.linalg.norm(image):
+        across = np.eye(along.size) - np.outer(along, along) / float(along @ along)
+        if np.linalg.norm(across @ image) < NULL_KICK_RATIO * np.linalg.norm(image):
             return None
+        total, image = across @ total, across @ image
     values = []
     for _ in range(count):
         image = total @ image

@@ -98,6 +98,29 @@ def test_a_linear_oscillator_under_a_voltage_that_switches(c, expected):
     assert xi[0] * powers[0] > 0.0
 
 
+@pytest.mark.parametrize(
+    ("heat", "expected"), [(1e-4, "jump"), (-1e-4, "continuous"), (-0.1, "continuous")]
+)
+def test_a_limit_cycle_that_impacts_heat(heat, expected):
+    """Its amplitude grows with a temperature that decays slowly: only an impact that cools is weak.
+
+    However little it does: the change of the velocity itself is along the flow.
+    """
+
+    def flow(mode, t, y, p):
+        return y.v, 0.5 * (1.0 + y.T - y.x**2) * y.v - y.x, -0.05 * y.T
+
+    def rebound(mode, t, y, p):
+        return mode, (y.x, -0.5 * y.v, y.T + p.heat * y.v)
+
+    system = mi.System(
+        states=("x", "v", "T"), flow=flow, parameters={"d": 2.1, "heat": heat}, initial={"x": 1.9},
+        guards=[mi.Impact("wall", lambda mode, t, y, p: p.d - y.x, rebound)],
+    )  # fmt: skip
+    branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "d", 1.95, stop_at="G")
+    assert mi.grazing_type(branch.special_points[-1]) == expected
+
+
 def test_only_grazings_have_a_type():
     branch = follow(silent_orbit(0.16, 0.45), "amplitude", low=0.1, high=0.26)
     fold = next(s for s in branch.special_points if s.kind == "fold")
