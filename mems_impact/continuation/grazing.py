@@ -597,13 +597,11 @@ def _gain(lost: BranchEvent, point: ShootingEvaluation) -> float:
 
 def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
     """Return whether orbits of this sequence approach `lost` as the parameter does."""
-    # Along the tangent, so that a short segment does not vanish.
-    along, back = tangent(point), (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
-    if along[-1] == 0.0:
-        return False
-    guess = point.unknowns + back / along[-1] * along[:-1]
+    back = (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
     try:
-        near = solve(shooting, guess, point.values + back)
+        # Along the tangent, so that a short segment does not vanish.
+        slope = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])
+        near = solve(shooting, point.unknowns + back * slope, point.values + back)
     except CONTINUATION_ERRORS:
         return False
     return not defects(shooting, near) and _approaches(
