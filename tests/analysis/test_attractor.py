@@ -241,6 +241,22 @@ def test_a_regular_approach_is_continued(differences, latest, extended):
     assert (s.end_cycle > 400) == extended
 
 
+def test_few_returns_are_no_regular_approach():
+    """Differences of a chaotic map decrease for a while by chance, in half of so short motions."""
+    system = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (0.0,),
+        switch_transition=lambda mode, t, y, p: (mode, (3.95 * y.x * (1.0 - y.x),)),
+        switches=(0.5,),
+        period=1.0,
+    )
+    cases = [InitialCondition(system, mi.State(x=x)) for x in np.linspace(0.1, 0.9, 10)]
+    recurrence = RecurrenceOptions(transient=20, periods=10, exponents="none")
+    options = replace(FAST, engine="interpreted")
+    found = map_attractors(cases, recurrence, options)
+    assert {each.returns for each in found} == {31}
+
+
 @pytest.mark.parametrize(("end", "extended"), [(400, True), (64 * 400, False)])
 def test_a_period_is_completed_within_a_bounded_time(end, extended):
     memory = np.zeros((returns.RING + 3, 4))

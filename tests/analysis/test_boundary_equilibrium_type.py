@@ -105,6 +105,40 @@ def test_contact_that_holds():
     assert found.modes[0] == "free"
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["right", "left"])
+def test_the_mode_that_contact_leads_to(side):
+    """A spring that overload hardens has the same equilibrium there, but no contact leads to it."""
+    free, pressed, hard = mi.modes("free", "pressed", "hard")
+    stiffness = {free: 0.0, pressed: 2.0, hard: 9.0}
+
+    def flow(mode, t, y, p):
+        return y.v, p.pull - y.x - 0.5 * y.v - stiffness[mode] * (y.x - side)
+
+    def depth(mode, t, y, p):
+        return side * y.x - 1.0
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        parameters={"pull": 0.5 * side},
+        guards=[
+            mi.Guard(
+                "contact", lambda mode, t, y, p: 1.0 - side * y.x,
+                lambda mode, t, y, p: (pressed if side * y.v > 0.0 else free, (side, y.v)),
+                modes=(free,),
+            ),
+            mi.Guard("release", depth, lambda mode, t, y, p: (free, (side, y.v)),
+                     modes=(pressed, hard)),
+            mi.Guard("overload", lambda mode, t, y, p: 2.0 - side * y.x,
+                     lambda mode, t, y, p: (hard, (y.x, y.v)), modes=(pressed,)),
+        ],
+    )  # fmt: skip
+    (rest,) = mi.find_equilibria(system, modes=["free"])
+    (met,) = mi.continue_equilibrium(rest, "pull", 1.5 * side).special_points
+    found = mi.boundary_type(met)
+    assert (found, found.modes) == ("persistence", ("free", "pressed"))
+
+
 def test_what_has_no_type():
     def bounce(mode, t, y, p):
         return mode, (1.0, -0.5 * y.v)

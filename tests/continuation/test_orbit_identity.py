@@ -1,12 +1,13 @@
-"""Orbits on known branches, on the fixed points of x' = a - x^2, with a fold at a = -1/4."""
+"""Orbits and equilibria on known branches, where these fold."""
 
 import math
 
 import pytest
 
 import mems_impact as mi
-from mems_impact.continuation.orbit_identity import orbit_on_branch
+from mems_impact.continuation.orbit_identity import equilibrium_on_branch, orbit_on_branch
 
+# The map x -> a - x^2, with a fold of fixed points at a = -1/4.
 DOP853 = mi.Options(method="dop853")
 MAP = mi.System(
     states=("x", "w"),
@@ -36,3 +37,21 @@ def test_orbits_within_a_step_across_a_fold():
     half = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps, stop_at="CF")
     assert orbit_on_branch(half.found, fixed_point(0.1, 1.0).found)
     assert not orbit_on_branch(half.found, fixed_point(0.1, -1.0).found)
+
+
+def test_equilibria_on_both_sides_of_a_fold():
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (p.a - y.x**2,), parameters={"a": 1.0}
+    )
+
+    def equilibrium(a, x):
+        return mi.find_equilibria(system.changed(a=a), guess={"x": x})[0]
+
+    upper = equilibrium(1.0, 1.0)
+    whole = mi.continue_equilibrium(upper, "a", -1.0)
+    half = mi.continue_equilibrium(upper, "a", -1.0, stop_at="LP")
+    for a in (1e-3, 0.1, 0.9):
+        for x, is_on_half in ((math.sqrt(a), True), (-math.sqrt(a), False)):
+            state = equilibrium(a, x).found
+            assert equilibrium_on_branch(whole.found, state)
+            assert equilibrium_on_branch(half.found, state) == is_on_half

@@ -80,6 +80,26 @@ def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_flow_need_be_defined_only_a_little_beyond_the_orbit():
+    """Along a component that stays zero, too."""
+
+    def flow(mode, t, y, p):
+        if mode.wall == 1:
+            return -1.0, 0.0, -y.z
+        grows, turn = p.mu - y.x**2 - y.y**2, 15.0 * math.sqrt(0.01 - y.z)
+        return grows * y.x - turn * y.y, turn * y.x + grows * y.y, -y.z
+
+    system = mi.System(
+        states=("x", "y", "z"), flow=flow, parameters={"mu": 0.9}, initial={"x": 0.9},
+        parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
+    )  # fmt: skip
+    (point,) = mi.continue_orbit(mi.find_orbit(system, transient=20), "mu", 1.1).special_points
+    found = mi.sliding_type(point)
+    assert found == "grazing-sliding"
+    assert found.second == pytest.approx(1.5**2, rel=1e-8)
+
+
+@pytest.mark.slow
 def test_points_without_a_discontinuity_have_no_type():
     def bent(mode, t, y, p):
         return y.v, -0.05 * y.v - y.x - y.x**3 + p.A * math.cos(1.6 * t)

@@ -13,6 +13,8 @@ from mems_impact.orbits import limit_cycle, orbit_search, period_detection
 from mems_impact.orbits.period_detection import _section, first_return
 from tests.hybrid.systems import STOP, TAU, at, problem, stop
 
+PLAIN = mi.Options(engine="interpreted", method="dop853")
+
 
 @pytest.mark.parametrize(
     ("extent", "chosen"),
@@ -49,8 +51,24 @@ def test_a_motion_is_recognized_after_up_to_sixteen_forcing_periods(periods, see
         assert recognized.end_periods == seen
 
 
+def test_a_small_subharmonic_is_no_motion_of_one_period():
+    """The map x -> 1 + f(x - 1) with f(u) = -1.04 u + b u^3 moves from u to -u if b u^2 = 0.04."""
+    apart = 2e-6
+
+    def jump(mode, t, y, p):
+        u = (y.x - 1.0) / apart
+        return mode, (1.0 + apart * (0.04 * u**3 - 1.04 * u),)
+
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (0.0,), switch_transition=jump, switches=(0.5,),
+        period=1.0, initial={"x": 1.0 + apart},
+    )  # fmt: skip
+    orbit = mi.find_orbit(system, options=PLAIN)
+    assert orbit.periods == 2
+    assert abs(orbit.state.x - 1.0) == pytest.approx(apart, rel=1e-6)
+
+
 DRIFT = mi.System(states=("x", "y"), flow=lambda mode, t, y, p: (1.0, -y.y), initial={"y": 1.0})
-PLAIN = mi.Options(engine="interpreted", method="dop853")
 
 
 def test_the_time_within_which_nothing_came_back_is_that_of_all_its_runs(monkeypatch):
