@@ -177,12 +177,25 @@ class AttractorMatcher:
 
 def _neighbour_groups(places: Floats) -> Integers:
     """Return groups of points linked by neighbouring cells of a grid."""
-    cells, which = np.unique(np.rint(places), axis=0, return_inverse=True)
+    cells, which = _distinct_rows(np.rint(places))
     pairs = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray")
     ones = np.ones(len(pairs))
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
     _, groups = connected_components(graph, directed=False)
-    return np.asarray(groups[which.ravel()], dtype=np.int64)
+    return np.asarray(groups[which], dtype=np.int64)
+
+
+def _distinct_rows(rows: Floats) -> tuple[Floats, Integers]:
+    """Return the distinct rows in ascending order, and the number of each row among them.
+
+    `numpy.unique` of rows raises TypeError where Ctrl-C interrupts it.
+    """
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    starts = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
+    which: Integers = np.empty(len(rows), dtype=np.int64)
+    which[order] = np.cumsum(starts) - 1
+    return ordered[starts], which
 
 
 def _intersecting_groups(low: Floats, high: Floats) -> Integers:

@@ -1,5 +1,6 @@
 """Basins: attractors recognized across points, their shares; against closed forms and others."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -10,11 +11,16 @@ from scipy.optimize import brentq
 
 import mems_impact as mi
 from mems_impact.analysis.attractor import Attractor, InitialCondition, map_attractors
-from mems_impact.studies.attractor_matching import MODE, AttractorMatcher, label_points
+from mems_impact.studies.attractor_matching import (
+    MODE,
+    AttractorMatcher,
+    _neighbour_groups,
+    label_points,
+)
 from mems_impact.studies.sampling import Axis, Grid, Sample
 from tests.analysis.systems import oscillator
 from tests.studies.one_impact import OneImpact
-from tests.studies.toys import bits
+from tests.studies.toys import bits, ctrl_c_in
 
 ACTUATOR = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.2, omega=0.5)
@@ -153,6 +159,25 @@ def test_motions_are_the_same_in_any_order():
     order = rng.permutation(200)
     there = groups(columns, order)
     assert len({*zip(here[order], there, strict=True)}) == 4
+
+
+@pytest.mark.usefixtures("heard_in_background")
+def test_ctrl_c_while_motions_are_recognized_is_no_other_error():
+    """NumPy compares rows as structured arrays, and takes any exception for a wrong type."""
+    places = np.arange(10.0).reshape(5, 2)
+    functions = set()
+
+    def another_function(frame):
+        count = len(functions)
+        functions.add((frame.f_code.co_filename, frame.f_code.co_name))
+        return len(functions) > count
+
+    count = -1
+    while len(functions) > count:
+        count = len(functions)
+        with contextlib.suppress(KeyboardInterrupt), ctrl_c_in(another_function):
+            _neighbour_groups(places)
+    assert count > 10
 
 
 def test_a_period_or_a_mode_tells_motions_apart():

@@ -27,7 +27,7 @@ from concurrent.futures import (
 from contextlib import contextmanager, nullcontext
 from functools import cache, cached_property, lru_cache
 from itertools import count
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any, Self
 
 import cloudpickle
@@ -42,6 +42,7 @@ __all__ = [
     "Result",
     "WorkerPool",
     "cores",
+    "deferring_ctrl_c",
     "ignoring_ctrl_c",
     "killed_by_its_chunk",
     "stoppable_threads",
@@ -180,15 +181,16 @@ class WorkerPool:
         """Submit a part; `ExecutorLost` if the executor does not accept it."""
         where = part.first, part.last, carried
         try:
-            if self.is_local:
-                return self._executor.submit(
-                    _compute_in_thread, self.study, *where, self._watch(number)
-                )
-            with ignoring_ctrl_c():  # submission may start processes
-                # Numbered, since Dask identifies calls with equal arguments.
-                return self._executor.submit(
-                    _compute_in_process, self._packed, *where, next(self._calls)
-                )
+            with deferring_ctrl_c():
+                if self.is_local:
+                    return self._executor.submit(
+                        _compute_in_thread, self.study, *where, self._watch(number)
+                    )
+                with ignoring_ctrl_c():  # submission may start processes
+                    # Numbered, since Dask identifies calls with equal arguments.
+                    return self._executor.submit(
+                        _compute_in_process, self._packed, *where, next(self._calls)
+                    )
         except (RuntimeError, OSError) as error:
             # RuntimeError: the executor is broken or was shut down. OSError: the queue is closed,
             # since a worker died while another one started, or the system cannot start a process.
@@ -275,6 +277,27 @@ def _end(executor: Executor, *, at_once: bool) -> None:
         executor.shutdown(cancel_futures=True)
     else:
         executor.shutdown(wait=not at_once)
+
+
+@contextmanager
+def deferring_ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C interrupt after the block only.
+
+    Within `concurrent.futures` it could leave a lock acquired, for which a worker would wait
+    forever, or become a RuntimeError.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    received: list[tuple[int, FrameType | None]] = []
+    try:
+        signal.signal(signal.SIGINT, lambda *given: received.append(given))
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if received:
+            before(*received[0])
 
 
 @contextmanager

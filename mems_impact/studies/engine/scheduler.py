@@ -25,6 +25,7 @@ from mems_impact.studies.engine.executors import (
     Result,
     WorkerPool,
     cores,
+    deferring_ctrl_c,
     killed_by_its_chunk,
 )
 from mems_impact.studies.engine.store import ChunkStore, MemoryStore
@@ -192,7 +193,8 @@ class Scheduler:
         try:
             while self.ready or self.quarantined or self.pending:
                 self.submit_parts()
-                self.take(wait(self.pending, POLL_SECONDS, FIRST_COMPLETED).done)
+                with deferring_ctrl_c():
+                    self.take(wait(self.pending, POLL_SECONDS, FIRST_COMPLETED).done)
                 if self.broken:
                     self.recover()
                 self.crew.warn_of_missing_workers()
@@ -200,8 +202,9 @@ class Scheduler:
                     done = self.kept.done + self.crew.part_done
                     self.notice(done, f"{self.kept.failed} failed")
         finally:
-            for future in self.pending:
-                future.cancel()
+            with deferring_ctrl_c():
+                for future in self.pending:
+                    future.cancel()
 
     def submit_parts(self) -> None:
         """Submit enough parts to keep all workers busy; a suspect alone."""

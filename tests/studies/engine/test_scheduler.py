@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import threading
+import traceback
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import Chunk, layout
-from tests.studies.toys import EDGES, Toy, bits
+from tests.studies.toys import EDGES, Toy, bits, ctrl_c_in
 
 INDEPENDENT = Toy(size=37, failing=(5, 11))
 CHAINED = Toy(size=37, chained=(20, 1, 16), failing=(5,))
@@ -150,6 +151,23 @@ def test_ctrl_c_ends_threads():
     with pytest.raises(mi.StudyInterrupted):
         run_study(study, workers=2, chunk=10**6, progress=press)
     assert threading.active_count() == before
+
+
+@pytest.mark.usefixtures("heard_in_background")
+@pytest.mark.parametrize("function", ["wait", "submit", "exception", "result"])
+def test_ctrl_c_leaves_no_lock_of_the_executor_acquired(function):
+    """It interrupts between calls of `concurrent.futures`, not within."""
+
+    def within(frame):
+        place = frame.f_code.co_filename, frame.f_code.co_name
+        return "concurrent" in place[0] and place[1] == function
+
+    with pytest.raises(mi.StudyInterrupted) as caught, ctrl_c_in(within):
+        run_study(Toy(size=40), workers=2, chunk=4)
+    interrupt = caught.value.__context__
+    assert isinstance(interrupt, KeyboardInterrupt)
+    files = [frame.filename for frame in traceback.extract_tb(interrupt.__traceback__)]
+    assert not any("concurrent" in file for file in files)
 
 
 def test_what_a_point_raises_comes_as_it_is_with_what_was_done():
