@@ -74,7 +74,8 @@ class RecurrenceOptions:
     ----------
     transient, periods : int
         Forcing periods in which a motion may become periodic, and further periods over which a
-        motion that has not is measured. In time for an autonomous system.
+        motion that has not is measured. For an autonomous system in its ``time_scale`` (1 by
+        default).
     longest : int
         Longest period in returns: the largest n of a period-n motion. A motion that the exponent
         does not classify is followed once more with four times as many.
@@ -230,10 +231,7 @@ def map_attractors(
             follow()
             found.append(Attractor(motion=FAILED, status=str(error)))
             continue
-        if batch and not (
-            _same_structure(batch[0][1], problem)
-            and _length_unit(case.system, problem) == _length_unit(batch[0][0].system, batch[0][1])
-        ):
+        if batch and not _same_structure(batch[0][1], problem):
             follow()
         if numbers is not None:
             with at_study_point(numbers[len(found) + len(batch)]):
@@ -277,7 +275,7 @@ def _followed(
             observed=system.observed,
         )
 
-    unit = _length_unit(system, problem)
+    unit = float(system.out("time", problem.period)) / _length_unit(system, problem)
     total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
     transient, longer = (
         max(0.0, times * total - recurrence.periods) / unit
@@ -559,20 +557,25 @@ class _Exponents:
 def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:
     """Return why a point fails: the message of an ordinary run, which fails at the same place."""
     length = recurrence.transient + recurrence.periods
-    span: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
     try:
+        span = span_of(case.system, length, options)
         simulate(case.system, **span, initial=case.initial, options=options).gathered  # noqa: B018
     except (RunError, FunctionError, InvalidParameter) as error:
         return str(error)
     return "the run ends before that"
 
 
-def _length_unit(system: HybridSystem, problem: Problem) -> float:
-    """Return the period of a problem in the unit of `RecurrenceOptions`.
+def span_of(system: HybridSystem, length: float, options: Options) -> dict[str, Any]:
+    """Return a length of `RecurrenceOptions` as an argument of `simulate`."""
+    if system.forced:
+        return {"periods": length}
+    return {"duration": length * _length_unit(system, system.problem(options))}
 
-    A time scale that is a function of the parameters makes that of an autonomous system vary.
-    """
-    return 1.0 if system.forced else float(system.out("time", problem.period))
+
+def _length_unit(system: HybridSystem, problem: Problem) -> float:
+    """Return the unit of lengths in `RecurrenceOptions` in time: period, time scale, or 1."""
+    known = system.forced or problem.time_scale is not None
+    return float(system.out("time", problem.period)) if known else 1.0
 
 
 def _same_structure(one: Problem, other: Problem) -> bool:

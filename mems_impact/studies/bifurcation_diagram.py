@@ -24,6 +24,7 @@ from mems_impact.analysis.attractor import (
     InitialCondition,
     RecurrenceOptions,
     map_attractors,
+    span_of,
 )
 from mems_impact.analysis.branch import (
     BRANCH_STEPS,
@@ -435,7 +436,7 @@ class AttractorSearch:
         system, cyclic = self.system, self.system.automaton.cyclic
         largest = np.zeros(len(system.states))
         length = BOX_PERIODS if system.forced else self.recurrence.transient
-        span: dict[str, Any] = {"periods" if system.forced else "duration": length}
+        span = span_of(system, length, self.options)
         for value in self.grid[:: max(1, (len(self.grid) - 1) // 2)]:
             for start in self.initial:
                 try:
@@ -488,18 +489,17 @@ class AttractorSearch:
 
     def _without_returns(self, case: InitialCondition) -> Attractor:
         """Return the attractor of an autonomous system without guards: at rest, or unsettled."""
-        system, duration = case.system, self.recurrence.transient + self.recurrence.periods
+        system, length = case.system, self.recurrence.transient + self.recurrence.periods
         try:
+            span = span_of(system, length, self.options)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ScaleWarning)  # a motion that approaches zero
-                run = simulate(
-                    system, duration=duration, initial=case.initial, options=self.options
-                )
+                run = simulate(system, **span, initial=case.initial, options=self.options)
         except MemsImpactError as error:
             return Attractor(motion=FAILED, status=str(error))
         units = [float(system.out(name, 1.0)) for name in system.states]
         y = run.trajectory.samples(8).y * units
-        late = y[-max(1, round(len(y) * self.recurrence.periods / duration)) :]
+        late = y[-max(1, round(len(y) * self.recurrence.periods / length)) :]
         free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
         moved = np.ptp(late, axis=0) > REST_RTOL * (np.abs(y).max(axis=0) + REST_RTOL)
         turns = (np.diff(np.sign(np.diff(late, axis=0)), axis=0) != 0.0).sum(axis=0)
@@ -866,10 +866,14 @@ class DiagramBuilder:
             attractor = motion.attractor
             if attractor.final is None:
                 continue
-            length: float = self.search.recurrence.periods
+            length: float
             if self.system.forced:
                 settled = attractor.motion in (PERIODIC, OFF, RESTING)
                 length = max(1, attractor.period) if settled else CLOUD_PERIODS
+            else:
+                search = self.search
+                length = search.recurrence.periods
+                length = span_of(search.at(motion.value), length, search.options)["duration"]
             study = self._study(motion.value, attractor.final, length)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the search for the attractor gave them

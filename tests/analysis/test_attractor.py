@@ -88,7 +88,7 @@ def van_der_pol(mode, t, y, p):
     return y.v, (1.0 - y.x * y.x) * p.k * y.v - p.k * p.k * y.x
 
 
-def test_lengths_are_times_of_each_point_if_time_scales_differ():
+def test_lengths_are_in_the_time_scale_of_each_point():
     system = mi.System(
         flow=van_der_pol,
         states=("x", "v"),
@@ -101,6 +101,7 @@ def test_lengths_are_times_of_each_point_if_time_scales_differ():
     recurrence = replace(recurrence, exponents="none")
     many = [InitialCondition(system.changed(k=k)) for k in (1.0, 4.0, 0.25)]
     together = map_attractors(many, recurrence)
+    assert len({each.returns for each in together}) == 1
     for case, one in zip(many, together, strict=True):
         (alone,) = map_attractors([case], recurrence)
         assert alone.returns == one.returns
