@@ -190,9 +190,7 @@ def test_what_moves_slowly_does_not_rest(unit):
         section=("y", 0.0),
         initial={"x": 1.0, "y": -0.1},
     )
-    recurrence = RecurrenceOptions(
-        transient=40.0 * unit, periods=5.0 * unit, tolerance=1e-5, exponents="none"
-    )
+    recurrence = RecurrenceOptions(transient=40.0, periods=5.0, tolerance=1e-5, exponents="none")
     options = replace(FAST, engine="interpreted")
     (found,) = map_attractors([InitialCondition(round_and_round)], recurrence, options)
     assert (found.motion, found.period) == ("periodic", 1)
