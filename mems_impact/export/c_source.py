@@ -161,9 +161,9 @@ def literal(value: Any) -> str:
     """Return a number as C source."""
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
-    if isinstance(value, int | np.integer):
+    if isinstance(value, int | np.integer) and abs(int(value)) < 2**63:
         text = str(int(value))
-        return f"INT64_C({text})" if abs(int(value)) >= 2**31 else _signed(text)
+        return _signed(f"INT64_C({text})" if abs(int(value)) >= 2**31 else text)
     number = float(value)
     if math.isnan(number):
         return "NAN"
@@ -181,69 +181,61 @@ def _signed(text: str) -> str:
 
 @dataclass(frozen=True)
 class SourceText:
-    """The syntax tree of a function, with the names of its file and its first line."""
+    """The syntax tree of a function, and the name of its file."""
 
     tree: ast.FunctionDef | ast.Lambda
     file: str = ""
-    offset: int = 0
 
 
 def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceText:
     """Return the source of a function; of a generated one, from the texts in `generated`."""
-    text = generated.get(function.__code__)
-    if text is None and function.__code__.co_filename == GENERATED:
-        text = function.__globals__.get("SOURCE")
-    file, offset = "", 0
-    if text is None:
-        try:
-            lines, first = inspect.getsourcelines(function)
-        except (OSError, TypeError):
-            raise FunctionError(
-                f"function {function.__name__!r}",
-                "cannot be translated to C: it has no source text",
-                "define it in a file",
-            ) from None
-        text, file, offset = "".join(lines), function.__code__.co_filename, max(first - 1, 0)
-        if function.__code__ not in _codes_of("".join(inspect.findsource(function)[0])):
-            raise FunctionError(
-                f"function {function.__name__!r}",
-                "cannot be translated to C: its file has changed since it was imported",
-                "import it again, in a new process or by importlib.reload",
-                file,
-                offset + 1,
-            )
-    text = textwrap.dedent(text)
-    try:
-        tree = ast.parse(text)
-    except SyntaxError:  # a lambda within a longer expression
-        tree = (
-            ast.parse("(" + text.strip().rstrip(",") + "\n)")
-            if "lambda" in text
-            else ast.Module([], [])
-        )
     code = function.__code__
-    wanted = code.co_name
-    arguments = code.co_varnames[: code.co_argcount]
+    text = generated.get(code)
+    if text is None and code.co_filename == GENERATED:
+        text = function.__globals__.get("SOURCE")
+    if text is not None:
+        return SourceText(ast.parse(text).body[0])  # type: ignore[arg-type]
+
+    def refuse(what: str, remedy: str, file: str = code.co_filename) -> NoReturn:
+        line = code.co_firstlineno if file else 0
+        what = f"cannot be translated to C: {what}"
+        raise FunctionError(f"function {function.__name__!r}", what, remedy, file, line)
+
+    try:
+        text = "".join(inspect.findsource(code)[0])  # that of a function may be one it wraps
+    except (OSError, TypeError):
+        refuse("it has no source text", "define it in a file", "")
+    if code not in _codes_of(text):
+        remedy = "import it again, in a new process or by importlib.reload"
+        refuse("its file has changed since it was imported", remedy)
     found = [
         node
-        for node in ast.walk(tree)
-        if (isinstance(node, ast.FunctionDef) and node.name == wanted)
-        or (
-            isinstance(node, ast.Lambda)
-            and wanted == "<lambda>"
-            and tuple(each.arg for each in node.args.args) == arguments
-        )
+        for node in _functions_of(text)
+        if _first_line(node) == code.co_firstlineno
+        and getattr(node, "name", "<lambda>") == code.co_name
+        and tuple(_arguments(node)) == code.co_varnames[: len(_arguments(node))]
     ]
-    if not found or (wanted == "<lambda>" and len(found) > 1):
-        raise FunctionError(
-            f"function {wanted!r}",
-            "cannot be translated to C: its source text is ambiguous",
-            "define it by def, on lines of its own",
-            file,
-            offset + 1,
-        )
-    node: Any = found[0]
-    return SourceText(node, file, offset)
+    if len(found) != 1:
+        refuse("its source text is ambiguous", "define it by def, on lines of its own")
+    return SourceText(found[0], code.co_filename)
+
+
+@lru_cache(maxsize=64)
+def _functions_of(text: str) -> tuple[ast.FunctionDef | ast.Lambda, ...]:
+    """Return all functions in the text of a file."""
+    kinds = ast.FunctionDef | ast.Lambda
+    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds))
+
+
+def _first_line(node: ast.FunctionDef | ast.Lambda) -> int:
+    """Return the first line of a function, which is that of its first decorator."""
+    return min(each.lineno for each in (node, *getattr(node, "decorator_list", ())))
+
+
+def _arguments(node: ast.FunctionDef | ast.Lambda) -> list[str]:
+    """Return the names of the arguments, but for those by * and **."""
+    given = node.args
+    return [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
 
 
 @lru_cache(maxsize=64)
@@ -319,6 +311,8 @@ REAL_FUNCTIONS |= {
     np.tanh: "tanh",
     np.trunc: "trunc",
 }
+OF_TWO = {"atan2", "copysign", "fmod", "greater", "heaviside", "hypot", "lesser", "nextafter"}
+OF_TWO |= {"pow", "remainder"}  # C functions of two arguments
 INTEGER_FUNCTIONS: dict[Any, str] = {
     math.ceil: "ceil",
     math.floor: "floor",
@@ -419,7 +413,7 @@ class CSource:
         self.translated: dict[Any, Translated] = {}
         self.pending: list[Any] = []
         self.tables: dict[bytes, str] = {}
-        self.names: dict[str, int] = {}
+        self.names: set[str] = set()
         self.roots: list[Translated] = []
 
     def function(self, function: Callable[..., Any], kinds: Sequence[Kind]) -> Translated:
@@ -452,10 +446,13 @@ class CSource:
 
     def name(self, stem: str) -> str:
         """Return an unused name."""
-        stem = _identifier(stem)
-        self.names[stem] = self.names.get(stem, 0) + 1
-        count = self.names[stem]
-        return f"f_{stem}" if count == 1 else f"f_{stem}_{count}"
+        name = stem = f"f_{_identifier(stem)}"
+        count = 1
+        while name in self.names:
+            count += 1
+            name = f"{stem}_{count}"
+        self.names.add(name)
+        return name
 
     def table(self, values: Any) -> str:
         """Return the name of a constant table of reals."""
@@ -547,9 +544,8 @@ class FunctionWriter:
     def write(self) -> Translated:
         """Return the translated function."""
         tree = self.text.tree
-        given = tree.args
-        arguments = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
-        if given.vararg or given.kwarg:
+        arguments = _arguments(tree)
+        if tree.args.vararg or tree.args.kwarg:
             self.refuse("arguments by * or **", "name all arguments")
         if len(arguments) != len(self.kinds):
             self.refuse(f"a call with {len(self.kinds)} arguments", "give each argument")
@@ -612,8 +608,7 @@ class FunctionWriter:
         lines = [*copies, *self.temporaries]
         body = ["    " + line for line in lines] + self.lines
         if ctype != "void":
-            empty = "{0}" if isinstance(result, Tuple) else "0"
-            body.append(f"    {{ {ctype} nothing = {empty}; return nothing; }}")
+            body.append(f"    return {_no_value(result)};")
         made.text = "\n".join([signature, "{", *body, "}"])
         made.calls = list(self.calls)
         made.signature = signature
@@ -624,7 +619,7 @@ class FunctionWriter:
 
     def refuse(self, what: str, remedy: str, node: ast.AST | None = None) -> NoReturn:
         """Raise FunctionError for something without a translation."""
-        line = self.text.offset + getattr(node or self.node, "lineno", 1)
+        line = getattr(node or self.node, "lineno", 1)
         raise FunctionError(
             f"function {self.function.__name__!r}",
             f"cannot be translated to C: {what}",
@@ -694,9 +689,9 @@ class FunctionWriter:
         value = expression.kind.value
         if isinstance(value, bool | np.bool_):
             return Expression(BOOLEAN, literal(value))
-        if isinstance(value, int | np.integer):
+        if isinstance(value, int | np.integer) and abs(int(value)) < 2**63:
             return Expression(INTEGER, literal(value))
-        if isinstance(value, float | np.floating):
+        if isinstance(value, int | float | np.integer | np.floating):  # also beyond int64_t
             return Expression(REAL, literal(value))
         if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
             if value.ndim == 0:
@@ -872,6 +867,8 @@ class FunctionWriter:
             self.unpack(target.elts, value)
             return
         if isinstance(target, ast.Subscript):
+            if self.value(target.value).fixed:
+                self.refuse("an assignment to an item of a constant", "make an array by np.zeros")
             place = self.subscript(target)
             if place.kind == Array() or isinstance(place.kind, Array):
                 self.copy(place, value)
@@ -1388,7 +1385,10 @@ class FunctionWriter:
                 else f"pow({base.code}, {exponent.code})",
             )
         if result == INTEGER:
-            return Expression(INTEGER, f"integer_power_i({base.code}, {exponent.code})")
+            self.refuse(
+                "a power of integers with a variable exponent",
+                "make the base a real number, such as 10.0: the power may be no integer",
+            )
         return Expression(REAL, f"pow({base.code}, {exponent.code})")
 
     def of_BoolOp(self, node: ast.BoolOp) -> Expression:
@@ -1460,6 +1460,9 @@ class FunctionWriter:
     ) -> Expression:
         """Return a comparison of two values."""
         if isinstance(sign, ast.Is | ast.IsNot):
+            numbers = [self.runtime(each).kind in RANKS for each in (one, two)]
+            if all(numbers) and not (one.fixed and two.fixed):
+                self.refuse("is between numbers", "compare them by ==", node)
             same = one.fixed and two.fixed and one.kind.value is two.kind.value
             return constant(same is isinstance(sign, ast.Is))
         if isinstance(sign, ast.In | ast.NotIn):
@@ -1610,10 +1613,14 @@ class FunctionWriter:
         if named and pure:
             self.refuse("arguments by name", "give them by position", node)
         if function in REAL_FUNCTIONS:
+            name = REAL_FUNCTIONS[function]
+            count = 2 if name in OF_TWO else 1
+            if len(arguments) != count:
+                self.refuse(f"{function.__name__} of {len(arguments)} numbers", f"give {count}")
             codes = ", ".join(self.number(each, "a function").code for each in arguments)
             if function is np.abs and self.number(arguments[0], "a function").kind != REAL:
                 return Expression(INTEGER, f"integer_abs({codes})")
-            return Expression(REAL, f"{REAL_FUNCTIONS[function]}({codes})")
+            return Expression(REAL, f"{name}({codes})")
         if function in INTEGER_FUNCTIONS and len(arguments) == 1:
             code = self.number(arguments[0], "a function").code
             return Expression(INTEGER, f"((int64_t){INTEGER_FUNCTIONS[function]}({code}))")
@@ -1651,14 +1658,21 @@ class FunctionWriter:
             for i in range(whole.length):
                 total = self.binary(ast.Add(), total, whole.item(str(i), i), node)
             return total
-        if function in (np.zeros, np.empty, np.ones):
-            return self.made_array(function, arguments[0], node)
-        if function is np.array and arguments:
+        if function in (np.array, np.zeros, np.empty, np.ones):
+            types = [*arguments[1:], *named.values()]
+            if len(arguments) != 1 or set(named) - {"dtype"} or len(types) > 1:
+                self.refuse(f"these arguments of {function.__name__}", "give the first", node)
+            if any(each.kind not in (Fixed(float), Fixed(np.float64)) for each in types):
+                self.refuse("an array of a type", "make arrays of real numbers", node)
+            if function is not np.array:
+                return self.made_array(function, arguments[0], node)
             whole = self.iterable(arguments[0])
             assert whole.length is not None
+            items = [self.number(whole.item(str(i), i), "an array") for i in range(whole.length)]
+            if not types and items and all(item.kind != REAL for item in items):
+                self.refuse("an array of integers", "make arrays of real numbers: 1.0", node)
             made = self.made_array(np.empty, constant(whole.length), node)
-            for i in range(whole.length):
-                item = self.number(whole.item(str(i), i), "an array")
+            for i, item in enumerate(items):
                 self.emit(f"{made.code}[{i}] = {item.code};")
             return made
         return None
@@ -1701,6 +1715,17 @@ class Iterable:
     count: str
     item: Callable[[str, int | None], Expression]
     unrolled: bool = False
+
+
+def _no_value(kind: Any) -> str:
+    """Return what a function without a result returns where Python returns None.
+
+    The event loop fails there, as in Python: it finds no finite number, or no such mode.
+    """
+    if isinstance(kind, Tuple):
+        items = (_no_value(item) for item in kind.items if not isinstance(item, Fixed))
+        return f"({kind.ctype}){{{', '.join(items)}}}"
+    return {REAL: "NAN", INTEGER: "INT64_MIN"}.get(kind, "0")
 
 
 def _has_array(kind: Any) -> bool:

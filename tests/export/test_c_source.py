@@ -1,6 +1,7 @@
 """Functions in C give the numbers that they give in Python."""
 
 import ctypes
+import functools
 import importlib
 import math
 import subprocess
@@ -143,10 +144,42 @@ def widening(x, n):
     return a + b + c + d + e + f + g + h + i + j + k + m + o + q + r + s + t + u + v + w + z
 
 
+def doubling(function):
+    """Return twice a function, under its name."""
+
+    @functools.wraps(function)
+    def decorated(x, y):
+        return 2.0 * function(x, y)
+
+    return decorated
+
+
+@doubling
+def decorated(x, y):
+    return x - y
+
+
+def shift(x, by):
+    return x + by
+
+
+def shift_2(x):
+    return 10.0 * x
+
+
+def numbered_names(x, y):
+    return shift_2(x) + shift(y, 1) + shift(y, 0.5) + shift(2, 1)
+
+
+def large_integers(x, y):
+    return x * 10**23 + y / 2**63 + 2**62
+
+
 CASES = [
     (arithmetic, REAL), (swapped, REAL), (arrays, REAL), (of_functions, REAL), (logic, REAL),
     (written, REAL), (numpy_scalars, REAL), (integers, INTEGER), (loops, None),
     (shifted, REAL), (guarded, INTEGER), (widening, None), (keywords, REAL),
+    (decorated, REAL), (numbered_names, REAL), (large_integers, REAL),
 ]  # fmt: skip
 
 
@@ -233,9 +266,48 @@ def try_and_catch(x):
         return 0.0
 
 
+def integer_zeros(x):
+    work = np.zeros(2, dtype=int)
+    work[0] = x
+    return work[0]
+
+
+def integer_array(x):
+    work = np.array([1, 2])
+    work[0] = x
+    return work[0]
+
+
+def integer_power(x):
+    return x * 10 ** (-1 if x > 0.0 else 1)
+
+
+def identical(x):
+    return 1.0 if (1 if x > 0.0 else 0) is HELD else 0.0
+
+
+HELD = 1
+MEMORY = [0.0, 0.0]
+
+
+def remembering(x):
+    MEMORY[0 if x > 0.0 else 1] = x
+    return MEMORY[0]
+
+
+def of_three(x):
+    return math.hypot(x, x, 1.0)
+
+
 @pytest.mark.parametrize(
     ("function", "said"),
     [
+        (integer_zeros, "an array of a type"),
+        (integer_array, "an array of integers"),
+        (integer_power, "a power of integers with a variable exponent"),
+        (identical, "compare them by =="),
+        (remembering, "an assignment to an item of a constant"),
+        (of_three, "hypot of 3 numbers; give 2"),
         (vector_sum, "the operator Mult of an array"),
         (generator, "GeneratorExp"),
         (of_scipy, "norm"),
@@ -255,6 +327,55 @@ def test_what_has_no_translation_is_refused_by_name_and_line(function, said):
     assert "test_c_source.py" in str(error)
     first = function.__code__.co_firstlineno
     assert first <= error.line <= first + 6
+
+
+def test_lambdas_within_longer_expressions():
+    given = {
+        "first": lambda x: x + 1.0, "second": 2,
+    }  # fmt: skip
+    nested = functools.partial(
+        lambda x, y: (x
+                      - y),
+    ).func, 3  # fmt: skip
+    one, two = lambda x: 2.0 * x, lambda y: 3.0 * y
+    for function, count, said in (
+        (given["first"], 1, "(v_x + 1.0)"),
+        (nested[0], 2, "(v_x - v_y)"),
+        (one, 1, "(2.0 * v_x)"),
+        (two, 1, "(3.0 * v_y)"),
+    ):
+        assert f"return {said};" in CSource().function(function, (REAL,) * count).text
+    same = lambda x: 2.0 * x, lambda x: 3.0 * x
+    with pytest.raises(mi.FunctionError, match="its source text is ambiguous"):
+        CSource().function(same[0], (REAL,))
+
+
+@needs_compiler
+def test_a_function_without_a_result_gives_no_number(tmp_path):
+    def parted(x):
+        if x > 0.0:
+            return x, 1
+        if x < 0.0:
+            return -x, 2
+
+    def first(x):
+        return parted(x)[0]
+
+    def second(x):
+        return parted(x)[1]
+
+    source = CSource()
+    names = [source.function(each, (REAL,)).name for each in (first, second)]
+    exports = f"double one(double x) {{ return {names[0]}(x); }}\n"
+    exports += f"int64_t two(double x) {{ return {names[1]}(x); }}\n"
+    (tmp_path / "all.c").write_text('#include "arithmetic.h"\n' + source.text() + exports)
+    command = [*find_compiler(), "-std=c11", "-fPIC", "-shared", f"-I{ARITHMETIC}"]
+    subprocess.run([*command, "all.c", "-o", "all.so", "-lm"], cwd=tmp_path, check=True)
+    library = ctypes.CDLL(str(tmp_path / "all.so"))
+    library.one.restype, library.two.restype = ctypes.c_double, ctypes.c_int64
+    assert library.one(ctypes.c_double(-2.0)) == 2.0
+    assert math.isnan(library.one(ctypes.c_double(0.0)))
+    assert (library.two(ctypes.c_double(1.0)), library.two(ctypes.c_double(0.0))) == (1, -(2**63))
 
 
 def test_an_index_out_of_range_is_refused():
