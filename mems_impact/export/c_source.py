@@ -194,7 +194,8 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
     if text is None and code.co_filename == GENERATED:
         text = function.__globals__.get("SOURCE")
     if text is not None:
-        return SourceText(ast.parse(text).body[0])  # type: ignore[arg-type]
+        named = (node for node in _functions_of(text) if _name(node) == code.co_name)
+        return SourceText(next(named))
 
     def refuse(what: str, remedy: str, file: str = code.co_filename) -> NoReturn:
         line = code.co_firstlineno if file else 0
@@ -208,12 +209,15 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
     if code not in _codes_of(text):
         remedy = "import it again, in a new process or by importlib.reload"
         refuse("its file has changed since it was imported", remedy)
+    arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    places = [each for each in code.co_positions() if None not in each and any(each[2:])]
     found = [
         node
         for node in _functions_of(text)
-        if _first_line(node) == code.co_firstlineno
-        and getattr(node, "name", "<lambda>") == code.co_name
-        and tuple(_arguments(node)) == code.co_varnames[: len(_arguments(node))]
+        if _name(node) == code.co_name
+        and _first_line(node) == code.co_firstlineno
+        and tuple(_arguments(node)) == arguments
+        and all(_contains(node, *each) for each in places)
     ]
     if len(found) != 1:
         refuse("its source text is ambiguous", "define it by def, on lines of its own")
@@ -225,6 +229,17 @@ def _functions_of(text: str) -> tuple[ast.FunctionDef | ast.Lambda, ...]:
     """Return all functions in the text of a file."""
     kinds = ast.FunctionDef | ast.Lambda
     return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds))
+
+
+def _name(node: ast.FunctionDef | ast.Lambda) -> str:
+    """Return the name of a function."""
+    return getattr(node, "name", "<lambda>")
+
+
+def _contains(node: Any, line: int, end_line: int, column: int, end_column: int) -> bool:
+    """Return whether an instruction at this place is of a function."""
+    begin, end = (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
+    return begin <= (line, column) and (end_line, end_column) <= end
 
 
 def _first_line(node: ast.FunctionDef | ast.Lambda) -> int:
