@@ -124,20 +124,36 @@ def imported_instant(engine, s, changed):  # type: ignore[no-untyped-def]
     y = table_row(s, Y)
     if s.t > s.arc_start:
         s.switched = 0
-    if changed == 1:
+    if at_next_switch(s) or changed == 1:
         guard = 2 * s.m
-    elif s.stop - s.t <= SWITCH_RTOL * s.period:
-        guard = 2 * s.m
-        s.t = s.stop
-        if s.t > s.period:
-            rebase_time(s, 1)
-            s.t = table_row(s, SWITCHES)[0]
     else:
         guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
     status = resolve_imported_instant(engine, s, y, guard)
     if status == DONE:
         begin_arc(engine, s, y)
     return status
+
+
+def at_next_switch(s):  # type: ignore[no-untyped-def]
+    """Return whether ``s.t`` is the next switch but for rounding; then set it exactly."""
+    if s.stop - s.t > SWITCH_RTOL * s.period:
+        return False
+    s.t = s.stop
+    if s.t > s.period:
+        rebase_time(s, 1)
+        s.t = table_row(s, SWITCHES)[0]
+    return True
+
+
+def resumed(engine, s, changed):  # type: ignore[no-untyped-def]
+    """Begin a new arc at a communication point, with the switch at which the last one ended.
+
+    `changed` is 1 if an input has changed, after which the mode is determined again.
+    """
+    if s.first_arc == 0:
+        s.restart = 1
+        if at_next_switch(s) or changed == 1:
+            s.pending_guard = 2 * s.m
 
 
 def imported_step(engine, s):  # type: ignore[no-untyped-def]
@@ -297,6 +313,7 @@ ROOTS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "first_instant": (first_instant, (ENGINE, LOOP)),
     "imported_instant": (imported_instant, (ENGINE, LOOP, INTEGER)),
     "imported_step": (imported_step, (ENGINE, LOOP)),
+    "resumed": (resumed, (ENGINE, LOOP, INTEGER)),
 }
 
 

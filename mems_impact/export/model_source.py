@@ -107,6 +107,7 @@ def model_header(model: ExportedModel) -> str:
         "LOOP_FIRST_INSTANT": names["first_instant"],
         "LOOP_IMPORTED_INSTANT": names["imported_instant"],
         "LOOP_IMPORTED_STEP": names["imported_step"],
+        "LOOP_RESUMED": names["resumed"],
     }
     guards = automaton.guards
     factors = np.array(model.state_factors, dtype=float)

@@ -626,7 +626,8 @@ class HybridSystem(Result, ABC):
         fmi : {"3.0", "2.0"}, optional
             Version of the standard.
         inputs : sequence of str, optional
-            Parameters that become inputs. Co-simulation holds them between communication points.
+            Parameters that become inputs, but none of the forcing period. Co-simulation holds them
+            between communication points.
         initial : State or mapping of str to float, optional
             Initial state; by default that of the system.
         options : Options, optional

@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.errors import FunctionError
+from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.export.model import ExportedModel
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -399,8 +399,14 @@ class System(HybridSystem):
         from mems_impact.export.generated_source import automaton_with_source
 
         automaton, generated = automaton_with_source(self.definition, self.typical)
+        model = super().export_model(inputs, initial, options)
+        for name in inputs:
+            changed = {**self._parameters, name: self._parameters[name] * 1.001 or 0.001}
+            if self._period_of(changed) != self.forcing_period:
+                problem = "the forcing period depends on it, and is constant during a run"
+                raise InvalidParameter("inputs", name, "", problem=problem)
         return replace(
-            super().export_model(inputs, initial, options),
+            model,
             automaton=automaton,
             generated=generated,
             mode_of=self._begin,
@@ -429,7 +435,11 @@ class System(HybridSystem):
     @property
     def forcing_period(self) -> float | None:
         """The forcing period; None for an autonomous system."""
-        return arguments.number("period", self._period, self._named(self._parameters.values()))
+        return self._period_of(self._parameters)
+
+    def _period_of(self, parameters: Mapping[str, float]) -> float | None:
+        """Return the forcing period at these parameters; None for an autonomous system."""
+        return arguments.number("period", self._period, self._named(parameters.values()))
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state whose mode is not given; `y` may be corrected in place.

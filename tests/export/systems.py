@@ -45,6 +45,35 @@ def forcing_period(p):
     return 2.0 * math.pi / p.w
 
 
+def square(mode, t, y, p):
+    return y.v, -y.x - 0.2 * y.v + (p.a if t < p.on * p.T else -p.a)
+
+
+def wall(mode, t, y, p):
+    return 0.9 - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (0.9, -0.8 * y.v)
+
+
+def switching_times(p):
+    return p.on * p.T, p.T
+
+
+def switched():
+    """Return a mass on a spring at a wall, under a force that switches."""
+    return mi.System(
+        states=("x", "v"),
+        flow=square,
+        parameters={"a": 1.2, "T": 5.0, "on": 0.4},
+        guards=[mi.Impact("wall", wall, rebound)],
+        period=lambda p: p.T,
+        switches=switching_times,
+        initial={"x": 0.1},
+    )
+
+
 def belt():
     """Return a mass on a belt, with a spring and a force."""
     return mi.System(

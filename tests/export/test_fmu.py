@@ -12,7 +12,7 @@ from fmpy.fmi1 import FMICallException
 import mems_impact as mi
 from mems_impact.export import fmu
 from mems_impact.export.fmu import base_unit, find_compiler
-from tests.export.systems import BALL, belt
+from tests.export.systems import BALL, belt, switched
 
 pytestmark = pytest.mark.skipif(not find_compiler(), reason="no C compiler")
 
@@ -236,6 +236,7 @@ def test_wrong_arguments_are_refused(tmp_path, wrong, said):
 
 ZHAO, MITA = mi.load_actuator("zhao2004"), mi.load_actuator("mita2003")
 DOP853 = mi.Options(method="dop853")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 SYSTEMS = {
     "zhao2004": (lambda: ZHAO.under(mi.Sine(amplitude=0.24, omega=0.5)), 19.9),
     "mita2003": (lambda: MITA.under(mi.Square(amplitude=60.0, frequency=100.0)), 5.9),
@@ -424,6 +425,81 @@ def test_bounds_of_numbers_by_others(tmp_path, terms, bounds):
         unit.exitInitializationMode()
         device.changed(**{name: allowed})
         unit.freeInstance()
+
+
+class Unit:
+    """An instance for co-simulation, with the messages of its log."""
+
+    def __init__(self, path):
+        description = fmpy.read_model_description(str(path))
+        self.references = {each.name: each.valueReference for each in description.modelVariables}
+        self.messages, self.time = [], 0.0
+        folder = fmpy.extract(str(path), str(path.with_suffix("")))
+        self.own = fmpy.instantiate_fmu(
+            folder, description, logger=lambda *given: self.messages.append(given[-1].decode())
+        )
+
+    def set(self, **values):
+        for name, value in values.items():
+            self.own.setFloat64([self.references[name]], [value])
+
+    def begin(self, **values):
+        self.set(**values)
+        self.own.enterInitializationMode()
+        self.own.exitInitializationMode()
+
+    def advance(self, until, step):
+        for end in np.linspace(self.time, until, 1 + round((until - self.time) / step))[1:]:
+            self.own.doStep(self.time, end - self.time)
+            self.time = end
+
+    def values(self, *names):
+        return [self.own.getFloat64([self.references[name]])[0] for name in names]
+
+
+@pytest.mark.usefixtures("unoptimized")
+def test_a_switch_at_a_communication_point_of_a_unit_with_inputs(tmp_path):
+    system = switched()
+    unit = Unit(system.to_fmu(tmp_path / "switched.fmu", inputs=["on"]))
+    for step in (5.0, 1.0, 0.5, 0.3):
+        unit.begin()
+        unit.advance(24.0, step)
+        run = mi.simulate(system, periods=24.0 / 5.0, options=INTERPRETED)
+        assert unit.values("x", "v") == pytest.approx([run.final["x"], run.final["v"]], rel=1e-6)
+        assert unit.own.getInt32([unit.references["event_count"]]) == [len(run.events)]
+        unit.set(on=0.6)  # times of switches change with an input
+        unit.advance(34.0, step)
+        later = mi.simulate(
+            system.changed(on=0.6), periods=2.0, initial=run.final, options=INTERPRETED
+        ).final
+        assert unit.values("x", "v") == pytest.approx([later["x"], later["v"]], rel=1e-6)
+        unit.own.reset()
+        unit.time = 0.0
+    unit.own.freeInstance()
+
+
+@pytest.mark.usefixtures("unoptimized")
+def test_times_and_states_that_the_event_loop_cannot_take_are_refused(tmp_path):
+    unit = Unit(switched().to_fmu(tmp_path / "switched.fmu", inputs=["on"]))
+    for values, said in (
+        ({"T": -1.0}, "period = -1: must be finite and above 0"),
+        ({"on": 1.0}, "switch 2 = 5: must be above 5 and at most 5, the period"),
+        ({"x": math.nan}, "an initial state must be a finite number"),
+    ):
+        with pytest.raises(FMICallException):
+            unit.begin(**values)
+        assert unit.messages[-1] == said
+        unit.own.reset()
+    unit.begin()
+    with pytest.raises(FMICallException):
+        unit.set(on=0.0)
+    assert unit.messages[-1] == "switch 1 = 0: must be above 0 and at most 5, the period"
+    unit.own.freeInstance()
+
+
+def test_a_parameter_of_the_forcing_period_is_no_input(tmp_path):
+    with pytest.raises(mi.InvalidParameter, match="inputs = 'w': the forcing period depends on"):
+        belt().to_fmu(tmp_path / "belt.fmu", inputs=["a", "w"])
 
 
 def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):

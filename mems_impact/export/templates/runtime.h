@@ -356,8 +356,7 @@ static int advance(Memory *memory, double until, int early)
         double period = loop->period, whole = floor(target / period);
         loop->end_cycle = (int64_t)whole;
         loop->end_phase = target - whole * period;
-        loop->restart = 1;
-        if (memory->changed && loop->first_arc == 0) loop->pending_guard = 2 * GUARDS;
+        LOOP_RESUMED(&memory->engine, loop, memory->changed);
         memory->changed = 0;
     }
     for (;;) {
@@ -497,12 +496,27 @@ static int get_real(Memory *memory, unsigned reference, double *value)
     return 0;
 }
 
-/* The first number beyond a bound by other numbers, as a text; NULL if there is none. */
+/* The first time that the loop cannot take, or number beyond a bound by others, as a text; NULL
+   if there is none. */
 static const char *contradiction(const Memory *memory, char *text, size_t size)
 {
     int i;
-    double period, scale, switches[SWITCHES + 1], p[PARAMETERS + 1];
+    double period, scale, before = 0.0, switches[SWITCHES + 1], p[PARAMETERS + 1];
     model_parameters(memory->values, p, &period, &scale, switches);
+    if (!(period > 0.0 && isfinite(period))) {
+        snprintf(text, size, "period = %.9g: must be finite and above 0", period * TIME_UNIT);
+        return text;
+    }
+    for (i = 0; i < SWITCHES; before = switches[i++]) {
+        if (switches[i] > before && switches[i] <= period) continue;
+        snprintf(text, size, "switch %d = %.9g: must be above %.9g and at most %.9g, the period",
+                 i + 1, switches[i] * TIME_UNIT, before * TIME_UNIT, period * TIME_UNIT);
+        return text;
+    }
+    if (!(scale > 0.0)) {
+        snprintf(text, size, "time_scale = %.9g: must be above 0", scale * TIME_UNIT);
+        return text;
+    }
     for (i = 0; i < BOUNDS; i++) {
         int k = VALUE_BOUNDS[i][0];
         double bound = model_bound(i, p), value = p[VALUE_BOUNDS[i][1]];
@@ -525,6 +539,7 @@ static const char *set_real(Memory *memory, unsigned reference, double value, ch
     int64_t i = (int64_t)reference - 1;
     if (i >= 0 && i < STATES) {
         if (memory->running && !memory->imports) return NOT_NOW;
+        if (!isfinite(value)) return "an initial state must be a finite number";
         memory->start[i] = value;
         if (memory->running) {
             memory->shown[i] = value;
