@@ -210,7 +210,7 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
         remedy = "import it again, in a new process or by importlib.reload"
         refuse("its file has changed since it was imported", remedy)
     arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    places = [each for each in code.co_positions() if None not in each and any(each[2:])]
+    places: list[Any] = [each for each in code.co_positions() if None not in each and any(each[2:])]
     found = [
         node
         for node in _functions_of(text)

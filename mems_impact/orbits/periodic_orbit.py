@@ -195,7 +195,9 @@ def reduced_monodromy(
         return matrix
     flow = point.arcs[0].slope_start[shooting.free][keep]
     if first is None and any(np.abs(arc.by_state).max() > MAX_GROWTH for arc in point.arcs):
-        return _transverse_monodromy(shooting, point, keep, flow)
+        return point.matrix(
+            "transverse monodromy", lambda: _transverse_monodromy(shooting, point, keep, flow)
+        )
     return without_flow_direction(matrix, flow)
 
 
@@ -207,32 +209,29 @@ def _transverse_monodromy(
     Perturbations grow along a canard or past a saddle, and leave a large shift along the flow, in
     which the others are lost to rounding. Without the shift at the end of each piece they are not.
     """
-    known = vars(point).setdefault("_transverse", {})
-    if not known:
-        free, variational = shooting.free, shooting.variational(point.parameter_point)
-        across = normal_basis(flow)
-        columns = np.zeros((len(free), across.shape[1]))
-        columns[keep] = across
-        for c, factors in shooting.pinned.items():
-            columns[c] -= np.array(factors) @ columns
-        states, _ = shooting.unpack(point.unknowns)
-        for i, segment in enumerate(shooting.segments):
-            y, t, rest = states[i], float(point.starts[i]), [float(point.ends[i])]
-            smallest = MIN_PIECE_RATIO * (rest[0] - t)
-            while rest:
-                arc = variational.arc(segment.mode, y, t, rest[-1])
-                if np.abs(arc.by_state).max() > MAX_GROWTH and rest[-1] - t > smallest:
-                    rest.append(0.5 * (t + rest[-1]))
-                    continue
-                y, t = arc.end, rest.pop()
-                columns = _without(arc.slope_end[free], arc.by_state[free] @ columns)
-            if point.events[i] is not None:
-                before = np.zeros((shooting.n, columns.shape[1]))
-                before[free] = columns
-                after = point.arcs[(i + 1) % len(point.arcs)].slope_start
-                columns = _without(after[free], shooting.after_event(i, point, before)[free])
-        known["matrix"] = across.T @ columns[keep]
-    return np.asarray(known["matrix"])
+    free, variational = shooting.free, shooting.variational(point.parameter_point)
+    across = normal_basis(flow)
+    columns = np.zeros((len(free), across.shape[1]))
+    columns[keep] = across
+    for c, factors in shooting.pinned.items():
+        columns[c] -= np.array(factors) @ columns
+    states, _ = shooting.unpack(point.unknowns)
+    for i, segment in enumerate(shooting.segments):
+        y, t, rest = states[i], float(point.starts[i]), [float(point.ends[i])]
+        smallest = MIN_PIECE_RATIO * (rest[0] - t)
+        while rest:
+            arc = variational.arc(segment.mode, y, t, rest[-1])
+            if np.abs(arc.by_state).max() > MAX_GROWTH and rest[-1] - t > smallest:
+                rest.append(0.5 * (t + rest[-1]))
+                continue
+            y, t = arc.end, rest.pop()
+            columns = _without(arc.slope_end[free], arc.by_state[free] @ columns)
+        if point.events[i] is not None:
+            before = np.zeros((shooting.n, columns.shape[1]))
+            before[free] = columns
+            after = point.arcs[(i + 1) % len(point.arcs)].slope_start
+            columns = _without(after[free], shooting.after_event(i, point, before)[free])
+    return np.asarray(across.T @ columns[keep])
 
 
 def _without(flow: Floats, columns: Floats) -> Floats:

@@ -16,8 +16,8 @@ For an autonomous system the period is the last unknown, and a phase condition t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -207,6 +207,16 @@ class ShootingEvaluation:
     ends: Floats
     end_by_unknown: Floats
     end_by_parameter: Floats
+    _matrices: dict[object, Floats] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def matrix(self, key: object, compute: Callable[[], Floats]) -> Floats:
+        """Return a matrix of this evaluation, such as that of monodromy, computed once."""
+        if key not in self._matrices:
+            found = self._matrices[key] = np.asarray(compute())
+            found.setflags(write=False)
+        return self._matrices[key]
 
     @property
     def values(self) -> Floats:
@@ -463,12 +473,8 @@ class Shooting:
 
         A pinned component depends on the other components of its sum, which is constant.
         """
-        key = first, *self.pinned.items()
-        known = vars(point).setdefault("_monodromies", {})  # of a point it is needed several times
-        if key not in known:
-            known[key] = self._monodromy(point, first)
-            known[key].setflags(write=False)
-        return np.asarray(known[key])
+        key = "monodromy", first, *self.pinned.items()
+        return point.matrix(key, lambda: self._monodromy(point, first))
 
     def _monodromy(self, point: ShootingEvaluation, first: int | None) -> Floats:
         free = self.free

@@ -64,15 +64,15 @@ def register(
     name : str, optional
         Short name in the file; that of the class by default.
     parts : callable, optional
-        ``parts(value)`` returns the stored values by name; by default the fields of a dataclass or
-        named tuple.
+        ``parts(value)`` returns the stored values by name; by default the items of a named tuple,
+        or the fields of a dataclass that its class takes as arguments.
     whole : callable, optional
         ``whole(**parts)`` restores the object; the class by default.
     reading : callable, optional
         ``reading(parts, reader)`` restores an object that depends on the file.
     """
     if parts is None:
-        names = getattr(kind, "_fields", None) or [each.name for each in fields(kind)]
+        names = getattr(kind, "_fields", None) or [each.name for each in fields(kind) if each.init]
         parts = lambda value: {each: getattr(value, each) for each in names}  # noqa: E731
     make = whole or kind
     entry = StorableClass(name or kind.__name__, parts, reading or (lambda found, _: make(**found)))
