@@ -250,9 +250,11 @@ def initial(given: Mapping[str, float] | State | None) -> State:
 def number(field: str, given: Any, p: Any) -> float | None:
     """Return a number, or the value of a function of the parameters."""
     value = _called(field, given, p) if callable(given) else given
-    if value is not None and not is_number(value):
+    if given is None:
+        return None
+    if not is_number(value):
         raise InvalidParameter(field, value, "a finite number, or a function of the parameters")
-    return None if value is None else float(value)
+    return float(value)
 
 
 def times(field: str, given: Any, p: Any) -> tuple[float, ...]:
