@@ -396,12 +396,12 @@ def open_store(
     _make(place)
     with locked(place / LOCK) as alone:
         if (place / MANIFEST).exists():
-            manifest = manifest_of(place)
+            manifest = manifest_of(place, DIRECTORY_REMEDY)
             _check_same(place, manifest, study)
         else:
             _check_empty(place)
             manifest = _described(study, chunk)
-            _write(place / MANIFEST, json.dumps(manifest, indent=1).encode())
+            _write(place / MANIFEST, json.dumps(manifest, indent=1).encode(), lasting=True)
         yield DirectoryStore(place, study, manifest, alone=alone)
 
 
@@ -461,7 +461,9 @@ class DirectoryStore(ChunkStore):
         return frame(chunks, schema, self.attrs)
 
 
-def manifest_of(directory: Path) -> dict[str, Any]:
+def manifest_of(
+    directory: Path, remedy: str = "give the directory that was a study's store"
+) -> dict[str, Any]:
     """Return the content of ``study.json``.
 
     Raises
@@ -470,7 +472,6 @@ def manifest_of(directory: Path) -> dict[str, Any]:
         If it is missing or has another format.
     """
     path = directory / MANIFEST
-    remedy = "give the directory that was a study's store"
     try:
         found = json.loads(path.read_bytes())
         number, made = found["format"], found["versions"]["mems_impact"]
@@ -526,8 +527,9 @@ def _check_same(place: Path, manifest: Mapping[str, Any], study: Study) -> None:
 
 
 def _check_empty(place: Path) -> None:
-    """Raise InvalidFile if the directory holds other files."""
+    """Raise InvalidFile if the directory holds other files, or chunks of an unknown study."""
     strange = [each.name for each in place.iterdir() if not _is_ours(each.name)]
+    strange += [f"{POINTS}/{each.name}" for each in (place / POINTS).iterdir()]
     if strange:
         reason = f"holds no study, but {', '.join(sorted(strange)[:3])}"
         raise InvalidFile(place, reason, "give a new directory, or an empty one")
@@ -561,9 +563,13 @@ def _make(place: Path) -> None:
         raise unwritable(place, error) from None
 
 
-def _write(path: Path, content: bytes) -> None:
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+def _write(path: Path, content: bytes, lasting: bool = False) -> None:
+    """Write a file; a lasting one is on the disk when it has its name, even if power fails."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(content)
+        if lasting:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _tidy(directory: Path) -> None:

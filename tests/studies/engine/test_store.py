@@ -201,6 +201,27 @@ def test_a_directory_with_something_else_is_refused(tmp_path):
         run_study(STUDY, store=tmp_path)
 
 
+def test_chunks_of_an_unknown_study_are_not_adopted(store):
+    run_study(STUDY, store=store)
+    (store / "study.json").unlink()
+    with pytest.raises(mi.InvalidFile, match=r"holds no study, but points/0.*; give a new"):
+        run_study(Toy(size=STUDY.size, seed=STUDY.seed + 1), store=store)
+
+
+def test_a_damaged_description_of_a_study_has_a_remedy(store):
+    run_study(STUDY, store=store)
+    (store / "study.json").write_bytes(b"")
+    with pytest.raises(mi.InvalidFile, match=r"study.json is damaged\); give another directory"):
+        run_study(STUDY, store=store)
+
+
+def test_what_the_study_is_outlasts_a_loss_of_power(store, monkeypatch):
+    kept = []
+    monkeypatch.setattr(os, "fsync", lambda file: kept.append(os.fstat(file).st_ino))
+    run_study(STUDY, store=store)
+    assert kept == [(store / "study.json").stat().st_ino]
+
+
 @pytest.mark.parametrize("content", [None, "{", "[]", '{"format": 99}', "{}"])
 def test_what_is_no_study_cannot_be_read(tmp_path, content):
     if content is not None:
