@@ -33,7 +33,7 @@ def python_blocks(text):
 
 SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
 SLOW += ("basins.md", "lyapunov.md", "studies.md", "tolerances.md", "sensitivity.md", "terms.md")
-SLOW += ("drives.md", "figures.md", "howto.md", "index.md")
+SLOW += ("drives.md", "figures.md", "guide.md", "howto.md", "index.md")
 SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))
 
 

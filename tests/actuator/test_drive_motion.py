@@ -174,6 +174,7 @@ def test_two_sided_with_nothing_on_the_left_is_one_sided():
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_resting_on_the_left_stopper():
     """Held by its own electrode, released where the voltage falls to what the spring needs."""
     holding = math.sqrt(ZHAO.k * ZHAO.delta / ZHAO.alpha) * (ZHAO.d - ZHAO.delta)
@@ -287,7 +288,7 @@ def test_custom_functions_of_the_same_name_are_distinguished():
         "sampled",
         pytest.param("burst of pulses", marks=pytest.mark.slow),
         "two-sided",
-        "jumping custom",
+        pytest.param("jumping custom", marks=pytest.mark.slow),
     ],
 )
 def test_engines_agree(name):

@@ -147,6 +147,7 @@ def test_results_do_not_depend_on_the_steps_per_call(monkeypatch, system, recurr
         assert np.array_equal(one.states, first.states)
 
 
+@pytest.mark.slow
 def test_interpreted_and_compiled_tell_the_same():
     recurrence = RecurrenceOptions(transient=5, periods=3, tolerance=1e-4)
     (fast,) = map_attractors(cases(0.24), recurrence, FAST)
@@ -297,6 +298,7 @@ def test_smooth_motion_settles_within_the_errors_of_the_method(method, rate):
     assert found.final["x"] == pytest.approx(x.real, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_farthest_point_is_no_closest_approach():
     """At a turning point one margin is smallest and the other largest; rounding may mix them up."""
 

@@ -207,6 +207,7 @@ def cruise(mode, t, y, p):
     return y.v + p.load, -2.0 * mode.line - 0.5 * y.v
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transient", [140, 300])
 def test_a_motion_that_is_at_rest_to_the_last_digit_has_reached_an_equilibrium(transient):
     """Where rounding errors alone are left of the flow, free or along a switching surface."""

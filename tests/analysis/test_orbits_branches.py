@@ -309,6 +309,7 @@ def test_a_chart_without_a_band_says_what_it_found():
         mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
 
 
+@pytest.mark.slow
 def test_a_chart_without_types_has_the_voltages_at_single_frequencies():
     device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)  # what slips, slips on
     resonance = 1.0 / SCALES.time

@@ -30,6 +30,7 @@ def test_a_contact_that_does_not_close(cli):
     assert "closing.png" in done.out
 
 
+@pytest.mark.slow
 def test_soft_landing_is_that_of_python(cli, tmp_path):
     done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",
                "--pause", "5.6e-6", "--over", "width=1e-5:2e-5")  # fmt: skip

@@ -60,7 +60,11 @@ def names(directory):
     ("arguments", "files"),
     [
         pytest.param(SIMULATE, [*TABLES, "simulate.png"], marks=pytest.mark.slow),
-        ([*SWEEP, "--no-figure"], ["sweep-summary.csv", "sweep-table.csv"]),
+        pytest.param(
+            [*SWEEP, "--no-figure"],
+            ["sweep-summary.csv", "sweep-table.csv"],
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["simulate", "sweep"],
 )

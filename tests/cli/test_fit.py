@@ -43,6 +43,7 @@ def test_fit_is_that_of_python(cli, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
     measured = {
         volts: mi.blows(mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,

@@ -271,6 +271,7 @@ def to_high(mode, t, y, p):
     return HIGH, (y.x, y.z)
 
 
+@pytest.mark.slow
 def test_a_cycle_whose_thresholds_move_to_its_equilibria():
     """The period 2 log((1 + h)/(1 - h)) is infinite at h = 1, where the branch ends."""
     relay = mi.System(

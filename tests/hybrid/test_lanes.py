@@ -519,6 +519,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 @pytest.mark.parametrize("name", CASES)
 def test_points_in_lanes_have_the_bits_of_single_runs(mapped, name, method):
@@ -528,12 +529,14 @@ def test_points_in_lanes_have_the_bits_of_single_runs(mapped, name, method):
     assert len({each.returns for each in single}) > 1
 
 
+@pytest.mark.slow
 def test_exponents_and_longer_runs_are_the_same(mapped):
     recurrence = mi.RecurrenceOptions(periods=20, transient=60, chaos_persistence=2)
     single, together, _ = mapped(actuators(), recurrence)
     assert [content(each) for each in together] == [content(each) for each in single]
 
 
+@pytest.mark.slow
 def test_an_orbit_beyond_the_longest_period_is_found(mapped):
     """Its period, of 20 returns, is sought in a second run with a longest period of 64."""
 
@@ -557,24 +560,28 @@ def test_an_orbit_beyond_the_longest_period_is_found(mapped):
     assert [content(each) for each in together] == [content(each) for each in single]
 
 
+@pytest.mark.slow
 def test_tight_tolerances(mapped):
     single, together, steps = mapped(grid(OSCILLATOR), method="dop853", rtol=1e-12, atol=1e-14)
     assert steps > 1000
     assert [content(each) for each in together] == [content(each) for each in single]
 
 
+@pytest.mark.slow
 def test_stiff_motions_are_left_to_single_runs(mapped):
     single, together, _ = mapped(grid(STIFF))
     assert [content(each) for each in together] == [content(each) for each in single]
     assert {each.motion for each in single} <= {"periodic", "off"}
 
 
+@pytest.mark.slow
 def test_failures_are_left_to_single_runs(mapped):
     single, together, _ = mapped(grid(FAILING, (0.5, 40.0)))
     assert [content(each) for each in together] == [content(each) for each in single]
     assert 0 < sum(each.motion == "failed" for each in single) < POINTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bilinear", "soft stop", "arrays", "waveform"])
 def test_functions_that_branch_on_the_state_have_the_bits_of_single_runs(mapped, name):
     systems = {"bilinear": BILINEAR, "soft stop": SOFT_STOP, "arrays": BRANCHING_ARRAYS}
@@ -593,6 +600,7 @@ def test_a_function_without_a_caller_cannot_be_computed_lane_by_lane():
     assert lane_kernels(flow, OSCILLATOR.automaton.margins, 2, 1) is None
 
 
+@pytest.mark.slow
 def test_an_interrupted_map_can_be_repeated(monkeypatch):
     monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 1)
     monkeypatch.setattr(lanes, "STEPS_PER_CALL", 50)

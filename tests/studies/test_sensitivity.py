@@ -50,6 +50,7 @@ def by_differences(orbit, name, tell, width=3e-3):
     return total
 
 
+@pytest.mark.slow
 def test_by_all_parameters_of_device_and_drive(orbit, found):
     assert set(found.parameters) == {*DEVICE, "amplitude", "omega", "phase"}
     for name in (*DEVICE, "amplitude", "omega"):

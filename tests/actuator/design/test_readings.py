@@ -149,6 +149,7 @@ def test_ring_down_in_vacuum(quality):
     assert found.table["amplitude"].max() <= friction / light.k
 
 
+@pytest.mark.slow
 def test_a_slow_decay_whose_frequency_depends_on_the_amplitude():
     # Of a spring x + k3 x^3 it is 1 + 3/8 k3 a^2 to first order, and a falls exponentially.
     k3 = 0.0625

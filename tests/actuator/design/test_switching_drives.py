@@ -32,6 +32,7 @@ def test_a_branch_goes_on_where_events_pass_each_other(branch):
     assert silent["admissible"].all()
 
 
+@pytest.mark.slow
 def test_brute_force_loses_the_orbit_there():
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
     values = [*np.linspace(0.3, 0.206, 20), CORNER + 1e-5, CORNER - 1e-5]

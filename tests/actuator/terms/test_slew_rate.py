@@ -165,6 +165,7 @@ def test_is_a_parameter_of_orbits():
     assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_branch_ends_where_the_source_begins_to_limit():
     # The rate of the sine reaches that of the source at amplitude = 0.1/0.8.
     system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.1)).under(
