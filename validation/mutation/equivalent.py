@@ -15,6 +15,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
     ): "no branch has come round after so few steps",
     (
+        "mems_impact/continuation/orbit_branch.py",
+        "return FOLD if multiplier.real > 0.0 else PERIOD_DOUBLING",
+        "return FOLD if multiplier.real > 1.0 else PERIOD_DOUBLING",
+    ): "a multiplier passes 1 where the branch turns, which names a fold before",
+    (
         "mems_impact/hybrid/diagnostics/failures.py",
         'named_tuple("Parameters", definition.parameters)(*[0.0] * len(definition.parameters))',
         'named_tuple("Parameters", definition.parameters)(*[1.0] * len(definition.parameters))',
