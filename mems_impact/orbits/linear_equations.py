@@ -58,11 +58,9 @@ class SparseFactorization:
     def smallest_singular_value(self) -> float:
         """Return the smallest singular value, by inverse iteration."""
         x = np.ones(self._lu.shape[0])
-        size = 0.0
         for _ in range(INVERSE_ITERATIONS):
             x = self.solve(self.solve(x / np.linalg.norm(x), transposed=True))
-            size = float(np.linalg.norm(x))
-        return float(size**-0.5)
+        return float(np.linalg.norm(x) ** -0.5)
 
 
 def _parity(permutation: np.ndarray) -> float:
