@@ -179,11 +179,11 @@ class EquilibriumFoldCondition(ScalarCondition):
         sizes = np.abs(point.jacobian).max(axis=1)
         self._rows = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
         vectors, _, rows = np.linalg.svd(self._rows[:, None] * point.jacobian)
-        left, right = vectors[:, -1], rows[-1]
-        if self._border[0].size:  # singular vectors have arbitrary signs
-            left = left if left @ self._border[0] >= 0.0 else -left
-            right = right if right @ self._border[1] >= 0.0 else -right
-        self._border = left, right
+        left, known = vectors[:, -1], self._border[0]
+        # Singular vectors have arbitrary signs; that of the left one is that of the curvature.
+        if known.size and left @ known < 0.0:
+            left = -left
+        self._border = left, rows[-1]
 
     def value(self, point: EquilibriumEvaluation) -> float:
         """Return the last unknown of the bordered equations."""
