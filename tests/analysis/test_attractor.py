@@ -225,6 +225,7 @@ def test_a_slow_approach_is_no_orbit_yet():
         ((0.1, 0.1, 0.1), 0.1, False),
         ((0.1, 0.1, 0.1), 0.01, True),  # near an orbit since the latest window
         ((0.1, 0.1, math.inf), 0.01, True),
+        ((0.1, 0.1, math.inf), 0.2, False),  # the extent of the motion, or less by chance
     ],
 )
 def test_a_regular_approach_is_continued(differences, latest, extended):
@@ -260,8 +261,8 @@ def test_few_returns_are_no_regular_approach():
 @pytest.mark.parametrize(("end", "extended"), [(400, True), (64 * 400, False)])
 def test_a_period_is_completed_within_a_bounded_time(end, extended):
     memory = np.zeros((returns.RING + 3, 4))
-    memory[returns.RING + 2, returns.DURATION] = 1.0  # of the latest return
-    s = SimpleNamespace(n=1, end_cycle=end, end_phase=0.0, period=1.0, first_arc=0)
+    memory[returns.RING + 2, returns.DURATION] = 2.0  # of the latest return
+    s = SimpleNamespace(n=1, end_cycle=end, end_phase=0.0, period=2.0, first_arc=0)
     w = SimpleNamespace(
         memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
         returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=1, covered=421,
