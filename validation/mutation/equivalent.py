@@ -10,6 +10,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "guess = start + (bound - start[-1]) / ((end[-1] + start[-1])) * (end - start)",
     ): "a guess: Newton's method converges to the same point",
     (
+        "mems_impact/continuation/codimension_two.py",
+        "for order in range(2, 6):",
+        "for order in range(2, 7):",
+    ): "terms of order six are computed and not used",
+    (
         "mems_impact/continuation/equilibrium_branch.py",
         "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:",
         "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
@@ -19,6 +24,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "return FOLD if multiplier.real > 0.0 else PERIOD_DOUBLING",
         "return FOLD if multiplier.real > 1.0 else PERIOD_DOUBLING",
     ): "a multiplier passes 1 where the branch turns, which names a fold before",
+    (
+        "mems_impact/hybrid/attractors/cuda.py",
+        "if len(function.__code__.co_code) < LARGE:",
+        "if (len(function.__code__.co_code) <= LARGE):",
+    ): "a function of just this length may be compiled either way",
     (
         "mems_impact/hybrid/diagnostics/failures.py",
         'named_tuple("Parameters", definition.parameters)(*[0.0] * len(definition.parameters))',
