@@ -140,6 +140,15 @@ def test_a_start_just_before_a_switch(ulps, engine, capfd):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_what_rests_at_a_guard_is_not_pushed_before_a_switch(engine):
+    """In equilibrium at the stop, up to the switch: whether it will go on is no longer seen."""
+    p, start = stop(amplitude=0.5, square=1.0, d=-0.5), 0.98 * TAU
+    run_ = simulate(STOP, p, [-0.5, 0.0], 0.1, time=start, switches=SQUARE, engine=engine)
+    assert run_.events.kind.tolist() == [workspace.SWITCH]
+    assert run_.events.mode_after.tolist() == [RESTING]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("shift", [0.0, 1e-12, -1e-12, 1e-7, -1e-7, 1e-5, -1e-5])
 def test_a_switch_at_the_end_of_a_chatter(shift, engine):
     """Constant push 1 (k = 0): bounces of e = 0.5 from 1 accumulate after 3 sqrt 2."""
