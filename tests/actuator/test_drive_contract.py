@@ -140,7 +140,14 @@ def test_contract_of_random_pairs(wave, phase):
     check(drive)
 
 
-@pytest.mark.parametrize("name", ["sampled", "burst on both sides", "jumping custom"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sampled",
+        pytest.param("burst on both sides", marks=pytest.mark.slow),
+        "jumping custom",
+    ],
+)
 def test_compiles_unchanged(name):
     drive = DRIVES[name]
     q = drive.parameters()

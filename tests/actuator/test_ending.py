@@ -7,6 +7,7 @@ import pytest
 import mems_impact as mi
 
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+INTERPRETED = mi.Options(engine="interpreted")
 
 
 def arrived(mode, t, y, p):
@@ -16,11 +17,11 @@ def arrived(mode, t, y, p):
 def test_the_frame_comes_to_a_place():
     zhao = mi.load_actuator("zhao2004")
     start = mi.kicked_state(zhao)
-    run = mi.simulate(zhao, DRIVE, until=arrived, initial=start)
+    run = mi.simulate(zhao, DRIVE, until=arrived, initial=start, options=INTERPRETED)
     assert run.ended == "until"
     assert run.final.x1 == pytest.approx(0.01 * zhao.delta, rel=1e-12)
     assert run.events["event"].iloc[-1] == "until"
-    whole = mi.simulate(zhao, DRIVE, periods=run.periods, initial=start)
+    whole = mi.simulate(zhao, DRIVE, periods=run.periods, initial=start, options=INTERPRETED)
     for name in run.system.states:
         assert whole.final[name] == pytest.approx(run.final[name], abs=1e-8)
     assert len(whole.impacts) == len(run.impacts)

@@ -120,6 +120,7 @@ def reset(mode, t, y, p):
     return mode, (0.0,)
 
 
+@pytest.mark.slow
 def test_a_reset_that_is_grazed_ends_the_branch_and_no_distant_orbit_continues_it():
     """A neuron that fires every second period: v = I + forced(t) - (I + forced(s)) exp(s - t)."""
     neuron = mi.System(
@@ -159,6 +160,7 @@ def rebound(mode, t, y, p):
     return mode, (p.d, -0.8 * y.v)
 
 
+@pytest.mark.slow
 def test_a_cycle_with_impacts_shrinks_to_a_boundary_equilibrium_not_to_a_hopf_point():
     """The unstable focus of van der Pol's oscillator meets a wall."""
     system = mi.System(
@@ -195,10 +197,11 @@ def linear(mode, t, y, p):
 JUMP = "the equations are discontinuous in a near a = 0.5"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flow", "guards"),
     [
-        pytest.param(stiffening, [], marks=pytest.mark.slow),  # long arcs beside the jump
+        (stiffening, []),  # long arcs beside the jump
         (linear, [mi.Impact("wall", bounded, weakening)]),
     ],
 )

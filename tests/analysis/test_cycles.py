@@ -288,6 +288,7 @@ def test_a_period_that_is_given_is_where_newton_begins(stick_slip):
     assert twice.period == pytest.approx(stick_slip.period, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_how_many_forcing_periods_an_orbit_takes_is_recognized():
     system = oscillator(A=1.0, omega=0.6)
     run = mi.simulate(system, periods=400)

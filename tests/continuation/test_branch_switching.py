@@ -122,6 +122,7 @@ def fork_map(mode, t, y, p):
     return mode, ((1.0 + p.a) * y.x - y.x**3 + 0.5 * y.w, 0.3 * y.w + 0.2 * y.x**3)
 
 
+@pytest.mark.slow
 def test_the_pitchfork_of_a_map():
     system = mi.System(
         states=("x", "w"),

@@ -80,6 +80,7 @@ def test_special_points_at_nine_twentieths_from_either_side(name):
     np.testing.assert_allclose(fold.orbit.state[2:], [x, v], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_orbits_of_a_branch_are_ones_that_a_run_follows():
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
     # At the grazing itself the sign of the impact's speed is one of rounding.

@@ -98,6 +98,7 @@ ZERO_HOPF = mi.System(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_zero_hopf_on_both_curves():
     """Folds at a = 0; Hopf points at x = -b, a = -b^2, tangent to it at b = 0."""
     fold = special_point(ZERO_HOPF, {"x": -1.0}, "a", 1.0, "LP", back=-1.0)

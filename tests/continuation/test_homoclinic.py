@@ -236,6 +236,7 @@ def spike(mode, t, y, p):
     return x * inside - v * turn, v * inside + x * turn
 
 
+@pytest.mark.slow
 def test_a_bottleneck_between_spikes_that_no_sample_shows():
     system = mi.System(states=("x", "y"), flow=spike, parameters={"m": 1.2}, initial={"x": 1.0})
     cycles = [

@@ -59,7 +59,9 @@ def first_strike(p, start):
 
 
 @pytest.mark.parametrize("period", [0.1, pytest.param(1.0, marks=pytest.mark.slow), 100.0])
-@pytest.mark.parametrize(("k", "amplitude"), [(20.0, 0.05), (60.0, 0.02)])
+@pytest.mark.parametrize(
+    ("k", "amplitude"), [pytest.param(20.0, 0.05, marks=pytest.mark.slow), (60.0, 0.02)]
+)
 def test_the_first_of_two_floors_is_struck(k, amplitude, period):
     rng = np.random.default_rng(7)
     for _ in range(40):

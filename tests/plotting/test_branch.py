@@ -140,6 +140,7 @@ def test_a_branch_without_special_points(orbit):
     assert lines(ax, "stable orbit")
 
 
+@pytest.mark.slow
 def test_curves_of_an_own_system(branch, tmp_path):
     curves = [mi.continue_curve(special, "omega", 0.82) for special in branch.special_points]
     ax = mi.plot_curve(curves)

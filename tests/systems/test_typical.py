@@ -81,7 +81,11 @@ def same_tables(one, other):
 
 
 @pytest.mark.parametrize("method", ["dop853", "adams", "bdf"])
-@pytest.mark.parametrize("arrays", [False, True], ids=["named", "arrays"])
+@pytest.mark.parametrize(
+    "arrays",
+    [False, pytest.param(True, marks=pytest.mark.slow)],
+    ids=["named", "arrays"],
+)
 def test_by_powers_of_two_a_run_is_the_same_to_the_last_bit(arrays, method):
     options = mi.Options(engine="interpreted", method=method)
     count = 4 if method == "bdf" else 12

@@ -183,6 +183,7 @@ def test_a_width_that_the_tolerances_do_not_resolve_is_refused_with_those_that_d
         mi.find_orbit(narrow.under(drive), options=mi.Options())
 
 
+@pytest.mark.slow
 def test_events_are_those_of_any_width_where_the_tolerances_resolve_it():
     """Integration errors missed two events here, and ended runs at narrower widths."""
     drive, counts = mi.Sine(amplitude=0.24, omega=0.5), set()

@@ -72,6 +72,7 @@ def test_three_bodies_are_put_together_with_their_distances_and_one_speed():
         assert y == pytest.approx(once, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_sliding_along_a_curved_surface_has_one_multiplier_and_forgets_the_other():
     def flow(mode, t, y, p):
         return y.v, -4.0 * mode.line - y.x + 0.3 * math.cos(t)
@@ -219,6 +220,7 @@ def carried(mode, t, y, p):
     return y.v, -(y.x**3) - 0.2 * y.v + 0.3 * math.cos(t) - near, y.w, -0.5 * y.z + near
 
 
+@pytest.mark.slow
 def test_a_body_stuck_to_another_one_anywhere_has_a_stable_orbit_for_each_place():
     system = mi.System(
         states=("x", "v", "z", "w"), flow=carried, period=TURN, masses={"v": 1.0, "w": 1.0},
