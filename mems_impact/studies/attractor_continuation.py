@@ -31,7 +31,14 @@ from mems_impact.studies.attractor_matching import (
 from mems_impact.studies.attractor_study import AttractorEvaluator, motions
 from mems_impact.studies.basins import Basins, BasinsStudy
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, places_of
+from mems_impact.studies.engine.study import (
+    OK,
+    STATUS,
+    Columns,
+    Study,
+    places_of,
+    schema_of,
+)
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
@@ -252,7 +259,7 @@ class AttractorContinuationStudy(Study):
         schema = self.measuring.schema
         status = {STATUS: schema.pop(STATUS)}
         first = {self.over.name: "float", ATTRACTOR: "str", REVERSIBLE: "bool"}
-        return {**first, **schema, **self.recognition.schema, **status}
+        return schema_of(first, schema, self.recognition.schema, status)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -24,7 +24,7 @@ from mems_impact.analysis.attractor import (
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
-from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of
+from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of, schema_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.identity import identity, identity_of_options
 from mems_impact.systems.statistics import (
@@ -149,7 +149,8 @@ def attractor_schema(
     """Return the columns that describe an attractor, each with its type."""
     names = dict.fromkeys(system.measure_names, "float")
     exponents = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
-    return {MOTION: "str", PERIOD: "int", **names, **exponents, RETURNS: "int", STATUS: "str"}
+    first, last = {MOTION: "str", PERIOD: "int"}, {RETURNS: "int", STATUS: "str"}
+    return schema_of(first, names, exponents, last)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ from mems_impact.studies.basin_entropy import (
     uncertainty_exponent,
 )
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import STATUS, Columns
+from mems_impact.studies.engine.study import STATUS, Columns, schema_of
 from mems_impact.studies.sampling import (
     Grid,
     InitialConditions,
@@ -84,7 +84,7 @@ class BasinsStudy(AttractorStudy):
         schema = self.measuring.schema
         status = {STATUS: schema.pop(STATUS)}
         starts = dict.fromkeys(self.starts.names, "float")
-        return {**starts, **schema, **self.recognition.schema, **status}
+        return schema_of(starts, schema, self.recognition.schema, status)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -26,7 +26,7 @@ from mems_impact.studies.attractor_study import (
     motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import Columns
+from mems_impact.studies.engine.study import Columns, schema_of
 from mems_impact.studies.sampling import Axis, axis, check_apart, identity_of_axis
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
@@ -72,7 +72,7 @@ class MapStudy(AttractorStudy):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        return {self.x.name: "float", self.y.name: "float", **self.measuring.schema}
+        return schema_of({self.x.name: "float", self.y.name: "float"}, self.measuring.schema)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -415,8 +415,12 @@ def _made(
         problem = f"must return parameters among {', '.join(known)}"
         problem += f", not {unknown[0]}" if unknown else ""
         raise InvalidParameter("parameters", None, "", problem=problem)
-    rows = [[float(row[name]) for name in parameters] for row in made]
-    return parameters, np.array(rows)
+    rows = np.array([[float(row[name]) for name in parameters] for row in made])
+    for name in set(names) & set(parameters):
+        if (rows[:, parameters.index(name)] != values[:, names.index(name)]).any():
+            problem = f"returns other values for {name} than the sampled ones; rename it in over"
+            raise InvalidParameter("parameters", None, "", problem=problem)
+    return parameters, rows
 
 
 def _result_columns(given: Any) -> dict[str, Any]:

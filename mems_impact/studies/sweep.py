@@ -30,7 +30,7 @@ from mems_impact.errors import (
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import STATUS, Columns, Study
+from mems_impact.studies.engine.study import STATUS, Columns, Study, schema_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.serialization.identity import (
@@ -121,8 +121,10 @@ class SweepStudy(Study):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        names = sweep_tables.sweep_columns(self.parameter, [], *self._table_columns)
-        return {name: "str" if name in TEXT else "float" for name in names}
+        states, statistics, system = self._table_columns
+        first = self.parameter, sweep_tables.DIRECTION, sweep_tables.number_column(system)
+        names = *first, *states, *statistics, STATUS
+        return schema_of(*({name: "str" if name in TEXT else "float"} for name in names))
 
     @property
     def attrs(self) -> Mapping[str, Any]:

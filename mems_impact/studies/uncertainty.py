@@ -30,7 +30,7 @@ from mems_impact.studies.attractor_study import (
     motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import OK, STATUS, Columns
+from mems_impact.studies.engine.study import OK, STATUS, Columns, schema_of
 from mems_impact.studies.sampling import (
     FIRST,
     LEVEL,
@@ -238,7 +238,7 @@ class ToleranceStudy(AttractorStudy):
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
         drawn = dict.fromkeys((*self.draws.names, *self.draws.parameters), "float")
-        return {**drawn, SAMPLE: "str", **self.measuring.schema}
+        return schema_of(drawn, {SAMPLE: "str"}, self.measuring.schema)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

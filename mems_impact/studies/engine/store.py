@@ -115,6 +115,8 @@ class ChunkStore(ABC):
     Attributes
     ----------
     parts : list of Chunk
+    schema : mapping of str to str
+        That of the study.
     done : int
         Number of points of stored chunks.
     failed : int
@@ -122,7 +124,7 @@ class ChunkStore(ABC):
     """
 
     def __init__(self, study: Study, chunk: int) -> None:
-        self.study = study
+        self.study, self.schema = study, study.schema
         self.parts = layout(study.points, study.chains, chunk)
         self.done = self.failed = 0
         self._missing = dict.fromkeys(range(len(self.parts)))
@@ -142,7 +144,7 @@ class ChunkStore(ABC):
 
     def put(self, number: int, columns: Columns, carried: Any) -> None:
         """Store the columns of a part, and the initial data of the next part of its chain."""
-        columns, carried = arranged(columns, self.study.schema), plain(carried)
+        columns, carried = arranged(columns, self.schema), plain(carried)
         bad = failures(columns)
         self.keep(number, columns, carried, bad)
         self.count(number, bad)
@@ -200,7 +202,7 @@ class MemoryStore(ChunkStore):
     def table(self) -> pd.DataFrame:
         """Return the table of all stored parts."""
         chunks = [self._columns[number] for number in sorted(self._columns)]
-        return frame(chunks, self.study.schema, attributes(self.study))
+        return frame(chunks, self.schema, attributes(self.study))
 
 
 def attributes(study: Study) -> dict[str, Any]:
@@ -435,7 +437,7 @@ class DirectoryStore(ChunkStore):
         """Write the file of a part."""
         part = self.parts[number]
         own = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
-        content = packed(columns, self.study.schema, {**self._metadata, **own})
+        content = packed(columns, self.schema, {**self._metadata, **own})
         _write(path_of(self.directory, part), content)
 
     def failed_in(self, number: int) -> int | None:
@@ -455,10 +457,9 @@ class DirectoryStore(ChunkStore):
 
     def table(self) -> pd.DataFrame:
         """Return the table of all stored parts; InvalidFile if a file is damaged."""
-        schema = self.study.schema
         kept = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
-        chunks = [columns(path_of(self.directory, part), schema) for part in kept]
-        return frame(chunks, schema, self.attrs)
+        chunks = [columns(path_of(self.directory, part), self.schema) for part in kept]
+        return frame(chunks, self.schema, self.attrs)
 
 
 def manifest_of(

@@ -25,6 +25,7 @@ __all__ = [
     "layout",
     "places_of",
     "plain",
+    "schema_of",
 ]
 
 # --- Interface of studies
@@ -145,6 +146,19 @@ def places_of(columns: Columns) -> str:
 # --- Columns of chunks
 
 DTYPES = {"float": np.float64, "int": np.int64, "bool": np.bool_, "str": object}
+
+
+def schema_of(*parts: Mapping[str, str]) -> dict[str, str]:
+    """Return a schema from its parts; InvalidParameter if two columns have one name."""
+    schema: dict[str, str] = {}
+    for part in parts:
+        for name in part:
+            if name in schema:
+                problem = "two columns of the table would have this name; give another name to "
+                problem += "the parameter, state or observable"
+                raise InvalidParameter(name, None, "", problem=problem)
+        schema.update(part)
+    return schema
 
 
 def arranged(columns: Mapping[str, Any], schema: Mapping[str, str]) -> Columns:
