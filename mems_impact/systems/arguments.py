@@ -40,6 +40,7 @@ __all__ = [
 
 FUNCTION_KIND = "a function, written with def or lambda"
 ARGUMENTS = ("mode", "t", "y", "p")
+RUN_COLUMNS = ("period", "time", "t", "mode")  # in tables of runs, beside the states
 
 
 def states(given: Sequence[str] | int) -> tuple[str, ...]:
@@ -53,6 +54,9 @@ def states(given: Sequence[str] | int) -> tuple[str, ...]:
     for name in found:
         if not isinstance(name, str):
             raise InvalidParameter("states", name, "each a name")
+        if name in RUN_COLUMNS:
+            allowed = f"names other than {', '.join(RUN_COLUMNS)}, which are columns of runs"
+            raise InvalidParameter("states", name, allowed)
     named_tuple("State", found)
     return found
 

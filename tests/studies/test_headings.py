@@ -31,7 +31,7 @@ BEGUN = {"transient": 2, "periods": 1}
 REFUSED = {
     "map": lambda: mi.operating_map(PERIOD, x=("period", [5.0, 6.0]), y=("A", [0.4]), **BRIEF),
     "sweep": lambda: mi.sweep(PERIOD, "period", [5.0, 6.0], **BEGUN),
-    "basins": lambda: mi.basins(system(state="period"), x=("period", [0.0, 0.1]), **BRIEF),
+    "basins": lambda: mi.basins(system(state="returns"), x=("returns", [0.0, 0.1]), **BRIEF),
     "tolerances": lambda: mi.tolerance_analysis(PERIOD, over={"period": "5%"}, samples=2),
     "observable": lambda: mi.operating_map(system(observable="period"), **OVER, **BRIEF),
 }
@@ -39,7 +39,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("verb", REFUSED)
 def test_a_name_for_two_columns_is_refused(verb):
-    with pytest.raises(mi.InvalidParameter, match=f"^period: {SAME_NAME}"):
+    with pytest.raises(mi.InvalidParameter, match=f"^(period|returns): {SAME_NAME}"):
         REFUSED[verb]()
 
 

@@ -347,6 +347,7 @@ ARGUMENTS = [
     ({"section": ("x", "0")}, "section = .* a state and its value"),
     ({"switches": "ab"}, "switches = 'ab': must be times"),
     ({"switches": 0.5}, "switches = 0.5: must be times"),
+    ({"states": ("x", "mode")}, "states = 'mode': must be names other than period, time, t, mode"),
     ({"period": "1"}, "period = '1': must be a finite number"),
     ({"period": 0.0}, "period = 0: must be finite and above 0"),
     ({"period": lambda p: None}, "period = None: must be a finite number"),
