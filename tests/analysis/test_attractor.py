@@ -440,6 +440,16 @@ def test_what_comes_nearer_and_nearer_is_followed_until_it_arrives(a, motion, pe
     assert sorted(found.states[:, 0]) == pytest.approx(expected, abs=1e-4)
 
 
+def test_small_differences_that_accumulate_are_no_errors_of_the_method():
+    """A slow approach with the multiplier 0.99; and one of -1.02, along which motions leave."""
+    slow = _found(mapped(_logistic, 1.01, x=0.0099), transient=3000, longest=1)
+    assert slow.motion == "resting"
+    assert slow.final["x"] == pytest.approx(1.0 - 1.0 / 1.01, rel=2e-6)
+    middle = 1.0 - 1.0 / 3.02
+    left = _found(mapped(_logistic, 3.02, x=middle * (1.0 + 2e-7)), transient=3000)
+    assert (left.motion, left.period) == ("periodic", 2)
+
+
 def test_what_does_not_come_nearer_is_no_orbit():
     """On a circle; and beside the ghost of a fold, where returns differ least in the middle."""
     assert _found(mapped(_circle, 0.3), tolerance=1e-4).motion == "unsettled"
