@@ -325,12 +325,13 @@ def _followed(
         def follow_to_orbit(
             mapper: AttractorMapper, chosen: Sequence[int], transient: float
         ) -> None:
-            """Follow some points further, and replace those that become periodic."""
+            """Follow some points further, and replace those that become periodic or rest."""
             later = continued(mapper, chosen, transient)
-            rows = np.flatnonzero(later.outcome == detection.PERIODIC).tolist()
-            periodic = [chosen[row] for row in rows]
-            attractors = classifier.attractors(periodic, later.take(rows), without)
-            for i, after in zip(periodic, attractors, strict=True):
+            settling = detection.PERIODIC, detection.STATIONARY
+            rows = np.flatnonzero(np.isin(later.outcome, settling)).tolist()
+            ends = [chosen[row] for row in rows]
+            attractors = classifier.attractors(ends, later.take(rows), without)
+            for i, after in zip(ends, attractors, strict=True):
                 each = found[i]
                 returns = each.returns + after.returns
                 found[i] = replace(after, returns=returns, exponent=each.exponent, error=each.error)

@@ -198,6 +198,23 @@ def test_what_moves_slowly_does_not_rest(unit):
     assert found.measures["return time"] == pytest.approx(2.0 * math.pi * unit, rel=1e-6)
 
 
+def test_a_motion_that_is_followed_until_it_rests_is_resting():
+    """In a double well, at whose bottom it rests after the transient."""
+    well = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, y.x - y.x**3 - 0.3 * y.v),
+        initial={"x": 0.5, "v": 0.5},
+    )
+    recurrence = RecurrenceOptions(transient=100, periods=20)
+    found, begun = (
+        map_attractors([InitialCondition(well)], each, FAST)[0]
+        for each in (recurrence, replace(recurrence, exponents="none"))
+    )
+    assert begun.motion == "unsettled"
+    assert found.motion == "resting"
+    assert found.final.x == pytest.approx(1.0, abs=1e-9)
+
+
 @pytest.mark.slow
 def test_a_slow_approach_is_no_orbit_yet():
     # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period
