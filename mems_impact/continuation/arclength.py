@@ -540,32 +540,28 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         reason = self._discontinuity(point) or reason_of(error, self.family)
         return f"no further step possible beyond {where}: {reason}"
 
-    def rates(self, point: P, value: float) -> Floats:
-        """Return the equations at the states of a point, at another value of the parameter.
-
-        Empty by default, as for a curve: no discontinuity is sought.
-        """
-        return np.zeros(0)
+    @abstractmethod
+    def rates(self, point: P, name: str, value: float) -> Floats:
+        """Return the equations at the states of a point, at another value of a parameter."""
 
     def _discontinuity(self, point: P) -> str:
-        """Return a message if the equations jump in the parameter near a point; else empty.
+        """Return a message if the equations jump in a parameter near a point; else empty.
 
         The differences of the derivatives by the parameter reach across a jump, so that errors
         that have other reasons elsewhere end a branch close to it.
         """
-        name, value = self.parameters[-1], float(point.values[-1])
-        try:
-            if not self.rates(point, value).size:
-                return ""
-            rate = self.family.at(**{name: value}).derivative(name)[0]
-            reach = DISCONTINUITY_DISTANCE / (float(np.abs(rate).max(initial=0.0)) or 1.0)
-            jump = discontinuity(partial(self.rates, point), value - reach, value + reach)
-        except CONTINUATION_ERRORS:  # the equations are not defined on both sides
-            return ""
-        if jump is None:
-            return ""
-        where = self.family.amount(name, jump)
-        return f"the equations are discontinuous in {name} near {name} = {where}"
+        values = dict(zip(self.parameters, point.values.tolist(), strict=True))
+        for name, value in values.items():
+            try:
+                rate = self.family.at(**values).derivative(name)[0]
+                reach = DISCONTINUITY_DISTANCE / (float(np.abs(rate).max(initial=0.0)) or 1.0)
+                jump = discontinuity(partial(self.rates, point, name), value - reach, value + reach)
+            except CONTINUATION_ERRORS:  # the equations are not defined on both sides
+                continue
+            if jump is not None:
+                where = self.family.amount(name, jump)
+                return f"the equations are discontinuous in {name} near {name} = {where}"
+        return ""
 
 
 class Continuation(Generic[P, R, E]):

@@ -195,6 +195,12 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumS
         near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
         return place if near and step.along @ self.at_first > 0.5 else None
 
+    def rates(self, point: EquilibriumEvaluation, name: str, value: float) -> Floats:
+        """Return the flow at an equilibrium, at another value of a parameter."""
+        values = point.values.copy()
+        values[self.parameters.index(name)] = value
+        return self.equations.evaluate(point.unknowns, values).residual
+
 
 class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
     """Equilibria in one parameter."""
@@ -229,10 +235,6 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         """Correct a guess at its value of the parameter."""
         reason, remedy = "the correction at the bound did not converge", "take shorter steps"
         return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
-
-    def rates(self, point: EquilibriumEvaluation, value: float) -> Floats:
-        """Return the flow at an equilibrium, at another value of the parameter."""
-        return self.equations.evaluate(point.unknowns, np.array([value])).residual
 
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
         """Append the special points of a step, also to the points of the branch."""

@@ -157,6 +157,21 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return a limit cycle with another start, and the tangent of the branch or curve."""
 
+    def rates(self, point: ShootingEvaluation, name: str, value: float) -> Floats:
+        """Return the flow at both ends of all segments, and the states after the events."""
+        automaton = self.family.automaton
+        values = {**dict(zip(self.parameters, point.values.tolist(), strict=True)), name: value}
+        p = np.asarray(self.family.numbers(**values).parameters, dtype=float)
+        states, _ = self.shooting.unpack(point.unknowns)
+        found = []
+        for i, segment in enumerate(self.shooting.segments):
+            mode, end, last = segment.mode, float(point.ends[i]), point.arcs[i].end
+            found.append(automaton.slope_at(mode, float(point.starts[i]), states[i], p))
+            found.append(automaton.slope_at(mode, end, last, p))
+            if segment.code != BOUNDARY:
+                found.append(automaton.state_after(mode, segment.code, end, last, p)[1])
+        return np.concatenate(found)
+
     def no_step(self, point: ShootingEvaluation, error: Exception) -> str:
         """Return the message for an orbit beyond which no step of any length succeeds."""
         message = super().no_step(point, error)
@@ -361,20 +376,6 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     def solve(self, guess: Floats) -> ShootingEvaluation:
         """Correct a guess at its value of the parameter."""
         return solve(self.shooting, guess[:-1], guess[-1:])
-
-    def rates(self, point: ShootingEvaluation, value: float) -> Floats:
-        """Return the flow at both ends of all segments, and the states after the events."""
-        automaton = self.family.automaton
-        p = np.asarray(self.family.numbers(**{self.parameters[0]: value}).parameters, dtype=float)
-        states, _ = self.shooting.unpack(point.unknowns)
-        found = []
-        for i, segment in enumerate(self.shooting.segments):
-            mode, end, last = segment.mode, float(point.ends[i]), point.arcs[i].end
-            found.append(automaton.slope_at(mode, float(point.starts[i]), states[i], p))
-            found.append(automaton.slope_at(mode, end, last, p))
-            if segment.code != BOUNDARY:
-                found.append(automaton.state_after(mode, segment.code, end, last, p)[1])
-        return np.concatenate(found)
 
     def tests(self, point: ShootingEvaluation, along: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an orbit."""
