@@ -84,7 +84,7 @@ class FlowWriter:
             "Modes": named_tuple("Modes", tuple(part.name for part in parts)),
         }
         contacts = [i for i, part in enumerate(parts) if isinstance(part, Contact)]
-        self.words = [
+        self.names = [
             CodeNames(
                 part,
                 i,
@@ -97,19 +97,19 @@ class FlowWriter:
             for i, part in enumerate(parts)
         ]
         self.contacts: list[tuple[CodeNames, Contact, ContactSides]] = [
-            (words, part, part.sides(words))
-            for words, part in zip(self.words, parts, strict=True)
+            (names, part, part.sides(names))
+            for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, Contact)
         ]
         self.holding = Holding(self.contacts, len(states))
         self.frictions = [
-            (words, part)
-            for words, part in zip(self.words, parts, strict=True)
+            (names, part)
+            for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, Friction)
         ]
         self.surfaces = [
-            (words, part)
-            for words, part in zip(self.words, parts, strict=True)
+            (names, part)
+            for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, SwitchingSurface)
         ]
 
@@ -134,9 +134,9 @@ class FlowWriter:
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
-        for words, part, both in self.contacts:
-            for mode, force in part.law(words).items():
-                lines += [f"if {words.mode} == {mode}:", f"    force = {force}"]
+        for names, part, both in self.contacts:
+            for mode, force in part.law(names).items():
+                lines += [f"if {names.mode} == {mode}:", f"    force = {force}"]
                 lines.append(f"    d{both.on} += force * (1.0 / {both.mass})")
                 if both.other is not None:
                     lines.append(f"    d{both.against} -= force * (1.0 / {both.other})")
@@ -157,9 +157,9 @@ class FlowWriter:
         constraints of the mode.
         """
         held = [
-            (words.place, constraint)
-            for words in self.words
-            for constraint in words.part.constraints(words)
+            (names.place, constraint)
+            for names in self.names
+            for constraint in names.part.constraints(names)
         ]
         if not held:
             return (), []
@@ -194,47 +194,47 @@ class FlowWriter:
     def slopes(self) -> str:
         """Return the source of the flow in every mode, with Filippov's flow on surfaces."""
         lines = [*self.digits()]
-        for words, surface in self.surfaces:
+        for names, surface in self.surfaces:
             size = len(self.states) + len(self.holding.place)
             mixed = (f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(size))
             sliding = [
-                *self.both_sides(words, surface, "mode", SLIDING),
-                f"gap = {words.lower} - {words.upper}",
-                f"share = {words.lower} / gap if gap != 0.0 else 0.5",
+                *self.both_sides(names, surface, "mode", SLIDING),
+                f"gap = {names.lower} - {names.upper}",
+                f"share = {names.lower} / gap if gap != 0.0 else 0.5",
                 f"return ({', '.join(mixed)},)",
             ]
-            lines += [f"if {words.mode} == {SLIDING}:", *indented(sliding)]
+            lines += [f"if {names.mode} == {SLIDING}:", *indented(sliding)]
         lines.append("return field(mode, t, y, p)")
         return function("slopes(mode, t, y, p)", lines)
 
     def both_sides(
-        self, words: CodeNames, surface: SwitchingSurface, mode: str, own: int | str
+        self, names: CodeNames, surface: SwitchingSurface, mode: str, own: int | str
     ) -> list[str]:
         """Return the lines of the flow on both sides, and of its rates away from the surface."""
-        stride, lines = self.strides[words.place], []
-        for side, name, rate in ((ABOVE, "up", words.upper), (BELOW, "down", words.lower)):
+        stride, lines = self.strides[names.place], []
+        for side, name, rate in ((ABOVE, "up", names.upper), (BELOW, "down", names.lower)):
             step = f"{mode} + ({side} - {own}) * {stride}"
-            lines += [f"{name} = field({step}, t, y, p)", f"{rate} = {surface.along(words, name)}"]
+            lines += [f"{name} = field({step}, t, y, p)", f"{rate} = {surface.along(names, name)}"]
         return lines
 
-    def fits(self) -> str:
+    def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last")]
         if len(self.surfaces) > 1:
-            sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
+            sliding = (f"({names.mode} == {SLIDING})" for names, _ in self.surfaces)
             lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
         lines += self.holding.blocked()
         lines.append("x = slopes(mode, t, y, p)")
-        for words, part in zip(self.words, self.parts, strict=True):
+        for names, part in zip(self.names, self.parts, strict=True):
             own: list[str] = []
             if isinstance(part, SwitchingSurface):
-                own += self.both_sides(words, part, "mode", words.mode)
+                own += self.both_sides(names, part, "mode", names.mode)
             if isinstance(part, Contact):
-                own += self.holding.room(words)
-            for mode, condition in enumerate(part.fits(words)):
-                test = f"if {words.mode} == {mode} and not ({condition}):"
+                own += self.holding.room(names)
+            for mode, condition in enumerate(part.mode_conditions(names)):
+                test = f"if {names.mode} == {mode} and not ({condition}):"
                 own += [test, "    return False"]
-            lines += [f"if given != {words.place}:", *indented(own)]
+            lines += [f"if given != {names.place}:", *indented(own)]
         return function(
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
@@ -245,19 +245,19 @@ class FlowWriter:
         Contacts that share a load reach their limits together, and the order of parts decides which
         of their events is located.
         """
-        lines = [f"slips{words.place} = fired == {words.place}" for words, _ in self.frictions]
+        lines = [f"slips{names.place} = fired == {names.place}" for names, _ in self.frictions]
         lines.append("together = 0")
         if len(self.frictions) < 2:
             return lines
         limits = [*self.digits(), "x = slopes(mode, t, y, p)", "reached = 0.0"]
-        for words, part in self.frictions:
-            limits += [*self.holding.room(words), f"room{words.place} = {part.room(words)}"]
-            limits += [f"if {words.fired}:", f"    reached = room{words.place}"]
-        for words, part in self.frictions:
-            near = f"room{words.place} <= reached + {part.rounding(words)}"
-            limits.append(f"slips{words.place} = {words.last} == {part.holds} and {near}")
-            limits.append(f"together += slips{words.place}")
-        fired = " or ".join(words.fired for words, _ in self.frictions)
+        for names, part in self.frictions:
+            limits += [*self.holding.room(names), f"room{names.place} = {part.room(names)}"]
+            limits += [f"if {names.fired}:", f"    reached = room{names.place}"]
+        for names, part in self.frictions:
+            near = f"room{names.place} <= reached + {part.rounding(names)}"
+            limits.append(f"slips{names.place} = {names.last} == {part.holding_mode} and {near}")
+            limits.append(f"together += slips{names.place}")
+        fired = " or ".join(names.fired for names, _ in self.frictions)
         return [*lines, f"if own >= 0 and ({fired}):", *indented(limits)]
 
     def settled(self) -> str:
@@ -273,14 +273,14 @@ class FlowWriter:
         many = len(self.parts) + 1
         moved = []
         for i, part in enumerate(self.parts):
-            weight = 1 if isinstance(part, Contact) and part.pushes else many**2
+            weight = 1 if isinstance(part, Contact) and part.force_sign else many**2
             own_event = f"slips{i}" if isinstance(part, Friction) else f"fired == {i}"
             moved.append(f"{weight} * (not ({own_event}) and m{i} != stays{i})")
             if weight > 1:
                 moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
         taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
         # Where a contact reaches its limit, a stop may take over the load.
-        rubs = [words.place for words, part in self.frictions]
+        rubs = [names.place for names, part in self.frictions]
         taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
         # Of several contacts that reach their limits together one may stay, relieved by the slip of
         # another.
@@ -309,8 +309,8 @@ class FlowWriter:
         ]
         lines = [*self.digits("mode", "last")]
         lines += [
-            f"stays{words.place} = {part.stays(words)}"
-            for words, part in zip(self.words, self.parts, strict=True)
+            f"stays{names.place} = {part.preferred_mode(names)}"
+            for names, part in zip(self.names, self.parts, strict=True)
         ]
         lines += self.together()
         # The mode after an event fits up to rounding, so this test is the last.
@@ -338,24 +338,24 @@ class FlowWriter:
             ]
         return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
 
-    def watch(self, i: int, words: CodeNames, watch: GuardSpec) -> str:
+    def guard(self, i: int, names: CodeNames, spec: GuardSpec) -> str:
         """Return the source of margin, rate and transitions of a guard, by its number."""
         text = []
-        for name, value in (("margin", watch.margin), ("rate", watch.rate)):
+        for name, value in (("margin", spec.margin), ("rate", spec.rate)):
             if value is not None:
-                lines = [*self.head(words, value), f"return {value}"]
+                lines = [*self.head(names, value), f"return {value}"]
                 text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
-        for name, changes in (("transition", watch.changes), ("rest", watch.rest)):
+        for name, changes in (("transition", spec.changes), ("rest", spec.rest)):
             if changes is None:
                 continue
-            jumped = int(watch.rest is not None)
+            jumped = int(spec.rest is not None)
             new = (changes.get(j, f"y[{j}]") for j in range(len(self.states)))
             lines = [
-                f"y = alike(mode, {words.place if watch.rests else -1}, t, y, p)",
-                *self.head(words, watch.leads),
+                f"y = alike(mode, {names.place if spec.rests else -1}, t, y, p)",
+                *self.head(names, spec.leads),
                 f"new = State({', '.join(new)})",
-                f"own = {watch.leads}",
-                f"return settled(mode, {words.place}, own, {jumped}, t, new, p), new",
+                f"own = {spec.leads}",
+                f"return settled(mode, {names.place}, own, {jumped}, t, new, p), new",
             ]
             text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
         return "\n\n".join(text)
@@ -367,7 +367,7 @@ class FlowWriter:
             given = getattr(guard, role)
             if given is None:
                 continue
-            call = self.words[0].call(given, f"{self.own_modes()}, t, y, p")
+            call = self.names[0].call(given, f"{self.own_modes()}, t, y, p")
             lines = [*self.digits()]
             if role in ("margin", "rate"):
                 lines.append(f"return {call}")
@@ -379,18 +379,18 @@ class FlowWriter:
             text.append(function(f"users_{role}_{i}(mode, t, y, p)", lines))
         return "\n\n".join(text)
 
-    def head(self, words: CodeNames, expression: str) -> list[str]:
+    def head(self, names: CodeNames, expression: str) -> list[str]:
         """Return the lines that define the variables of an expression of a guard."""
         lines = [*self.digits()]
-        names = (words.back, words.front, words.needed)
-        room = isinstance(words.part, Contact) and any(name in expression for name in names)
+        forces = (names.back, names.front, names.needed)
+        room = isinstance(names.part, Contact) and any(force in expression for force in forces)
         if "x[" in expression or room:
             lines.append("x = slopes(mode, t, y, p)")
         if room:
-            lines += self.holding.room(words)
-        asks = words.upper in expression or words.lower in expression
-        if isinstance(words.part, SwitchingSurface) and asks:
-            lines += self.both_sides(words, words.part, "mode", words.mode)
+            lines += self.holding.room(names)
+        asks = names.upper in expression or names.lower in expression
+        if isinstance(names.part, SwitchingSurface) and asks:
+            lines += self.both_sides(names, names.part, "mode", names.mode)
         return lines
 
 
@@ -479,13 +479,13 @@ def assemble(
     check(parts, flow, states, masses, guards)
     text = FlowWriter(parts, states, parameters, masses, flow)
     driven = {both.on for _, _, both in text.contacts}
-    for words, _, both in text.contacts:
+    for names, _, both in text.contacts:
         if both.against in driven and both.other is None:
             velocity = states[both.against]
-            allowed = f"given for {velocity!r}, on which {words.part.name!r} and another part act"
+            allowed = f"given for {velocity!r}, on which {names.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)
-    sources = [text.field(), text.slopes(), text.alike(), text.fits(), text.settled()]
+    sources = [text.field(), text.slopes(), text.alike(), text.mode_conditions(), text.settled()]
     sources.append(
         function(
             "flow(mode, t, y, p)",
@@ -500,12 +500,12 @@ def assemble(
     sources.append(function("begin(mode, t, y, p)", ["return settled(mode, -1, -1, 1, t, y, p)"]))
     constrained, lines = text.projection()
     sources += lines
-    watches = [
-        (words, watch)
-        for words, part in zip(text.words, parts, strict=True)
-        for watch in part.watches(words)
+    specs = [
+        (names, spec)
+        for names, part in zip(text.names, parts, strict=True)
+        for spec in part.guards(names)
     ]
-    sources += [text.watch(i, words, watch) for i, (words, watch) in enumerate(watches)]
+    sources += [text.guard(i, names, spec) for i, (names, spec) in enumerate(specs)]
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
     space["SOURCE"] = "\n\n".join(sources)  # which export translates
@@ -513,18 +513,18 @@ def assemble(
     # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     made = []
-    for i, (words, watch) in enumerate(watches):
-        kind = Guard if watch.rest is None else Impact
-        place, stride = words.place, text.strides[words.place]
+    for i, (names, spec) in enumerate(specs):
+        kind = Guard if spec.rest is None else Impact
+        place, stride = names.place, text.strides[names.place]
         made.append(
             kind(
-                watch.name,
+                spec.name,
                 space[f"margin_{i}"],
                 space[f"transition_{i}"],
                 modes=tuple(
                     mode
                     for mode in range(text.count)
-                    if mode // stride % text.counts[place] in watch.modes
+                    if mode // stride % text.counts[place] in spec.modes
                 ),
                 rate=space.get(f"rate_{i}"),
                 rest=space.get(f"rest_{i}"),
@@ -536,8 +536,8 @@ def assemble(
             for role in ("margin", "transition", "rate", "rest")
         }
         made.append(replace(guard, **found))
-    names = itertools.product(*(part.modes for part in reversed(parts)))
-    modes = tuple("-".join(reversed(each)) for each in names)
+    combinations = itertools.product(*(part.modes for part in reversed(parts)))
+    modes = tuple("-".join(reversed(each)) for each in combinations)
     return AssembledSystem(
         space["flow"],
         space["switch_transition"],

@@ -236,22 +236,22 @@ class Part:
     """Value of ``mode.name`` in each of them."""
 
     @abstractmethod
-    def fits(self, words: CodeNames) -> list[str]:
+    def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions under which each of its modes fits the state, in order.
 
         They can use ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, which is 1 if an
         event of another part may have changed the state, or at the start of a run.
         """
 
-    def stays(self, words: CodeNames) -> str:
+    def preferred_mode(self, names: CodeNames) -> str:
         """Return the preferred mode if several fit: by default the one before."""
-        return words.last
+        return names.last
 
     @abstractmethod
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
+    def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return its guards."""
 
-    def constraints(self, words: CodeNames) -> list[Constraint]:
+    def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints that hold in its modes."""
         return []
 
@@ -319,50 +319,50 @@ class ContactSides:
 class Contact(Part):
     """A part that acts on a velocity and holds it in one of its modes."""
 
-    holds: ClassVar[int]
+    holding_mode: ClassVar[int]
     """The mode in which its force keeps the relative speed at zero."""
 
     @property
-    def pushes(self) -> int:
+    def force_sign(self) -> int:
         """The sign of its force on ``on`` where it holds; 0 for either sign."""
         return 0
 
     @abstractmethod
-    def sides(self, words: CodeNames) -> ContactSides:
+    def sides(self, names: CodeNames) -> ContactSides:
         """Return its two sides."""
 
     @abstractmethod
-    def rests(self, words: CodeNames) -> str:
+    def holding_condition(self, names: CodeNames) -> str:
         """Return whether it could hold: it is closed and the relative speed is zero."""
 
     @property
     @abstractmethod
-    def moves(self) -> Mapping[int, int]:
+    def motion_signs(self) -> Mapping[int, int]:
         """The sign of the relative motion of ``on`` that starts from rest, for each other mode."""
 
-    def constraints(self, words: CodeNames) -> list[Constraint]:
+    def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint of zero relative speed where it holds."""
-        both = self.sides(words)
+        both = self.sides(names)
         slopes = (
             {both.on: "1.0"} if both.against is None else {both.on: "1.0", both.against: "-1.0"}
         )
-        return [Constraint(mode=self.holds, value=both.slip, slopes=slopes)]
+        return [Constraint(mode=self.holding_mode, value=both.slip, slopes=slopes)]
 
     @abstractmethod
-    def bears(self, words: CodeNames) -> tuple[str, str]:
+    def force_limits(self, names: CodeNames) -> tuple[str, str]:
         """Return the limits of the force on ``on``, backward and forward; empty for zero."""
 
-    def law(self, words: CodeNames) -> dict[int, str]:
+    def law(self, names: CodeNames) -> dict[int, str]:
         """Return the forces on ``on`` in the other modes, if any."""
         return {}
 
 
-def sides(words: CodeNames, on: str, other: Quantity, field: str) -> ContactSides:
+def sides(names: CodeNames, on: str, other: Quantity, field: str) -> ContactSides:
     """Return the sides of a contact between the velocity `on` and another one, or a speed."""
-    index = words.index("velocity", on)
-    mass = words.mass(on)
-    if isinstance(other, str) and other in words.states:
-        against = words.index(field, other)
-        driven = words.mass(other) if other in words.masses else None
+    index = names.index("velocity", on)
+    mass = names.mass(on)
+    if isinstance(other, str) and other in names.states:
+        against = names.index(field, other)
+        driven = names.mass(other) if other in names.masses else None
         return ContactSides(index, against, f"y[{against}]", mass, driven)
-    return ContactSides(index, None, words.value(field, other), mass, None)
+    return ContactSides(index, None, names.value(field, other), mass, None)

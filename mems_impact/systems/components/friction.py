@@ -47,10 +47,10 @@ class Stribeck:
     speed: Quantity
     viscous: Quantity = 0.0
 
-    def at(self, words: CodeNames, speed: str) -> str:
+    def at(self, names: CodeNames, speed: str) -> str:
         """Return the coefficient at a relative speed, as an expression."""
-        names = ("static", "dynamic", "speed", "viscous")
-        static, dynamic, unit, viscous = (words.value(name, getattr(self, name)) for name in names)
+        fields = ("static", "dynamic", "speed", "viscous")
+        static, dynamic, unit, viscous = (names.value(name, getattr(self, name)) for name in fields)
         decay = f"math.exp(-({speed}) / {unit})"
         return f"{dynamic} + ({static} - {dynamic}) * {decay} + {viscous} * ({speed})"
 
@@ -112,80 +112,80 @@ class Friction(Contact):
 
     modes: ClassVar[tuple[str, ...]] = ("stuck", "forward", "backward")
     signs: ClassVar[tuple[int, ...]] = (0, 1, -1)
-    holds: ClassVar[int] = STUCK
+    holding_mode: ClassVar[int] = STUCK
 
-    def sides(self, words: CodeNames) -> ContactSides:
+    def sides(self, names: CodeNames) -> ContactSides:
         """Return the body and the surface on which it slides."""
-        return sides(words, self.velocity, self.surface, "surface")
+        return sides(names, self.velocity, self.surface, "surface")
 
-    def sliding(self, words: CodeNames, speed: str) -> str:
+    def sliding(self, names: CodeNames, speed: str) -> str:
         """Return the magnitude of the force at a relative speed."""
-        normal = words.value("normal", self.normal, "t, y, p")
+        normal = names.value("normal", self.normal, "t, y, p")
         if isinstance(self.mu, Stribeck):
-            return f"({self.mu.at(words, speed)}) * {normal}"
-        return f"{words.value('mu', self.mu, f'{speed}, p')} * {normal}"
+            return f"({self.mu.at(names, speed)}) * {normal}"
+        return f"{names.value('mu', self.mu, f'{speed}, p')} * {normal}"
 
-    def limit(self, words: CodeNames) -> str:
+    def limit(self, names: CodeNames) -> str:
         """Return the static limit."""
         if self.static is None:
-            return self.sliding(words, "0.0")
-        normal = words.value("normal", self.normal, "t, y, p")
-        return f"{words.value('static', self.static)} * {normal}"
+            return self.sliding(names, "0.0")
+        normal = names.value("normal", self.normal, "t, y, p")
+        return f"{names.value('static', self.static)} * {normal}"
 
-    def law(self, words: CodeNames) -> dict[int, str]:
+    def law(self, names: CodeNames) -> dict[int, str]:
         """Return the friction forces during sliding."""
-        slip = self.sides(words).slip
+        slip = self.sides(names).slip
         return {
-            FORWARD: f"-({self.sliding(words, slip)})",
-            BACKWARD: self.sliding(words, f"-{slip}"),
+            FORWARD: f"-({self.sliding(names, slip)})",
+            BACKWARD: self.sliding(names, f"-{slip}"),
         }
 
-    def bears(self, words: CodeNames) -> tuple[str, str]:
+    def force_limits(self, names: CodeNames) -> tuple[str, str]:
         """Return the static limit, for both directions."""
-        return self.limit(words), self.limit(words)
+        return self.limit(names), self.limit(names)
 
     @property
-    def moves(self) -> Mapping[int, int]:
+    def motion_signs(self) -> Mapping[int, int]:
         """The sign of the relative speed."""
         return {FORWARD: 1, BACKWARD: -1}
 
-    def rests(self, words: CodeNames) -> str:
+    def holding_condition(self, names: CodeNames) -> str:
         """Return whether the relative speed is zero."""
-        near = self.sides(words).near
-        return f"({near} or (jumped == 0 and {words.last} == {STUCK}))"
+        near = self.sides(names).near
+        return f"({near} or (jumped == 0 and {names.last} == {STUCK}))"
 
-    def rounding(self, words: CodeNames) -> str:
+    def rounding(self, names: CodeNames) -> str:
         """Return the tolerance within which the holding force is at its limit."""
-        return f"({NEAR_LIMIT} * ({self.limit(words)}) + {ZERO_FORCE_RATIO} * {words.size})"
+        return f"({NEAR_LIMIT} * ({self.limit(names)}) + {ZERO_FORCE_RATIO} * {names.size})"
 
-    def room(self, words: CodeNames) -> str:
+    def room(self, names: CodeNames) -> str:
         """Return the distance of the holding force from its limit."""
-        return f"min({words.back}, {words.front})"
+        return f"min({names.back}, {names.front})"
 
-    def fits(self, words: CodeNames) -> list[str]:
+    def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of sticking, sliding forward and sliding backward."""
-        both, rests = self.sides(words), self.rests(words)
-        gain, rounding = both.relative("x[{}]"), self.rounding(words)
-        room = f"({NEAR_LIMIT} * ({self.limit(words)}) * {both.share} + {both.drift})"
+        both, holding = self.sides(names), self.holding_condition(names)
+        gain, rounding = both.relative("x[{}]"), self.rounding(names)
+        room = f"({NEAR_LIMIT} * ({self.limit(names)}) * {both.share} + {both.drift})"
         # At its limit a contact stays only if others have taken over the load.
-        least = f"({rounding} if {words.fired} and {words.last} == {STUCK} else -{rounding})"
+        least = f"({rounding} if {names.fired} and {names.last} == {STUCK} else -{rounding})"
         # If no event has changed the state, it keeps its direction of sliding despite rounding.
-        slides = f"{words.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
+        slides = f"{names.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
         return [
-            f"{rests} and {self.room(words)} >= {least}",
-            f"{gain} >= -{room} if {rests} else ({slides.format(FORWARD, '>')})",
-            f"{gain} <= {room} if {rests} else ({slides.format(BACKWARD, '<')})",
+            f"{holding} and {self.room(names)} >= {least}",
+            f"{gain} >= -{room} if {holding} else ({slides.format(FORWARD, '>')})",
+            f"{gain} <= {room} if {holding} else ({slides.format(BACKWARD, '<')})",
         ]
 
-    def stays(self, words: CodeNames) -> str:
+    def preferred_mode(self, names: CodeNames) -> str:
         """Return the mode before, or stuck if it comes to rest."""
-        return f"({STUCK} if own < 0 and {self.rests(words)} else {words.last})"
+        return f"({STUCK} if own < 0 and {self.holding_condition(names)} else {names.last})"
 
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
+    def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of the end of a slip and of break-away."""
-        both = self.sides(words)
-        sign = f"(1.0 if {words.mode} == {FORWARD} else -1.0)"
-        room = self.room(words)
+        both = self.sides(names)
+        sign = f"(1.0 if {names.mode} == {FORWARD} else -1.0)"
+        room = self.room(names)
         return [
             GuardSpec(
                 name=f"{self.name} sticks",
@@ -198,8 +198,8 @@ class Friction(Contact):
                 name=f"{self.name} slips",
                 modes=(STUCK,),
                 # Clamped between two stops it bears any force.
-                margin=f"{room} if {room} < math.inf else {self.limit(words)}",
+                margin=f"{room} if {room} < math.inf else {self.limit(names)}",
                 # The load is at the limit to rounding: the body slips in the direction of the load.
-                leads=f"{FORWARD} if {words.back} < {words.front} else {BACKWARD}",
+                leads=f"{FORWARD} if {names.back} < {names.front} else {BACKWARD}",
             ),
         ]

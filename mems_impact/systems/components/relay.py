@@ -55,25 +55,25 @@ class Relay(Part):
     modes: ClassVar[tuple[str, ...]] = ("low", "high")
     signs: ClassVar[tuple[int, ...]] = (0, 1)
 
-    def terms(self, words: CodeNames) -> tuple[str, str, str, str | None]:
+    def terms(self, names: CodeNames) -> tuple[str, str, str, str | None]:
         """Return the input, the thresholds, and the rate of the input if known."""
-        lower, upper = words.value("lower", self.lower), words.value("upper", self.upper)
+        lower, upper = names.value("lower", self.lower), names.value("upper", self.upper)
         if callable(self.input):
-            return words.call(self.input, "t, y, p"), lower, upper, None
-        place = words.index("input", self.input)
+            return names.call(self.input, "t, y, p"), lower, upper, None
+        place = names.index("input", self.input)
         return f"y[{place}]", lower, upper, f"x[{place}]"
 
-    def fits(self, words: CodeNames) -> list[str]:
+    def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of low and high."""
-        signal, lower, upper, _ = self.terms(words)
+        signal, lower, upper, _ = self.terms(names)
         return [
-            f"{signal} <= {lower} or ({signal} < {upper} and {words.last} == {LOW})",
-            f"{signal} >= {upper} or ({signal} > {lower} and {words.last} == {HIGH})",
+            f"{signal} <= {lower} or ({signal} < {upper} and {names.last} == {LOW})",
+            f"{signal} >= {upper} or ({signal} > {lower} and {names.last} == {HIGH})",
         ]
 
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
+    def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return both changes."""
-        signal, lower, upper, rate = self.terms(words)
+        signal, lower, upper, rate = self.terms(names)
         return [
             GuardSpec(
                 name=f"{self.name} rises",

@@ -235,7 +235,10 @@ class Holding:
         for group in self.groups:
             lines += self.joined(
                 group,
-                {i: f"{words.mode} == {part.holds}" for i, (words, part, _) in self.own(group)},
+                {
+                    i: f"{names.mode} == {part.holding_mode}"
+                    for i, (names, part, _) in self.own(group)
+                },
             )
             for body in group.bodies:
                 lines += [f"mass{body} = {self.masses[body]}", f"free{body} = d{body}"]
@@ -278,9 +281,9 @@ class Holding:
         lines = []
         for group in self.groups:
             alike = {}
-            for i, (words, part, both) in self.own(group):
-                alike[i] = f"{words.mode} == {part.holds} or fired == {words.place}"
-                if not part.pushes:
+            for i, (names, part, both) in self.own(group):
+                alike[i] = f"{names.mode} == {part.holding_mode} or fired == {names.place}"
+                if not part.force_sign:
                     alike[i] += f" or {both.near}"
             lines += self.joined(group, alike)
             for i, speed in enumerate(group.grounds):
@@ -297,37 +300,43 @@ class Holding:
         lines = []
         rings = [ring for group in self.groups for ring in group.rings]
         for i in sorted({i for ring in rings for i in ring}):
-            words, part, _ = self.contacts[i]
-            each = (f"{sign} if {words.mode} == {mode} else " for mode, sign in part.moves.items())
+            names, part, _ = self.contacts[i]
+            each = (
+                f"{sign} if {names.mode} == {mode} else "
+                for mode, sign in part.motion_signs.items()
+            )
             lines.append(f"way{i} = {''.join(each)}0")
             # A moving contact is not part of a ring at rest.
-            lines += [f"if way{i} != 0 and not {part.rests(words)}:", f"    way{i} = {MOVING}"]
+            lines += [
+                f"if way{i} != 0 and not {part.holding_condition(names)}:",
+                f"    way{i} = {MOVING}",
+            ]
         for ring, turn in itertools.product(rings, (1, -1)):
             ways = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
-            rubs = [way for i, way in ways.items() if not self.contacts[i][1].pushes]
+            rubs = [way for i, way in ways.items() if not self.contacts[i][1].force_sign]
             around = " and ".join(f"0 <= {way} <= 1" for way in ways.values())
             slides = " or ".join(f"{way} == 1" for way in rubs) or "False"
             lines += [f"if {around} and ({slides}):", "    return False"]
         return lines
 
-    def room(self, words: CodeNames) -> list[str]:
+    def room(self, names: CodeNames) -> list[str]:
         """Return the lines that compute the distances of a contact's force from its limits.
 
         `CodeNames.back` and `CodeNames.front` are the distances from the lower and upper limit,
         with any share that other contacts can bear; `CodeNames.needed` is the part of a one-sided
         force that others cannot bear; `CodeNames.size` is the sum of the magnitudes of the forces.
         """
-        number = words.contact
+        number = names.contact
         assert number is not None
         group = next(group for group in self.groups if number in group.contacts)
         lines = []
         cuts = [cut for cut in group.cuts if number in cut.across]
         for i in sorted({i for cut in cuts for i in cut.across}):
             other, part, _ = self.contacts[i]
-            held = f"{other.mode} == {part.holds}"
-            for side, bears in zip(("back", "front"), part.bears(other), strict=True):
+            held = f"{other.mode} == {part.holding_mode}"
+            for side, limit in zip(("back", "front"), part.force_limits(other), strict=True):
                 name = f"{side}_of{i}"
-                lines.append(f"{name} = {f'{bears} if {held} else ' if bears else ''}0.0")
+                lines.append(f"{name} = {f'{limit} if {held} else ' if limit else ''}0.0")
         backs, fronts, needs = [], [], []
         _, part, _ = self.contacts[number]
         for cut in cuts:
@@ -337,18 +346,18 @@ class Holding:
             low, high = f"({force}) + ({least})", f"({most}) - ({force})"
             backs.append(low if sign > 0 else high)
             fronts.append(high if sign > 0 else low)
-            way = sign * part.pushes
+            way = sign * part.force_sign
             others = self.borne(cut, way, number)
             less = f" - ({' + '.join(others)})" if others else ""
             needs.append(f"{'-' if way < 0 else ''}({force}){less}")
         sizes = [f"abs(x[{self.place[body]}])" for body in group.bodies]
         sizes += [f"abs({self.masses[body]} * x[{body}])" for body in group.bodies]
-        lines.append(f"{words.size} = {' + '.join(sizes)}")
-        if part.pushes:
-            lines.append(f"{words.needed} = {_of('max', [*needs, f'-{words.size}'])}")
+        lines.append(f"{names.size} = {' + '.join(sizes)}")
+        if part.force_sign:
+            lines.append(f"{names.needed} = {_of('max', [*needs, f'-{names.size}'])}")
         else:
-            lines.append(f"{words.back} = {_of('min', backs)}")
-            lines.append(f"{words.front} = {_of('min', fronts)}")
+            lines.append(f"{names.back} = {_of('min', backs)}")
+            lines.append(f"{names.front} = {_of('min', fronts)}")
         return lines
 
     def borne(self, cut: Cut, way: int, without: int | None = None) -> list[str]:

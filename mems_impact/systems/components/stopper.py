@@ -76,7 +76,7 @@ class Stopper(Contact):
 
     modes: ClassVar[tuple[str, ...]] = ("free", "held")
     signs: ClassVar[tuple[int, ...]] = (0, 1)
-    holds: ClassVar[int] = HELD
+    holding_mode: ClassVar[int] = HELD
 
     def __post_init__(self) -> None:
         if (self.upper is None) == (self.lower is None):
@@ -85,96 +85,96 @@ class Stopper(Contact):
                 f"upper, lower of {self.name!r}", given, "exactly one of the two"
             )
 
-    def sides(self, words: CodeNames) -> ContactSides:
+    def sides(self, names: CodeNames) -> ContactSides:
         """Return the body, and the other one."""
         other = self.against if isinstance(self.against, str) else (self.against or (0.0, 0.0))[1]
         if isinstance(other, str):
-            words.index("against", other)  # a velocity, not a parameter
-        return sides(words, self.velocity, other, "against")
+            names.index("against", other)  # a velocity, not a parameter
+        return sides(names, self.velocity, other, "against")
 
     def inwards(self, expression: str) -> str:
         """Return an expression along the position with its sign positive away from the stop."""
         return f"-{expression}" if self.upper is not None else expression
 
-    def places(self, words: CodeNames) -> tuple[int, str, str]:
+    def places(self, names: CodeNames) -> tuple[int, str, str]:
         """Return the number of the position, the position of the stop, and the terms of the gap."""
-        place = words.index("position", self.position)
+        place = names.index("position", self.position)
         level = self.upper if self.upper is not None else self.lower
         assert level is not None
-        at = words.value("upper" if self.upper is not None else "lower", level)
+        at = names.value("upper" if self.upper is not None else "lower", level)
         size = f"abs(y[{place}]) + abs({at})"
         if isinstance(self.against, tuple):
-            other = words.index("against", self.against[0])
+            other = names.index("against", self.against[0])
             at, size = f"({at} + y[{other}])", f"{size} + abs(y[{other}])"
         return place, at, size
 
     @property
-    def pushes(self) -> int:
+    def force_sign(self) -> int:
         """The sign of its force on the body."""
         return -1 if self.upper is not None else 1
 
     @property
-    def moves(self) -> Mapping[int, int]:
+    def motion_signs(self) -> Mapping[int, int]:
         """The sign of the relative motion that opens the gap."""
-        return {FREE: self.pushes}
+        return {FREE: self.force_sign}
 
-    def bears(self, words: CodeNames) -> tuple[str, str]:
+    def force_limits(self, names: CodeNames) -> tuple[str, str]:
         """Return the limits of its force: unbounded in its direction, zero in the other."""
         return ("math.inf", "") if self.upper is not None else ("", "math.inf")
 
-    def rests(self, words: CodeNames) -> str:
+    def holding_condition(self, names: CodeNames) -> str:
         """Return whether the gap is closed and the relative speed is zero."""
-        both = self.sides(words)
-        place, at, size = self.places(words)
+        both = self.sides(names)
+        place, at, size = self.places(names)
         gap = self.inwards(f"(y[{place}] - {at})")
         touches = f"{gap} <= {TOUCHES} * ({size})"
-        closed = f"({words.fired} or {words.last} == {HELD} or {touches})"
-        still = f"({both.near} or (jumped == 0 and {words.last} == {HELD}))"
+        closed = f"({names.fired} or {names.last} == {HELD} or {touches})"
+        still = f"({both.near} or (jumped == 0 and {names.last} == {HELD}))"
         return f"({still} and {closed})"
 
-    def fits(self, words: CodeNames) -> list[str]:
+    def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of free and held."""
-        both, rests = self.sides(words), self.rests(words)
+        both, holding = self.sides(names), self.holding_condition(names)
         leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
         return [
-            f"{leaves} or not {rests}",
-            f"{rests} and {words.needed} >= -{ZERO_FORCE_RATIO} * {words.size}",
+            f"{leaves} or not {holding}",
+            f"{holding} and {names.needed} >= -{ZERO_FORCE_RATIO} * {names.size}",
         ]
 
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
+    def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of impact and release."""
-        both = self.sides(words)
-        place, at, _ = self.places(words)
+        both = self.sides(names)
+        place, at, _ = self.places(names)
         return [
             GuardSpec(
                 name=self.name,
                 modes=(FREE,),
                 margin=self.inwards(f"(y[{place}] - {at})"),
                 rate=self.inwards(both.slip),
-                changes=self.after(words, words.value("restitution", self.restitution)),
-                rest=self.after(words, "0.0"),
+                changes=self.after(names, names.value("restitution", self.restitution)),
+                rest=self.after(names, "0.0"),
             ),
             GuardSpec(
                 name=f"{self.name} lets go",
                 modes=(HELD,),
-                margin=words.needed,
+                margin=names.needed,
                 leads=str(FREE),
             ),
         ]
 
-    def constraints(self, words: CodeNames) -> list[Constraint]:
+    def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints of a closed gap and zero relative speed where it holds."""
-        place, at, _ = self.places(words)
+        place, at, _ = self.places(names)
         slopes = {place: "1.0"}
         if isinstance(self.against, tuple):
-            slopes[words.index("against", self.against[0])] = "-1.0"
+            slopes[names.index("against", self.against[0])] = "-1.0"
         closed = Constraint(mode=HELD, value=f"(y[{place}] - {at})", slopes=slopes)
-        return [closed, *super().constraints(words)]
+        return [closed, *super().constraints(names)]
 
-    def after(self, words: CodeNames, restitution: str) -> dict[int, str]:
+    def after(self, names: CodeNames, restitution: str) -> dict[int, str]:
         """Return positions and velocities after an impact."""
-        both = self.sides(words)
-        place, at, _ = self.places(words)
+        both = self.sides(names)
+        place, at, _ = self.places(names)
         if both.against is None:
             return {place: at, both.on: f"-{restitution} * {both.slip}"}
         speed = both.speed

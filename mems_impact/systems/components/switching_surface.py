@@ -75,80 +75,80 @@ class SwitchingSurface(Part):
         if isinstance(self.h, Mapping):
             object.__setattr__(self, "h", tuple(self.h.items()))  # hashable
 
-    def height(self, words: CodeNames) -> str:
+    def height(self, names: CodeNames) -> str:
         """Return h as an expression."""
-        level = words.value("level", self.level)
+        level = names.value("level", self.level)
         if callable(self.h):
-            return f"({words.call(self.h, 't, y, p')} - {level})"
-        return f"({self.along(words, 'y')} - {level})"
+            return f"({names.call(self.h, 't, y, p')} - {level})"
+        return f"({self.along(names, 'y')} - {level})"
 
-    def along(self, words: CodeNames, slopes: str) -> str:
+    def along(self, names: CodeNames, slopes: str) -> str:
         """Return the derivative of h for derivatives ``slopes[j]``, as an expression."""
         if self.rate is not None:
-            return self.rate_of(words, [f"{slopes}[{j}]" for j in range(len(words.states))])
-        terms = self.terms(words)
+            return self.rate_of(names, [f"{slopes}[{j}]" for j in range(len(names.states))])
+        terms = self.terms(names)
         return " + ".join(f"{factor} * {slopes}[{place}]" for place, factor in terms)
 
-    def terms(self, words: CodeNames) -> list[tuple[int, str]]:
+    def terms(self, names: CodeNames) -> list[tuple[int, str]]:
         """Return the components of the state in a linear h, each with its coefficient."""
         terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
         return [
-            (words.index("h", state), words.value(f"factor of {state}", factor))
+            (names.index("h", state), names.value(f"factor of {state}", factor))
             for state, factor in terms
         ]
 
-    def rate_of(self, words: CodeNames, slopes: Sequence[str]) -> str:
+    def rate_of(self, names: CodeNames, slopes: Sequence[str]) -> str:
         """Return the rate of a callable h for these derivatives of the states."""
         assert self.rate is not None
-        return words.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
+        return names.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
 
-    def constraints(self, words: CodeNames) -> list[Constraint]:
+    def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint h = 0 of sliding."""
-        height = self.height(words)
+        height = self.height(names)
         if self.rate is None:
             slopes: dict[int, str] = {}
-            for place, factor in self.terms(words):
+            for place, factor in self.terms(names):
                 slopes[place] = f"{slopes[place]} + {factor}" if place in slopes else factor
             return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
-        n = len(words.states)
+        n = len(names.states)
         # The rate is affine in the derivatives of the states, as h may depend on time.
-        still = self.rate_of(words, ["0.0"] * n)
+        still = self.rate_of(names, ["0.0"] * n)
         units = (["1.0" if i == j else "0.0" for i in range(n)] for j in range(n))
-        slopes = {j: f"({self.rate_of(words, unit)} - {still})" for j, unit in enumerate(units)}
+        slopes = {j: f"({self.rate_of(names, unit)} - {still})" for j, unit in enumerate(units)}
         return [Constraint(mode=SLIDING, value=height, slopes=slopes, linear=False)]
 
-    def fits(self, words: CodeNames) -> list[str]:
+    def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of above, below and sliding."""
-        h, up, down = self.height(words), words.upper, words.lower
+        h, up, down = self.height(names), names.upper, names.lower
         # If no event has changed the state, it stays on its side despite rounding of h.
         stayed = "jumped == 0"
-        on = f"({words.fired} or {h} == 0.0 or ({stayed} and {words.last} == {SLIDING}))"
+        on = f"({names.fired} or {h} == 0.0 or ({stayed} and {names.last} == {SLIDING}))"
         return [
-            f"{up} >= 0.0 if {on} else ({words.last} == {ABOVE} if {stayed} else {h} > 0.0)",
-            f"{down} <= 0.0 if {on} else ({words.last} == {BELOW} if {stayed} else {h} < 0.0)",
+            f"{up} >= 0.0 if {on} else ({names.last} == {ABOVE} if {stayed} else {h} > 0.0)",
+            f"{down} <= 0.0 if {on} else ({names.last} == {BELOW} if {stayed} else {h} < 0.0)",
             f"{on} and {up} < 0.0 and {down} > 0.0",
         ]
 
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
+    def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of reaching the surface and of leaving it to either side."""
-        sign = f"(1.0 if {words.mode} == {ABOVE} else -1.0)"
+        sign = f"(1.0 if {names.mode} == {ABOVE} else -1.0)"
         return [
             GuardSpec(
                 name=self.name,
                 modes=(ABOVE, BELOW),
-                margin=f"{sign} * {self.height(words)}",
-                rate=f"{sign} * ({self.along(words, 'x')})",
+                margin=f"{sign} * {self.height(names)}",
+                rate=f"{sign} * ({self.along(names, 'x')})",
             ),
             GuardSpec(
                 name=f"{self.name} leaves up",
                 modes=(SLIDING,),
-                margin=f"-{words.upper}",
+                margin=f"-{names.upper}",
                 leads=str(ABOVE),
             ),
             GuardSpec(
                 name=f"{self.name} leaves down",
                 modes=(SLIDING,),
-                margin=words.lower,
+                margin=names.lower,
                 leads=str(BELOW),
             ),
         ]
