@@ -45,13 +45,13 @@ def relapses(text, phrases):
 
 def passages(source):
     """Yield the docstrings, messages and comments of a module, each after its first line number."""
-    tree = ast.parse(source)
-    formatted = [node for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)]
+    nodes = list(ast.walk(ast.parse(source)))
+    formatted = [node for node in nodes if isinstance(node, ast.JoinedStr)]
     parts = {id(part) for node in formatted for part in ast.walk(node) if part is not node}
     for node in formatted:
         texts = (part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)
         yield node.lineno, "".join(texts)
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
             yield node.lineno, EXAMPLE.sub("", node.value)
     yield from comments(source)

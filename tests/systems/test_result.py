@@ -151,9 +151,10 @@ def main():
 def height(mode, t, y, p):
     return y.x
 
+run = main()
 with open(sys.argv[1], "wb") as file:
-    pickle.dump(main(), file)
-main().save(sys.argv[2])
+    pickle.dump(run, file)
+run.save(sys.argv[2])
 """
 
 
