@@ -312,7 +312,10 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     for column in names:
         if column not in table:
             raise InvalidParameter("index", column, f"one of {', '.join(map(str, table.columns))}")
-    rows = table.set_index(names) if names else table.rename_axis("row")
+    kinds = table.dtypes.items()
+    texts = {name: object for name, kind in kinds if isinstance(kind, pd.CategoricalDtype)}
+    plain = table.astype(texts)  # netCDF has no categories
+    rows = plain.set_index(names) if names else plain.rename_axis("row")
     if len(names) > 1 and rows.index.has_duplicates:
         raise InvalidParameter("index", tuple(names), "columns by which no two rows are the same")
     dataset = xr.Dataset.from_dataframe(rows)

@@ -26,6 +26,15 @@ def test_samples_over_time_with_units(samples):
     assert dataset.attrs["system"] == samples.attrs["system"]
 
 
+def test_a_file_in_netcdf_has_modes_as_text(samples, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    path = tmp_path / "samples.nc"
+    mi.to_xarray(samples).to_netcdf(path, engine="scipy")
+    with xarray.open_dataset(path, engine="scipy") as dataset:
+        assert dataset["mode"].values.tolist() == samples["mode"].tolist()
+        np.testing.assert_array_equal(dataset["x2"], samples["x2"])
+
+
 def test_a_grid_has_its_axes():
     rows = [(a, w, a * w) for w in (1.0, 2.0) for a in (0.1, 0.2, 0.3)]
     table = pd.DataFrame(rows, columns=["amplitude", "omega", "speed"])
