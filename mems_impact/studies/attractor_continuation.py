@@ -30,7 +30,7 @@ from mems_impact.studies.attractor_matching import (
 )
 from mems_impact.studies.attractor_study import AttractorEvaluator, motions
 from mems_impact.studies.basins import Basins, BasinsStudy
-from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.scheduler import completed_study, run_study
 from mems_impact.studies.engine.study import (
     OK,
     STATUS,
@@ -494,23 +494,24 @@ def continue_attractors(
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
     )
     rows = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    table, branches = match_branches(rows, study.chains, study.recognition)
-    if shares:
-        followed = set(table.loc[table[ATTRACTOR] != FAILED, parameter])
-        for number, value in enumerate(study.over.values):
-            if value not in followed:  # no branch has a share there
-                continue
-            one = BasinsStudy(
-                starts=basins.starts,
-                measuring=replace(study.measuring, system=system.changed(**{parameter: value})),
-                recognition=study.recognition,
-                initial=basins.initial,
-            )
-            place = None if store is None else os.path.join(store, f"shares-{number}")
-            points = run_study(
-                one, store=place, executor=executor, workers=workers, progress=progress
-            )
-            count_in(table, value, points, basins.starts, study.recognition)
+    with completed_study(rows, study.points):
+        table, branches = match_branches(rows, study.chains, study.recognition)
+        if shares:
+            followed = set(table.loc[table[ATTRACTOR] != FAILED, parameter])
+            for number, value in enumerate(study.over.values):
+                if value not in followed:  # no branch has a share there
+                    continue
+                one = BasinsStudy(
+                    starts=basins.starts,
+                    measuring=replace(study.measuring, system=system.changed(**{parameter: value})),
+                    recognition=study.recognition,
+                    initial=basins.initial,
+                )
+                place = None if store is None else os.path.join(store, f"shares-{number}")
+                points = run_study(
+                    one, store=place, executor=executor, workers=workers, progress=progress
+                )
+                count_in(table, value, points, basins.starts, study.recognition)
     return AttractorBranches(system=system, parameter=parameter, table=table, branches=branches)
 
 

@@ -29,7 +29,7 @@ from mems_impact.studies.basin_entropy import (
     basin_entropy,
     uncertainty_exponent,
 )
-from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.scheduler import completed_study, run_study
 from mems_impact.studies.engine.study import STATUS, Columns, schema_of
 from mems_impact.studies.sampling import (
     Grid,
@@ -423,23 +423,24 @@ def basins(
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    labels = attractor_matching.match_attractors(
-        table, starts.names, study.recognition, study.measuring
-    )
-    found = attractor_matching.continued_motions(
-        attractor_matching.representatives(table, labels), measuring
-    )
-    table, attractors = attractor_matching.label_points(
-        table, labels, found, starts, recurrence.longest
-    )
-    return Basins(
-        system=system,
-        starts=starts,
-        initial=start,
-        table=table,
-        attractors=attractors,
-        returns=attractor_matching.returns(attractors, found, system),
-    )
+    with completed_study(table, study.points):
+        labels = attractor_matching.match_attractors(
+            table, starts.names, study.recognition, study.measuring
+        )
+        found = attractor_matching.continued_motions(
+            attractor_matching.representatives(table, labels), measuring
+        )
+        table, attractors = attractor_matching.label_points(
+            table, labels, found, starts, recurrence.longest
+        )
+        return Basins(
+            system=system,
+            starts=starts,
+            initial=start,
+            table=table,
+            attractors=attractors,
+            returns=attractor_matching.returns(attractors, found, system),
+        )
 
 
 def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, Any, Any]) -> Any:

@@ -29,7 +29,7 @@ from mems_impact.studies.attractor_study import (
     in_order,
     motions,
 )
-from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.scheduler import completed_study, run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, schema_of
 from mems_impact.studies.sampling import (
     FIRST,
@@ -460,7 +460,8 @@ def tolerance_analysis(
         return found
 
     names = found.quantities
-    effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
+    with completed_study(table, study.points):
+        effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
     effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(
         system=system, drawn=draws.names, specification=wanted, table=table, indices=effects

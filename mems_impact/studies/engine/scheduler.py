@@ -35,7 +35,7 @@ from mems_impact.systems.state import whole
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["run_study"]
+__all__ = ["completed_study", "run_study"]
 
 POLL_SECONDS = 0.25  # s between two checks for completed parts
 RECOVERY_SECONDS = 10.0  # s in which a broken executor returns its parts
@@ -105,6 +105,15 @@ def run_study(
         if kept.done < study.points:
             _compute(study, kept, crew, progress)
         return kept.table()
+
+
+@contextmanager
+def completed_study(table: pd.DataFrame, points: int) -> Iterator[None]:
+    """Keep the table of a completed study if Ctrl-C interrupts the block that evaluates it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise StudyInterrupted(table, points, points) from None
 
 
 def _keeping(
