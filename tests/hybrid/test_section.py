@@ -60,6 +60,14 @@ def test_every_root_of_a_polynomial_is_met(roots, method):
     assert directions == [first * (-1) ** k for k in range(len(roots))]
 
 
+@pytest.mark.parametrize("center", np.linspace(0.2, 0.3, 11).tolist())
+def test_a_dip_amid_a_step(center):
+    """Steps of some of these begin and end on its flanks, with opposite rates."""
+    roots = [center + offset for offset in (-0.5018, -0.0421, 0.0421, 0.5018)]
+    found, _ = crossings(roots)
+    assert found == pytest.approx(roots, abs=1e-8)
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_the_size_of_what_crosses_does_not_matter(unit):
     found, _ = crossings(PAIRS[1], unit=unit)
