@@ -260,18 +260,20 @@ def test_ribs_that_values_and_rates_at_the_ends_of_a_step_hide(p, method):
 
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_steps_are_looked_into_only_where_a_margin_may_reach_zero(method):
-    """A wall at three amplitudes, that is never struck, costs hardly more than one far away."""
+    """A wall that is never struck costs hardly more than a margin that is constant."""
 
-    def looks(wall):
+    def looks(wall, moves=True):
         count = 0
 
         def counting(mode, t, y, p, g, r):
             nonlocal count
             count += 1
-            STOP.margins(mode, t, y, p, g, r)
+            STOP.margins(mode, t, y if moves else np.zeros(2), p, g, r)
 
         watched = replace(STOP, margins=counting)
         simulate(watched, stop(d=wall), [1.0, 0.0], 3.0, method=method, engine="interpreted")
         return count
 
-    assert looks(3.0) < 1.05 * looks(1e6)
+    still = looks(3.0, moves=False)
+    assert looks(3.0) < 1.3 * still
+    assert looks(1e6) < 1.3 * still
