@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.hybrid.variational.derivatives import Variational
 
 TIGHT = mi.Options(engine="interpreted", method="dop853", rtol=1e-10, atol=1e-12)
 FREE, JOINED = mi.modes("free", "joined")
@@ -64,6 +65,21 @@ def test_multipliers_of_an_orbit_in_a_mode_held_for_good(engine):
     assert orbit.stable
     sizes = sorted(np.abs(orbit.multipliers))
     assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
+
+
+def test_the_distance_held_is_a_parameter():
+    """Whatever the motion, its derivative keeps to the constraint, as differences of motions do."""
+    system = joined(
+        parameters={"k": 1.0, "c": 0.2, "A": 0.3, "length": 0.4},
+        initial=mi.State(x=0.5, z=0.9, mode="joined"),
+        constraints={JOINED: (lambda mode, t, y, p: y.z - y.x - p.length, parting)},
+    )
+    family = system.family(TIGHT)
+    directions = family.at().derivative("length")[0][None]
+    start = np.array([0.5, 0.0, 0.9, 0.0])
+    arc = Variational(family.problem(), directions).arc(JOINED, start, 0.0, 2.0)
+    x, v, z, w = arc.by_parameter[:, 0]
+    assert (z - x, w - v) == pytest.approx((1.0, 0.0), abs=1e-9)
 
 
 @pytest.mark.slow
