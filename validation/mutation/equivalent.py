@@ -46,6 +46,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "a table with room to spare",
     (
         "mems_impact/hybrid/variational/saltation.py",
+        "b = a + width if a + 1.5 * width < t else t",
+        "b = a + width if a + 1500.0 * width < t else t",
+    ): "what is not certain of the rest of a step is found in finer parts",
+    (
+        "mems_impact/hybrid/variational/saltation.py",
         "at.y[j] = 0.0 if setup.cyclic[j] == 1 else values[first + j]",
         "at.y[j] = 1.0 if setup.cyclic[j] == 1 else values[first + j]",
     ): "a cyclic component enters no function; any small number does",
