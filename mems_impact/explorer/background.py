@@ -11,23 +11,23 @@ from mems_impact._util.progress import Watch
 
 __all__ = ["LatestOnlyWorker"]
 
-Asked = TypeVar("Asked")
+Request = TypeVar("Request")
 
 
 class _GivenUp(Exception):
     """Cancels an outdated computation."""
 
 
-class LatestOnlyWorker(Generic[Asked]):
+class LatestOnlyWorker(Generic[Request]):
     """A thread that computes the latest request.
 
     Parameters
     ----------
     compute : callable
-        ``compute(asked, watch)`` calls ``watch(progress)`` repeatedly; an exception from it ends
+        ``compute(request, watch)`` calls ``watch(progress)`` repeatedly; an exception from it ends
         the computation.
     deliver : callable
-        ``deliver(asked, result, error)`` is called in the thread, with one of both None.
+        ``deliver(request, result, error)`` is called in the thread, with one of both None.
     patience : float, optional
         Seconds for which a computation continues after a newer request. Short computations are
         completed, so that pictures follow a moving slider.
@@ -37,8 +37,8 @@ class LatestOnlyWorker(Generic[Asked]):
 
     def __init__(
         self,
-        compute: Callable[[Asked, Watch], Any],
-        deliver: Callable[[Asked, Any, Exception | None], None],
+        compute: Callable[[Request, Watch], Any],
+        deliver: Callable[[Request, Any, Exception | None], None],
         *,
         patience: float = 0.0,
         delay: float = 0.0,
@@ -46,16 +46,16 @@ class LatestOnlyWorker(Generic[Asked]):
         self._compute, self._deliver = compute, deliver
         self._patience, self._delay = patience, delay
         self._changed = threading.Condition()
-        self._waiting: tuple[Asked] | None = None
+        self._waiting: tuple[Request] | None = None
         self._stopped = False
         # Compilation cannot be cancelled, and must not delay the end of the process.
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def ask(self, asked: Asked) -> None:
+    def request(self, request: Request) -> None:
         """Request a computation, which replaces earlier requests."""
         with self._changed:
-            self._waiting = (asked,)
+            self._waiting = (request,)
             self._changed.notify()
 
     def stop(self) -> None:
@@ -69,7 +69,7 @@ class LatestOnlyWorker(Generic[Asked]):
         self._thread.join(timeout)
 
     def _run(self) -> None:
-        while (asked := self._next()) is not None:
+        while (request := self._next()) is not None:
             begin = time.monotonic()
 
             def watch(_: float, begin: float = begin) -> None:
@@ -78,21 +78,21 @@ class LatestOnlyWorker(Generic[Asked]):
                     raise _GivenUp
 
             try:
-                result, error = self._compute(asked[0], watch), None
+                result, error = self._compute(request[0], watch), None
             except _GivenUp:
                 continue
             except Exception as raised:
                 result, error = None, raised
             if not self._stopped:
-                self._deliver(asked[0], result, error)
+                self._deliver(request[0], result, error)
 
-    def _next(self) -> tuple[Asked] | None:
+    def _next(self) -> tuple[Request] | None:
         """Return the next request, after the delay without newer ones."""
         with self._changed:
             while not self._stopped:
-                asked = self._waiting
-                self._changed.wait(self._delay if asked else None)
-                if asked is not None and asked is self._waiting:
+                request = self._waiting
+                self._changed.wait(self._delay if request else None)
+                if request is not None and request is self._waiting:
                     self._waiting = None
-                    return asked
+                    return request
         return None

@@ -41,8 +41,8 @@ def python_of(subject: Subject, setting: PageSetting, spec: SliderSpec | None) -
         Slider of the parameter of the diagram; None for a system without parameters.
     """
     system = setting.system(subject)
-    given: dict[str, Any] = run_length(system, setting, unit_of_time(system))
-    arguments = [f"{name}={value!r}" for name, value in given.items()]
+    length_arguments: dict[str, Any] = run_length(system, setting, unit_of_time(system))
+    arguments = [f"{name}={value!r}" for name, value in length_arguments.items()]
     if setting.start == "kicked":
         arguments.append("initial=mi.kicked_state(actuator)")
     options = _options(subject)
@@ -80,10 +80,10 @@ def device_file(subject: Subject, system: ActuatorSystem) -> str:
 
     A drive of user functions is omitted.
     """
-    parts = actuator_parts(system.actuator)
-    units, terms = parts.pop("units", "dimensionless"), parts.pop("terms", {})
+    parameters = actuator_parts(system.actuator)
+    units, terms = parameters.pop("units", "dimensionless"), parameters.pop("terms", {})
     head = {"name": subject.title, "description": "saved by mems-impact explore", "units": units}
-    tables: dict[str, Any] = {"parameters": parts, **terms}
+    tables: dict[str, Any] = {"parameters": parameters, **terms}
     if system.is_data_only:
         tables["drive"] = table_of(system.drive)
     return "\n".join([*_entries(head), *_tables(tables)]) + "\n"
@@ -99,10 +99,10 @@ def _options(subject: Subject) -> list[str]:
 def _sweep(
     system: HybridSystem, setting: PageSetting, spec: SliderSpec, options: list[str]
 ) -> Iterator[str]:
-    given = sweep_arguments(system, setting, spec, FINE)
-    name, values = given.pop("parameter"), given.pop("values")
+    arguments = sweep_arguments(system, setting, spec, FINE)
+    name, values = arguments.pop("parameter"), arguments.pop("values")
     low, high = float(values[0]), float(values[-1])
-    more = [f"{key}={value!r}" for key, value in given.items()]
+    more = [f"{key}={value!r}" for key, value in arguments.items()]
     yield f"values = np.linspace({low!r}, {high!r}, {len(values)})"
     yield f"table = mi.sweep(system, {name!r}, values, {', '.join((*more, *options))})"
     yield 'mi.plot_sweep(table).figure.savefig("sweep.png", dpi=200)'

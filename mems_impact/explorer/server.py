@@ -60,20 +60,20 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     try:
         sockets = bind_sockets(port, LOOPBACK)
     except (OSError, OverflowError) as error:
-        taken = getattr(error, "errno", None) == errno.EADDRINUSE
-        problem = "is in use" if taken else f"cannot be opened ({error})"
+        in_use = getattr(error, "errno", None) == errno.EADDRINUSE
+        problem = "is in use" if in_use else f"cannot be opened ({error})"
         problem += "; choose another port, or 0 for any free port"
         raise InvalidParameter("port", port, "", problem=problem) from None
     number = sockets[0].getsockname()[1]
     loop = IOLoop.current()
-    pages_here = BokehTornado(
+    application = BokehTornado(
         {"/": Application(FunctionHandler(show))},
         extra_websocket_origins=[f"{name}:{number}" for name in HOST_NAMES],
     )
-    here = "|".join(name.replace(".", r"\.") for name in HOST_NAMES)
-    http = HTTPServer(RuleRouter([Rule(HostMatches(f"^({here})$"), pages_here)]))
+    local_hosts = "|".join(name.replace(".", r"\.") for name in HOST_NAMES)
+    http = HTTPServer(RuleRouter([Rule(HostMatches(f"^({local_hosts})$"), application)]))
     http.add_sockets(sockets)
-    server = BaseServer(loop, pages_here, http)
+    server = BaseServer(loop, application, http)
     server.start()
     ready(f"http://{LOOPBACK}:{number}/")
     try:

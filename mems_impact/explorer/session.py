@@ -65,13 +65,13 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))
     """
     first, rest = unit, ""
-    for place, letter in enumerate(unit):
+    for position, letter in enumerate(unit):
         if letter in " /":
-            first, rest = unit[:place], unit[place:]
+            first, rest = unit[:position], unit[position:]
             break
     gram = first == "kg"
-    known = gram or first in PREFIXED
-    if not known or not (abs(size) > 0.0 and math.isfinite(size)):
+    prefixable = gram or first in PREFIXED
+    if not prefixable or not (abs(size) > 0.0 and math.isfinite(size)):
         return 1.0, unit
     power = math.log10(abs(size))
     if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz need no prefix
@@ -133,13 +133,13 @@ def typical_sine(actuator: Actuator) -> dict[str, float]:
     omega = scales.out(0.5, "rad/s")
     name, value = ("frequency", omega / TURN) if scales.named else ("omega", omega)
     value = float(f"{value:.2g}")
-    found = {}
+    quantities = {}
     for amplitude in (0.24, 0.48, 0.96):
-        found = {
+        quantities = {
             "amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"),
             name: value,
         }
-        system = actuator.under(Sine(**found))
+        system = actuator.under(Sine(**quantities))
         try:
             run = simulate(
                 system, TRIAL_PERIODS, initial=kicked_state(actuator), options=EXPLORER_OPTIONS
@@ -148,7 +148,7 @@ def typical_sine(actuator: Actuator) -> dict[str, float]:
             continue
         if run.statistics["impacts"] > 0:
             break
-    return found
+    return quantities
 
 
 def subject_of_device(
@@ -245,22 +245,22 @@ def subject_of_code(
 
 
 def _numbers(actuator: Actuator) -> dict[str, float]:
-    own = {name: value for name, value in dict(actuator).items() if isinstance(value, float)}
+    of_device = {name: value for name, value in dict(actuator).items() if isinstance(value, float)}
     of_terms = {
         f"{term.name()}.{name}": getattr(term, name)
         for term in actuator.terms
         for name in term.names
     }
-    return {**own, **of_terms}
+    return {**of_device, **of_terms}
 
 
 def _drive_source(drive: Drive, source: str) -> str:
     values = {name: drive.number(name) for name in drive.names}
     if source:
         return f"{source}.varied({values!r})"
-    given = ", ".join(f"{name}={value!r}" for name, value in values.items())
+    arguments = ", ".join(f"{name}={value!r}" for name, value in values.items())
     owner = "" if _imports(drive, source) else "mi."
-    return f"{owner}{type(drive).__name__}({given})"
+    return f"{owner}{type(drive).__name__}({arguments})"
 
 
 def _imports(drive: Drive, source: str) -> list[str]:
@@ -505,20 +505,20 @@ def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSett
     values = dict(first.values)
     changes: dict[str, Any] = {}
     choices = _choices(subject)
-    for name, given in query.items():
-        text = _one(name, tuple(given))
+    for name, texts in query.items():
+        text = _one(name, tuple(texts))
         word = name.removeprefix(SETTING_PREFIX)
         if name in values:
             values[name] = _number(name, text)
         elif name.startswith(SETTING_PREFIX) and word in choices:
-            field, known = choices[word]
-            changes[field] = _chosen(name, text, known) if known else _length(name, text)
+            field, allowed = choices[word]
+            changes[field] = _chosen(name, text, allowed) if allowed else _length(name, text)
         else:
-            known = (*values, *(f"{SETTING_PREFIX}{each}" for each in choices))
-            raise InvalidParameter(label(name), None, "", problem=f"none of {', '.join(known)}")
-    found = replace(first, values=values, **changes)
-    found.system(subject)
-    return found
+            allowed = (*values, *(f"{SETTING_PREFIX}{each}" for each in choices))
+            raise InvalidParameter(label(name), None, "", problem=f"none of {', '.join(allowed)}")
+    setting = replace(first, values=values, **changes)
+    setting.system(subject)
+    return setting
 
 
 def length_name(system: HybridSystem) -> str:
@@ -534,30 +534,30 @@ def plane_axes(system: HybridSystem) -> tuple[str, ...]:
 def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
     """Return by key the field of a setting and its choices; none for the length."""
     system = subject.system
-    found = {
+    choices = {
         length_name(system): ("length", ()),
         "start": ("start", tuple(subject.starts)),
         "x": ("x", plane_axes(system)),
         "y": ("y", plane_axes(system)),
     }
     names = tuple(system.parameters)
-    return {**found, "parameter": ("parameter", names)} if names else found
+    return {**choices, "parameter": ("parameter", names)} if names else choices
 
 
 def _initial_plane(system: HybridSystem) -> tuple[str, str]:
     """Return the two states of the initial phase plane."""
-    shown = system.displayed_states[0] if system.displayed_states else system.states[0]
-    if system.section is not None and system.states[system.section[0]] != shown:
-        return system.states[system.section[0]], shown
+    displayed = system.displayed_states[0] if system.displayed_states else system.states[0]
+    if system.section is not None and system.states[system.section[0]] != displayed:
+        return system.states[system.section[0]], displayed
     cyclic = {system.states[i] for i in system.automaton.cyclic}
     free = [name for name in system.states if name not in cyclic] or list(system.states)
     return (free[0], free[1]) if len(free) > 1 else (TIME, free[0])
 
 
-def _one(name: str, given: tuple[str, ...]) -> str:
-    if len(given) != 1:
-        raise InvalidParameter(label(name), None, "", problem=f"given {len(given)} times, not once")
-    return given[0]
+def _one(name: str, texts: tuple[str, ...]) -> str:
+    if len(texts) != 1:
+        raise InvalidParameter(label(name), None, "", problem=f"given {len(texts)} times, not once")
+    return texts[0]
 
 
 def _number(name: str, text: str) -> float:
@@ -577,7 +577,7 @@ def _length(name: str, text: str) -> float:
     return value
 
 
-def _chosen(name: str, text: Any, known: tuple[str, ...]) -> str:
-    if text not in known:
-        raise InvalidParameter(name, text, f"one of {', '.join(known)}")
+def _chosen(name: str, text: Any, allowed: tuple[str, ...]) -> str:
+    if text not in allowed:
+        raise InvalidParameter(name, text, f"one of {', '.join(allowed)}")
     return str(text)

@@ -39,7 +39,7 @@ from mems_impact.tables import is_shown
 __all__ = [
     "COARSE",
     "FINE",
-    "Asked",
+    "DiagramRequest",
     "DiagramSnapshot",
     "Floquet",
     "Headline",
@@ -64,7 +64,7 @@ class DiagramSnapshot:
 
     Attributes
     ----------
-    asked : Asked
+    request : DiagramRequest
     table : DataFrame
         As `mems_impact.sweep` returns it.
     state : str
@@ -77,7 +77,7 @@ class DiagramSnapshot:
         Whether they have been computed.
     """
 
-    asked: Asked
+    request: DiagramRequest
     table: pd.DataFrame
     state: str
     failed: str
@@ -87,18 +87,18 @@ class DiagramSnapshot:
     @property
     def range(self) -> tuple[float, float]:
         """Smallest and largest value of the parameter."""
-        values = self.table[self.asked.setting.parameter]
+        values = self.table[self.request.setting.parameter]
         return float(values.min()), float(values.max())
 
     def dots(self, direction: str) -> tuple[Any, Any]:
         """Return parameter and state of the crossings of one chain."""
         rows = self.table[self.table["direction"] == direction]
         rows = rows.iloc[:: max(1, len(rows) // MAX_DRAWN_ROWS)]
-        return rows[self.asked.setting.parameter].to_numpy(), rows[self.state].to_numpy()
+        return rows[self.request.setting.parameter].to_numpy(), rows[self.state].to_numpy()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class DiagramRequest:
     """A requested diagram.
 
     Attributes
@@ -118,7 +118,7 @@ class Asked:
         others = {**setting.values, setting.parameter: 0.0}
         return setting.parameter, tuple(others.items())
 
-    def finer(self) -> Asked:
+    def finer(self) -> DiagramRequest:
         """Return the same with more values."""
         return replace(self, points=FINE)
 
@@ -139,33 +139,33 @@ def sweep_arguments(
 
 
 def diagram_of(
-    subject: Subject, asked: Asked, spec: SliderSpec, watch: Watch | None = None
+    subject: Subject, request: DiagramRequest, spec: SliderSpec, watch: Watch | None = None
 ) -> DiagramSnapshot:
     """Sweep the parameter of a setting over its slider.
 
     Parameters
     ----------
     subject : Subject
-    asked : Asked
+    request : DiagramRequest
     spec : SliderSpec
         Slider of the parameter.
     watch : callable, optional
         Called during the sweep; an exception from it ends the sweep.
     """
-    system = asked.setting.system(subject)
-    given = sweep_arguments(system, asked.setting, spec, asked.points)
-    table = mi.sweep(system, **given, options=subject.options, progress=watch or False)
+    system = request.setting.system(subject)
+    arguments = sweep_arguments(system, request.setting, spec, request.points)
+    table = mi.sweep(system, **arguments, options=subject.options, progress=watch or False)
     reasons = table.loc[table["status"] != "ok", "status"]
     failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""
     states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
     numbers = np.empty(0)
-    none = {"label": np.empty(0, str), asked.setting.parameter: numbers, states[0]: numbers}
+    empty = {"label": np.empty(0, str), request.setting.parameter: numbers, states[0]: numbers}
     return DiagramSnapshot(
-        asked=asked,
+        request=request,
         table=table,
         state=states[0],
         failed=failed,
-        special_points=pd.DataFrame(none),
+        special_points=pd.DataFrame(empty),
     )
 
 
@@ -183,7 +183,7 @@ def with_special_points(
     watch : callable, optional
         Called during the continuation; an exception from it ends the continuation.
     """
-    setting = diagram.asked.setting
+    setting = diagram.request.setting
     name, value = setting.parameter, setting.values[setting.parameter]
     low, high = diagram.range
     columns = list(diagram.special_points)
@@ -196,8 +196,8 @@ def with_special_points(
                 tables.append(branch.special_table.reindex(columns=columns))
     except mi.MemsImpactError:
         pass  # the points found so far are shown
-    found = pd.concat(tables, ignore_index=True).dropna()
-    return replace(diagram, special_points=found, continued=True)
+    special_points = pd.concat(tables, ignore_index=True).dropna()
+    return replace(diagram, special_points=special_points, continued=True)
 
 
 # --- Motion: exact at transitions, broken at jumps
@@ -239,17 +239,17 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
         Start of the motion, in periods of the numerics.
     """
     system, trajectory = run.system, run.trajectory
-    places = [system.states.index(name) for name in names]
+    indices = [system.states.index(name) for name in names]
     units = np.array([system.out(name, 1.0) for name in names])
     grid = trajectory.samples(per_period, first)
     time = times_of(run, grid.cycle, grid.time)
-    y = grid.y[:, places] * units
+    y = grid.y[:, indices] * units
     log = trajectory.events
     log = log[is_shown(log)]
     instants = times_of(run, log.cycle, log.time)
     inside = (instants >= time[0]) & (instants <= time[-1])
     log, instants = log[inside], instants[inside]
-    before, after = log.before[:, places] * units, log.after[:, places] * units
+    before, after = log.before[:, indices] * units, log.after[:, indices] * units
     jumps = (np.abs(after - before) > MIN_DRAWN_JUMP * np.abs(y).max(axis=0)).any(axis=1)
     hits = log.impacts(system.automaton)
     curve_t, curve = _joined(time, y, instants, before, after, jumps)
@@ -260,9 +260,9 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
         hits={
             "t": instants[hits],
             **{
-                f"{name} {side}": values[hits, place]
+                f"{name} {side}": values[hits, column]
                 for side, values in sides.items()
-                for place, name in enumerate(names)
+                for column, name in enumerate(names)
             },
         },
         stretches=_stretches(run, log, instants, time, int(grid.mode[0])),
@@ -271,8 +271,8 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
 
 def times_of(run: Run, cycle: np.ndarray, time: Floats) -> Floats:
     """Return instants of the numerics as times from period 0, in the unit of the system."""
-    found: Floats = run.system.out("time", cycle * run.trajectory.period + time)
-    return found
+    times: Floats = run.system.out("time", cycle * run.trajectory.period + time)
+    return times
 
 
 def counts_of(run: Run, periods: int) -> tuple[Floats, str]:
@@ -292,14 +292,14 @@ def _joined(
     time: Floats, y: Floats, instants: Floats, before: Floats, after: Floats, jumps: np.ndarray
 ) -> tuple[Floats, Floats]:
     """Return samples and transitions as one line, in the order of time."""
-    kept, order = interleaved(time, instants, jumps)
+    remaining, order = interleaved(time, instants, jumps)
     gaps = np.full((int(jumps.sum()), y.shape[1]), np.nan)
-    t = np.concatenate([time[kept], instants, instants[jumps], instants])
-    return t[order], np.concatenate([y[kept], before, gaps, after])[order]
+    t = np.concatenate([time[remaining], instants, instants[jumps], instants])
+    return t[order], np.concatenate([y[remaining], before, gaps, after])[order]
 
 
 def _named(names: Sequence[str], t: Floats, values: Floats) -> dict[str, Floats]:
-    return {"t": t, **{name: values[:, place] for place, name in enumerate(names)}}
+    return {"t": t, **{name: values[:, column] for column, name in enumerate(names)}}
 
 
 def _stretches(
@@ -310,8 +310,8 @@ def _stretches(
     begin = int(log.mode_before[changes][0]) if changes.any() else first
     numbers = [begin, *log.mode_after[changes].tolist()]
     borders = [float(time[0]), *instants[changes].tolist(), float(time[-1])]
-    found = zip(numbers, borders[:-1], borders[1:], strict=True)
-    return tuple((modes[mode], start, end) for mode, start, end in found if end > start)
+    intervals = zip(numbers, borders[:-1], borders[1:], strict=True)
+    return tuple((modes[mode], start, end) for mode, start, end in intervals if end > start)
 
 
 # --- Snapshot of a run
@@ -455,9 +455,12 @@ def take_snapshot(
             progress=watch or False,
         )
     begin_of, end_of = run.extent
-    shown = DISPLAYED_PERIODS * (1.0 if system.forced else UNFORCED_DURATION)
+    displayed = DISPLAYED_PERIODS * (1.0 if system.forced else UNFORCED_DURATION)
     motion = motion_of(
-        run, states_shown(system, setting), _per_period(run, shown), max(begin_of, end_of - shown)
+        run,
+        page_states(system, setting),
+        _per_period(run, displayed),
+        max(begin_of, end_of - displayed),
     )
     return RunSnapshot(
         setting=setting,
@@ -473,12 +476,12 @@ def take_snapshot(
     )
 
 
-def _per_period(run: Run, shown: float) -> int:
+def _per_period(run: Run, displayed: float) -> int:
     """Return how many samples of a period show a smooth curve, however fast the motion is."""
     begin, end = run.extent
     steps = run.trajectory.steps / (end - begin)
-    samples = min(max(MIN_SAMPLES, SAMPLES_PER_STEP * steps * shown), MAX_SAMPLES)
-    return math.ceil(samples / shown)
+    samples = min(max(MIN_SAMPLES, SAMPLES_PER_STEP * steps * displayed), MAX_SAMPLES)
+    return math.ceil(samples / displayed)
 
 
 def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[str, Any]:
@@ -488,16 +491,16 @@ def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[
     return {"duration": setting.length * unit}
 
 
-def states_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
+def page_states(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
     """Return all displayed states, those over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
     names = (*over_time, setting.x, setting.y, *system.displayed_states[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
 
 
-def series_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
+def series_states(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
     """Return the states displayed over time."""
-    return states_shown(system, setting)[:2]
+    return page_states(system, setting)[:2]
 
 
 def _section(run: Run) -> dict[str, Floats]:
@@ -510,10 +513,10 @@ def _section(run: Run) -> dict[str, Floats]:
     else:
         crossings = log.crossings(1)
         cycle, time, y = crossings.cycle, crossings.time, crossings.after
-    found = {"t": times_of(run, cycle, time)}
-    found |= {name: system.out(name, y[:, place]) for place, name in enumerate(system.states)}
+    columns = {"t": times_of(run, cycle, time)}
+    columns |= {name: system.out(name, y[:, column]) for column, name in enumerate(system.states)}
     settled = cycle + time / run.trajectory.period >= begin + TRANSIENT_SHARE * (end - begin)
-    return {name: values[settled] for name, values in found.items()}
+    return {name: values[settled] for name, values in columns.items()}
 
 
 def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...]:
@@ -527,11 +530,11 @@ def _voltages(system: HybridSystem, motion: MotionSnapshot) -> tuple[Floats, ...
 def _cycles(run: Run, unit: float) -> Cycles:
     system = run.system
     state = system.displayed_states[0] if system.displayed_states else system.states[0]
-    place = system.states.index(state)
+    column = system.states.index(state)
     if not system.forced:
         y = run.trajectory.events.crossings(1).after
         return Cycles(
-            number=np.arange(float(len(y))), value=system.out(state, y[:, place]),
+            number=np.arange(float(len(y))), value=system.out(state, y[:, column]),
             what=f"{state} on the section", name=state, speed=0.0,
             events=np.empty(0), counted="",
         )  # fmt: skip
@@ -540,7 +543,7 @@ def _cycles(run: Run, unit: float) -> Cycles:
     if steps:
         value = np.diff(system.out("x1", starts[:, system.states.index("x1")]))
     else:
-        value = system.out(state, starts[:-1, place])
+        value = system.out(state, starts[:-1, column])
     events, counted = counts_of(run, len(value))
     return Cycles(
         number=np.arange(float(len(value))),
@@ -575,18 +578,21 @@ def _headlines(run: Run) -> tuple[Headline, ...]:
             for name in names
             if name in statistics
         )
-    found = [
+    headlines = [
         Headline(name=name, value=float(statistics[statistic]), quantity=quantity)
         for name, (statistic, quantity) in ACTUATOR_HEADLINES.items()
     ]
     try:
         if system.drive_unit == "C":
             pull_in = mi.pull_in_charge(system.actuator)
-            return (*found, Headline(name="pull-in charge", value=pull_in, quantity="amplitude"))
+            return (
+                *headlines,
+                Headline(name="pull-in charge", value=pull_in, quantity="amplitude"),
+            )
         pull_in = mi.pull_in_voltage(system.actuator)
     except mi.InvalidParameter:
         pull_in = math.nan
-    return (*found, Headline(name="pull-in voltage", value=pull_in, quantity="voltage"))
+    return (*headlines, Headline(name="pull-in voltage", value=pull_in, quantity="voltage"))
 
 
 # --- Floquet multipliers of the orbit near the end of a run

@@ -11,7 +11,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.explorer.session import address_of, first_setting, setting_at
-from mems_impact.explorer.snapshot import series_shown, take_snapshot
+from mems_impact.explorer.snapshot import series_states, take_snapshot
 from tests.explorer.conftest import LONG
 from tests.explorer.subjects import own
 from tests.explorer.subjects import zhao as zhao2004
@@ -186,7 +186,9 @@ def test_diagram_and_multipliers_follow(page):
 def settled_sources(page):
     """Return the sources of a page when its orbit and its diagram are there."""
     page.wait(lambda: page.get("multipliers", "title.text") != "searching for the orbit …")
-    page.wait(lambda: page.get("here", "data.x.length") and not page.get("bifurcation", COMPUTING))
+    page.wait(
+        lambda: page.get("current", "data.x.length") and not page.get("bifurcation", COMPUTING)
+    )
     return page.sources()
 
 
@@ -201,7 +203,7 @@ def assert_shows_its_run(page, subject):
     page.wait(lambda: None not in page.points() and max(page.points()) < 1.0)
     here, address = settled_sources(page), page.browser.current_url
     picture = take_snapshot(subject, setting_at(subject, page.query))
-    first, setting = series_shown(picture.system, picture.setting)[0], picture.setting
+    first, setting = series_states(picture.system, picture.setting)[0], picture.setting
     for source, column, name in (("series 0", "value", first), ("portrait", "y", setting.y)):
         values = np.array(json.loads(here[source][column]), dtype=float)
         np.testing.assert_array_equal(values, picture.motion.curve[name])

@@ -9,7 +9,7 @@ import mems_impact as mi
 from mems_impact._util.warning_scopes import warn
 from mems_impact.explorer.session import first_setting, subject_of_device
 from mems_impact.explorer.snapshot import (
-    Asked,
+    DiagramRequest,
     diagram_of,
     floquet_of,
     take_snapshot,
@@ -149,8 +149,8 @@ def test_a_missing_orbit_is_reported():
 
 
 def test_the_diagram_is_a_sweep_over_the_slider():
-    asked = Asked(setting=first_setting(zhao()), points=5)
-    diagram = diagram_of(zhao(), asked, slider_spec(zhao(), "amplitude"))
+    request = DiagramRequest(setting=first_setting(zhao()), points=5)
+    diagram = diagram_of(zhao(), request, slider_spec(zhao(), "amplitude"))
     assert diagram.state == "v2"
     assert sorted(diagram.table["amplitude"].unique()) == pytest.approx([0, 0.12, 0.24, 0.36, 0.48])
     x, y = diagram.dots("down")
@@ -164,8 +164,8 @@ def test_the_diagram_is_a_sweep_over_the_slider():
 
 
 def test_the_special_points_of_a_diagram_are_those_of_the_branch():
-    asked = Asked(setting=first_setting(zhao()), points=5)
-    diagram = diagram_of(zhao(), asked, slider_spec(zhao(), "amplitude"))
+    request = DiagramRequest(setting=first_setting(zhao()), points=5)
+    diagram = diagram_of(zhao(), request, slider_spec(zhao(), "amplitude"))
     assert not diagram.continued
     assert diagram.range == (0.0, pytest.approx(0.48))
     found = with_special_points(zhao(), diagram).special_points
@@ -185,18 +185,20 @@ def test_a_motion_without_an_orbit_has_no_special_points(monkeypatch):
     monkeypatch.setattr(mi, "find_orbit", find)
     found = floquet_of(take_snapshot(zhao(), setting))
     assert (found.multipliers.size, found.description) == (0, "the motion does not repeat")
-    diagram = diagram_of(zhao(), Asked(setting=setting, points=3), slider_spec(zhao(), "amplitude"))
+    diagram = diagram_of(
+        zhao(), DiagramRequest(setting=setting, points=3), slider_spec(zhao(), "amplitude")
+    )
     found = with_special_points(zhao(), diagram)
     assert found.continued
     assert found.special_points.empty
 
 
 def test_a_diagram_hangs_on_what_is_not_its_parameter():
-    asked = Asked(setting=first_setting(zhao()), points=5)
-    moved = Asked(setting=asked.setting.with_value("amplitude", 0.2), points=5)
-    other = Asked(setting=asked.setting.with_value("e", 0.7), points=5)
-    assert asked.key == moved.key == asked.finer().key
-    assert asked.key != other.key
+    request = DiagramRequest(setting=first_setting(zhao()), points=5)
+    moved = DiagramRequest(setting=request.setting.with_value("amplitude", 0.2), points=5)
+    other = DiagramRequest(setting=request.setting.with_value("e", 0.7), points=5)
+    assert request.key == moved.key == request.finer().key
+    assert request.key != other.key
 
 
 def test_what_watches_a_run_ends_it():
@@ -208,12 +210,12 @@ def test_what_watches_a_run_ends_it():
 
     with pytest.raises(Enough):
         take_snapshot(zhao(), first_setting(zhao()), watch)
-    asked, along = (
-        Asked(setting=first_setting(zhao()), points=2000),
+    request, along = (
+        DiagramRequest(setting=first_setting(zhao()), points=2000),
         slider_spec(zhao(), "amplitude"),
     )
     with pytest.raises(Enough):
-        diagram_of(zhao(), asked, along, watch)
+        diagram_of(zhao(), request, along, watch)
 
 
 @pytest.mark.slow

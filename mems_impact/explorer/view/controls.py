@@ -79,29 +79,29 @@ class Controls:
         self._updating = False
         self._system = system = subject.system
         by_name = {spec.name: spec for spec in specs}
-        parts: list[Any] = []
+        widgets: list[Any] = []
         for heading, names in subject.groups.items():
-            parts.append(_heading(heading))
-            parts += [self._parameter(by_name[name], setting) for name in names]
+            widgets.append(_heading(heading))
+            widgets += [self._parameter(by_name[name], setting) for name in names]
         planar = list(plane_axes(system))
-        shown = [
+        selectors = [
             self._length(setting, length_name(system)),
             self._choice("start", "start", list(subject.starts), setting),
             self._choice("x", "phase portrait, x axis", planar, setting),
             self._choice("y", "phase portrait, y axis", planar, setting),
         ]
         if system.parameters:
-            known = list(system.parameters)
-            shown.append(self._choice("parameter", "diagram parameter", known, setting))
+            parameters = list(system.parameters)
+            selectors.append(self._choice("parameter", "diagram parameter", parameters, setting))
         exports = dict(SAVES)
         if "device" not in subject.groups:
             del exports["device"]
         buttons = [_button("reset", "Reset", reset)]
         buttons += [
-            _button(f"save {what}", label, partial(save, what)) for what, label in exports.items()
+            _button(f"save {kind}", label, partial(save, kind)) for kind, label in exports.items()
         ]
         self.buttons = row(*buttons, sizing_mode=STRETCH_WIDTH, styles={"flex-wrap": "wrap"})
-        self.layout = column(*parts, _heading("shown"), *shown, sizing_mode=STRETCH_WIDTH)
+        self.layout = column(*widgets, _heading("shown"), *selectors, sizing_mode=STRETCH_WIDTH)
 
     def show(self, setting: PageSetting) -> None:
         """Show the values of another setting."""
@@ -191,7 +191,7 @@ class Controls:
         return column(label, inputs, sizing_mode=STRETCH_WIDTH)
 
     def _choice(self, field: str, title: str, options: list[str], setting: PageSetting) -> Select:
-        made = Select(
+        menu = Select(
             title=title,
             options=options,
             value=getattr(setting, field),
@@ -205,17 +205,17 @@ class Controls:
                 self._change(lambda setting: replace(setting, **change))
 
         def update(setting: PageSetting) -> None:
-            made.value = getattr(setting, field)
+            menu.value = getattr(setting, field)
 
         self._updates.append(update)
-        made.on_change("value", chosen)
-        return made
+        menu.on_change("value", chosen)
+        return menu
 
 
 def _button(name: str, label: str, clicked: Callable[[], None]) -> Button:
-    made = Button(label=label, name=name)
-    made.on_click(clicked)
-    return made
+    button = Button(label=label, name=name)
+    button.on_click(clicked)
+    return button
 
 
 def _heading(text: str) -> Div:

@@ -31,13 +31,13 @@ from mems_impact.explorer.session import (
 )
 from mems_impact.explorer.snapshot import (
     COARSE,
-    Asked,
+    DiagramRequest,
     DiagramSnapshot,
     Floquet,
     RunSnapshot,
     diagram_of,
     floquet_of,
-    series_shown,
+    series_states,
     take_snapshot,
     with_special_points,
 )
@@ -84,7 +84,7 @@ class Page:
         self.document, self.subject = document, subject
         self.specs = {spec.name: spec for spec in specs}
         self.picture: RunSnapshot | None = None
-        self._diagram_asked: Any = None
+        self._requested_diagram: Any = None
         self._saved = 0
         refused = ""
         try:
@@ -98,9 +98,9 @@ class Page:
         )
         self.orbits = self._thread(floquet_of, self._show_orbit, delay=ORBIT_DELAY)
         self.diagrams = self._thread(self._diagram, self._show_diagram, delay=DIAGRAM_DELAY)
-        self.drawings = self._thread(_drawing, lambda _, drawn: self._send("png", drawn))
+        self.drawings = self._thread(_drawing, lambda _, drawing: self._send("png", drawing))
         self._refused = bool(refused)
-        self.pictures.ask(self.setting)
+        self.pictures.request(self.setting)
 
     def stop(self) -> None:
         """End the threads."""
@@ -116,23 +116,23 @@ class Page:
         else:
             self._refused = False
         self.controls.show(self.setting)
-        self.pictures.ask(self.setting)
+        self.pictures.request(self.setting)
 
     def reset(self) -> None:
         """Compute the picture with which the command opens."""
         self.change(lambda _: first_setting(self.subject))
 
-    def save(self, what: str) -> None:
+    def save(self, kind: str) -> None:
         """Save a file of the shown run in the browser."""
         picture = self.picture
         if picture is None:
             return
-        if what == "picture":
-            self.drawings.ask(picture)
-        elif what in ("python", "copy"):
+        if kind == "picture":
+            self.drawings.request(picture)
+        elif kind in ("python", "copy"):
             spec = self.specs.get(picture.setting.parameter)
             script = python_of(self.subject, picture.setting, spec)
-            self._send("py", script.encode(), copied=what == "copy")
+            self._send("py", script.encode(), copied=kind == "copy")
         elif isinstance(picture.system, ActuatorSystem):
             self._send("toml", device_file(self.subject, picture.system).encode())
 
@@ -141,7 +141,7 @@ class Page:
         actuator = isinstance(subject.system, ActuatorSystem)
         self.multipliers = MultiplierPanel()
         self.bifurcation = BifurcationPanel(self.specs, self._select) if self.specs else None
-        series = TimeSeriesPanel(len(series_shown(subject.system, setting)))
+        series = TimeSeriesPanel(len(series_states(subject.system, setting)))
         portrait, device = PortraitPanel(), DevicePanel() if actuator else None
         animation = AnimationPanels(series, portrait, device)
         self.controls = Controls(subject, specs, setting, self.change, self.reset, self.save)
@@ -160,9 +160,10 @@ class Page:
         self.status = _text(FIRST_STATUS, color="#555")
         self.message = _text("", color="#a33b00")
         self.address, self.parcel = Div(visible=False), Div(visible=False)
-        told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
-        self.address.js_on_change("text", told)
-        self.document.js_on_event(DocumentReady, told)  # the first picture may be complete earlier
+        script = CustomJS(args={"address": self.address}, code=_asset("address.js"))
+        self.address.js_on_change("text", script)
+        # The first picture may be complete before the page is ready.
+        self.document.js_on_event(DocumentReady, script)
         self.parcel.js_on_change("text", CustomJS(code=_asset("download.js")))
         roots = {
             "title": self.title,
@@ -177,7 +178,7 @@ class Page:
         for name, root in roots.items():
             root.name = name
             self.document.add_root(root)
-        play = CustomJS(args=animation.parts, code=_asset("play.js"))
+        play = CustomJS(args=animation.browser_arguments, code=_asset("play.js"))
         self.document.js_on_event(DocumentReady, play)
         self.document.title = f"{subject.title} – mems-impact"
         self.document.template = _asset("page.html")
@@ -192,24 +193,24 @@ class Page:
     ) -> LatestOnlyWorker[Any]:
         """Return a thread whose results are shown by `show`, called by the server's thread."""
 
-        def deliver(asked: Any, result: Any, error: Exception | None) -> None:
+        def deliver(request: Any, result: Any, error: Exception | None) -> None:
             if error is not None:
-                self.document.add_next_tick_callback(lambda: self._fail(asked, error))
+                self.document.add_next_tick_callback(lambda: self._fail(request, error))
             else:
-                self.document.add_next_tick_callback(lambda: show(asked, result))
+                self.document.add_next_tick_callback(lambda: show(request, result))
 
         return LatestOnlyWorker(compute, deliver, **waits)
 
-    def _fail(self, asked: Any, error: Exception) -> None:
+    def _fail(self, request: Any, error: Exception) -> None:
         """Show an error in one sentence; the last valid picture stays."""
         if isinstance(error, MemsImpactError):
             text = str(error)
         else:
             print("".join(traceback.format_exception(error)), file=sys.stderr)  # noqa: T201
             text = f"{type(error).__name__}: {error} (a bug; see the traceback in the terminal)"
-        if isinstance(asked, Asked | DiagramSnapshot):
+        if isinstance(request, DiagramRequest | DiagramSnapshot):
             if self.bifurcation is not None:
-                self.bifurcation.say(text, stale=True)
+                self.bifurcation.show_message(text, stale=True)
             return
         self.message.text = text
 
@@ -229,12 +230,12 @@ class Page:
             self.message.text = "; ".join(picture.warnings)
         self.address.text = address_of(self.subject, setting)
         self.document.unhold()
-        self.orbits.ask(picture)
-        asked = Asked(setting=setting, points=COARSE)
-        if self.bifurcation is not None and self._diagram_asked != asked.key:
-            self._diagram_asked = asked.key
-            self.bifurcation.say("computing …", stale=True)
-            self.diagrams.ask(asked)
+        self.orbits.request(picture)
+        request = DiagramRequest(setting=setting, points=COARSE)
+        if self.bifurcation is not None and self._requested_diagram != request.key:
+            self._requested_diagram = request.key
+            self.bifurcation.show_message("computing …", stale=True)
+            self.diagrams.request(request)
 
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
         if picture is self.picture:
@@ -243,28 +244,30 @@ class Page:
     def _select(self, name: str, value: float) -> None:
         self.change(lambda setting: setting.with_value(name, value))
 
-    def _diagram(self, asked: Asked | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
+    def _diagram(self, request: DiagramRequest | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
         """Compute a diagram, or the special points of one."""
-        if isinstance(asked, DiagramSnapshot):
-            return with_special_points(self.subject, asked, watch)
-        return diagram_of(self.subject, asked, self.specs[asked.setting.parameter], watch)
+        if isinstance(request, DiagramSnapshot):
+            return with_special_points(self.subject, request, watch)
+        return diagram_of(self.subject, request, self.specs[request.setting.parameter], watch)
 
-    def _show_diagram(self, _: Asked | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
-        asked = diagram.asked
-        if self.bifurcation is None or self.picture is None or asked.key != self._diagram_asked:
+    def _show_diagram(self, _: DiagramRequest | DiagramSnapshot, diagram: DiagramSnapshot) -> None:
+        request = diagram.request
+        if self.bifurcation is None or self.picture is None:
+            return
+        if request.key != self._requested_diagram:
             return
         self.bifurcation.show_diagram(diagram, self.picture)
-        if asked.points == COARSE:
-            self.diagrams.ask(asked.finer())
+        if request.points == COARSE:
+            self.diagrams.request(request.finer())
         elif not diagram.continued:
-            self.diagrams.ask(diagram)
+            self.diagrams.request(diagram)
 
     def _send(self, ending: str, content: bytes, *, copied: bool = False) -> None:
         """Let the browser save a file, or copy it to the clipboard."""
         name = "".join(letter if letter.isalnum() else "_" for letter in self.subject.title)
         self._saved += 1  # a change, even for the same file
-        told = {"name": f"{name}.{ending}", "number": self._saved, "copied": copied}
-        self.parcel.text = json.dumps(told | {"content": base64.b64encode(content).decode()})
+        message = {"name": f"{name}.{ending}", "number": self._saved, "copied": copied}
+        self.parcel.text = json.dumps(message | {"content": base64.b64encode(content).decode()})
 
 
 def _drawing(picture: RunSnapshot, watch: Watch) -> bytes:

@@ -28,7 +28,7 @@ from mems_impact.explorer.snapshot import (
     Floquet,
     Headline,
     RunSnapshot,
-    series_shown,
+    series_states,
 )
 from mems_impact.plotting.style import color, wearing
 from mems_impact.systems.base import HybridSystem
@@ -72,21 +72,21 @@ class Panel(Protocol):
         """Show another run."""
 
 
-def new_figure(height: int, **given: Any) -> Any:
+def new_figure(height: int, **options: Any) -> Any:
     """Return an empty figure with the width of its place on the page."""
-    made = figure(
+    plot = figure(
         height=height, sizing_mode="stretch_width", tools=TOOLS, toolbar_location="above",
-        min_border_left=LEFT_BORDER_PX, min_border_right=12, **given,
+        min_border_left=LEFT_BORDER_PX, min_border_right=12, **options,
     )  # fmt: skip
-    made.toolbar.logo = None
-    made.toolbar.autohide = made.toolbar_inner = True
-    made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#ececec"
-    made.outline_line_color = None
-    for axis in (*made.xaxis, *made.yaxis):
+    plot.toolbar.logo = None
+    plot.toolbar.autohide = plot.toolbar_inner = True
+    plot.xgrid.grid_line_color = plot.ygrid.grid_line_color = "#ececec"
+    plot.outline_line_color = None
+    for axis in (*plot.xaxis, *plot.yaxis):
         axis.axis_label_text_font_style = "normal"
         axis.minor_tick_line_color = None
         axis.formatter = plain_numbers()
-    return made
+    return plot
 
 
 def plain_numbers() -> BasicTickFormatter:
@@ -94,9 +94,9 @@ def plain_numbers() -> BasicTickFormatter:
     return BasicTickFormatter(power_limit_low=-6)
 
 
-def source(called: str, *columns: str) -> ColumnDataSource:
+def source(name: str, *columns: str) -> ColumnDataSource:
     """Return an empty data source with these columns."""
-    return ColumnDataSource({name: [] for name in columns}, name=called)
+    return ColumnDataSource({column: [] for column in columns}, name=name)
 
 
 def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
@@ -145,60 +145,60 @@ class BifurcationPanel:
         self, specs: Mapping[str, SliderSpec], selected: Callable[[str, float], None]
     ) -> None:
         self._specs, self._selected = specs, selected
-        made = self.layout = new_figure(330, title=" ")
+        plot = self.layout = new_figure(330, title=" ")
         self.up, self.down = source("up", "x", "y"), source("down", "x", "y")
-        self.here = source("here", "x", "y")
+        self.current = source("current", "x", "y")
         look = {"size": 5, "alpha": 0.7, "muted_alpha": STALE_ALPHA}
         self.dots: tuple[Any, ...] = (
-            made.scatter(
+            plot.scatter(
                 "x", "y", source=self.up, color=UP, fill_color=None, legend_label="up", **look
             ),
-            made.scatter(
+            plot.scatter(
                 "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", **look
             ),
         )
         self.special = source("special points", "x", "y", "label")
-        special = made.scatter(
+        special = plot.scatter(
             "x", "y", source=self.special, marker="square", size=8, color="white",
             line_color="black", muted_alpha=STALE_ALPHA,
         )  # fmt: skip
-        labels = made.text(
+        labels = plot.text(
             "x", "y", "label", source=self.special, text_font_size="12px", text_font_style="bold",
             x_offset=7, y_offset=-5, muted_alpha=STALE_ALPHA,
         )  # fmt: skip
         self.dots += (special, labels)
-        made.scatter("x", "y", source=self.here, marker="diamond", color="black", size=9)
-        self.place = Span(dimension="height", line_color="black", line_width=1, visible=False)
-        made.renderers.append(self.place)
-        legend = made.legend[0]
+        plot.scatter("x", "y", source=self.current, marker="diamond", color="black", size=9)
+        self.value_line = Span(dimension="height", line_color="black", line_width=1, visible=False)
+        plot.renderers.append(self.value_line)
+        legend = plot.legend[0]
         legend.update(orientation="horizontal", border_line_color=None, padding=0, margin=0)
-        made.add_layout(legend, "above")
-        made.y_range.range_padding = LABEL_PADDING
-        made.title.text_font_style = "normal"
-        made.toolbar_inner = False  # beside the title: within the axes it would take clicks
-        made.on_event(Tap, self._tapped)
+        plot.add_layout(legend, "above")
+        plot.y_range.range_padding = LABEL_PADDING
+        plot.title.text_font_style = "normal"
+        plot.toolbar_inner = False  # beside the title: within the axes it would take clicks
+        plot.on_event(Tap, self._tapped)
         self.diagram: DiagramSnapshot | None = None
         self.state_factor = 1.0
 
     def show(self, picture: RunSnapshot) -> None:
         """Show the run of another picture."""
         name = picture.setting.parameter
-        known = self.diagram is not None and self.diagram.asked.setting.parameter == name
-        self.place.visible = known
-        if self.diagram is None or not known:  # the axes are those of another parameter
-            self.here.data = {"x": [], "y": []}
+        same_parameter = self.diagram is not None and self.diagram.request.setting.parameter == name
+        self.value_line.visible = same_parameter
+        if self.diagram is None or not same_parameter:  # the axes are those of another parameter
+            self.current.data = {"x": [], "y": []}
             return
         value = self._specs[name].displayed(picture.setting.values[name])
         column = picture.section.get(self.diagram.state, np.empty(0))
-        self.here.data = {"x": np.full(len(column), value), "y": column / self.state_factor}
-        self.place.location = value
+        self.current.data = {"x": np.full(len(column), value), "y": column / self.state_factor}
+        self.value_line.location = value
 
     def show_diagram(self, diagram: DiagramSnapshot, picture: RunSnapshot) -> None:
         """Show another diagram with the run."""
         self.diagram = diagram
-        system, spec = picture.system, self._specs[diagram.asked.setting.parameter]
+        system, spec = picture.system, self._specs[diagram.request.setting.parameter]
         column = diagram.table[diagram.state].to_numpy()
-        self.state_factor, told = unit_for(system, diagram.state, column)
+        self.state_factor, unit = unit_for(system, diagram.state, column)
         for direction, data in (("up", self.up), ("down", self.down)):
             x, y = diagram.dots(direction)
             data.data = {"x": x / spec.factor, "y": y / self.state_factor}
@@ -210,16 +210,16 @@ class BifurcationPanel:
         }
         self.layout.xaxis.axis_label = spec.title
         section = system.section
-        where = "where periods begin" if system.forced else "maxima"
+        section_caption = "where periods begin" if system.forced else "maxima"
         if section is not None:
             crossed = system.states[section[0]]
-            where = f"at {crossed} = {system.out(crossed, section[1]):g}"
-        self.layout.yaxis.axis_label = f"{diagram.state}{told} {where}"
-        self.say(diagram.failed, stale=False)
+            section_caption = f"at {crossed} = {system.out(crossed, section[1]):g}"
+        self.layout.yaxis.axis_label = f"{diagram.state}{unit} {section_caption}"
+        self.show_message(diagram.failed, stale=False)
         self.show(picture)
 
-    def say(self, text: str, *, stale: bool) -> None:
-        """Say above the diagram what it is at, or why it is none; pale dots are of other values."""
+    def show_message(self, text: str, *, stale: bool) -> None:
+        """Show a text above the diagram, a reason for none too; pale dots are of other values."""
         self.layout.title.text = text or " "
         for dots in self.dots:
             dots.muted = stale
@@ -228,7 +228,7 @@ class BifurcationPanel:
         diagram = self.diagram
         if diagram is None:
             return
-        spec = self._specs[diagram.asked.setting.parameter]
+        spec = self._specs[diagram.request.setting.parameter]
         low, high = diagram.range
         value = spec.nearest(event.x, low, high)
         near = CLICK_DISTANCE * (high - low)
@@ -271,10 +271,10 @@ class CyclesPanel:
     def show(self, picture: RunSnapshot) -> None:
         """Show another run."""
         system, cycles = picture.system, picture.cycles
-        factor, told = unit_for(system, cycles.name, cycles.value)
+        factor, unit_suffix = unit_for(system, cycles.name, cycles.value)
         values = cycles.value / factor
         self.data.data = {"number": cycles.number, "value": values}
-        self.values.yaxis[0].axis_label = cycles.what + told
+        self.values.yaxis[0].axis_label = cycles.what + unit_suffix
         # Initial large values should not compress the later ones.
         later = values[int(BEGINNING * values.size) :]
         low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)
@@ -286,17 +286,17 @@ class CyclesPanel:
         self.speed.visible = cycles.speed > 0.0
         if cycles.speed > 0.0:
             speeds = [end * factor / cycles.speed for end in (low, high)]
-            unit, called = unit_for(system, "mean speed", speeds)
-            other = self.values.extra_y_ranges["speed"]
-            other.update(start=speeds[0] / unit, end=speeds[1] / unit)
-            self.speed.axis_label = "speed" + called
+            speed_factor, speed_unit = unit_for(system, "mean speed", speeds)
+            speed_range = self.values.extra_y_ranges["speed"]
+            speed_range.update(start=speeds[0] / speed_factor, end=speeds[1] / speed_factor)
+            self.speed.axis_label = "speed" + speed_unit
         counted = len(cycles.events) > 0
         self.events.visible = counted
         self.values.xaxis.visible = not counted
         self.counts.data = {"number": cycles.number if counted else [], "count": cycles.events}
         self.events.yaxis.axis_label = cycles.counted
-        words = "forcing period" if system.forced else "crossing of the section"
-        self.values.xaxis.axis_label = self.events.xaxis.axis_label = words
+        caption = "forcing period" if system.forced else "crossing of the section"
+        self.values.xaxis.axis_label = self.events.xaxis.axis_label = caption
 
 
 # --- Device in motion
@@ -319,12 +319,12 @@ class DevicePanel:
 
     def __init__(self) -> None:
         end = BLOCK_HALF_WIDTH_GAPS + 1.0 + FRAME_THICKNESS_GAPS + 0.15
-        made = self.layout = figure(
+        plot = self.layout = figure(
             height=140, sizing_mode="stretch_width", tools="", toolbar_location=None,
             x_range=Range1d(-1.5 * end, 1.5 * end), y_range=Range1d(-0.45, 1.55),
         )  # fmt: skip
-        made.axis.visible = made.grid.visible = False
-        made.outline_line_color = None
+        plot.axis.visible = plot.grid.visible = False
+        plot.outline_line_color = None
         self.walls = source("walls", "left", "right", "bottom", "top", "color")
         self.plates = _moving("plates", x=[0.0, 0.0], charge=[0.0, 0.0])
         self.block = _moving("block", x=[0.0])
@@ -333,17 +333,17 @@ class DevicePanel:
         self.first = -1.6 * end
         ticks = [self.first + CENTER_DISTANCE * i for i in range(TICKS)]
         self.ground = _moving("ground", x0=ticks, x1=[each - 0.12 for each in ticks])
-        made.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
-        made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
-        made.quad("left", "right", "top", "bottom", source=self.walls, fill_color="color",
+        plot.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
+        plot.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
+        plot.quad("left", "right", "top", "bottom", source=self.walls, fill_color="color",
                   line_color=None)  # fmt: skip
-        made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
+        plot.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
                   fill_alpha="charge")  # fmt: skip
         self.caption = _moving("caption", text=[" "], unit=[""], magnified=[1.0])
-        made.text(-1.45 * end, 1.27, "text", source=self.caption, text_font_size="13px",
+        plot.text(-1.45 * end, 1.27, "text", source=self.caption, text_font_size="13px",
                   text_baseline="middle")  # fmt: skip
-        made.line("x", "y", source=self.spring, color="black", line_width=1.2)
-        made.rect("x", 0.5, 2.0 * BLOCK_HALF_WIDTH_GAPS, 0.62, source=self.block, fill_color=MOTION,
+        plot.line("x", "y", source=self.spring, color="black", line_width=1.2)
+        plot.rect("x", 0.5, 2.0 * BLOCK_HALF_WIDTH_GAPS, 0.62, source=self.block, fill_color=MOTION,
                   line_color=None, fill_alpha=0.85)  # fmt: skip
 
     def show(self, picture: RunSnapshot) -> None:
@@ -367,8 +367,11 @@ class DevicePanel:
         columns = zip(*quads, strict=True)
         names = ("left", "right", "bottom", "top", "color")
         self.walls.data = dict(zip(names, map(list, columns), strict=True))
-        two = system.drive.left_voltage is not None
-        self.plates.data = {"x": [inner - 0.04, 0.04 - inner if two else 9.0], "charge": [0.0] * 2}
+        two_sided = system.drive.left_voltage is not None
+        self.plates.data = {
+            "x": [inner - 0.04, 0.04 - inner if two_sided else 9.0],
+            "charge": [0.0] * 2,
+        }
         factor, unit = unit_for(system, "x1", picture.motion.frames["x1"])
         self.caption.data = {
             "text": [" "], "unit": [unit.strip(" []")], "magnified": [magnified(picture)],
@@ -376,13 +379,13 @@ class DevicePanel:
         self.x1_factor = factor
 
     @property
-    def parts(self) -> dict[str, Any]:
+    def browser_arguments(self) -> dict[str, Any]:
         """What the browser has to know to move the drawing: its sources and its lengths."""
         return {
             "block": self.block, "spring": self.spring, "plates": self.plates,
             "ground": self.ground, "caption": self.caption,
             "inner": BLOCK_HALF_WIDTH_GAPS + 1.0, "half": BLOCK_HALF_WIDTH_GAPS,
-            "apart": CENTER_DISTANCE, "first": self.first,
+            "spacing": CENTER_DISTANCE, "first": self.first,
         }  # fmt: skip
 
     def frames(self, picture: RunSnapshot) -> dict[str, np.ndarray]:
@@ -414,13 +417,13 @@ def magnified(picture: RunSnapshot) -> float:
     return max(1.0, power * max(m for m in (1.0, 2.0, 5.0) if m * power <= SHOWN_STEP / walked))
 
 
-def _moving(called: str, **columns: list[Any]) -> ColumnDataSource:
+def _moving(name: str, **columns: list[Any]) -> ColumnDataSource:
     """Return a source that the browser changes."""
-    return ColumnDataSource(columns, name=f"moving {called}")
+    return ColumnDataSource(columns, name=f"moving {name}")
 
 
-def _tooth(place: int) -> float:
-    return 0.0 if place in (0, TEETH + 1) else (-1.0) ** place
+def _tooth(number: int) -> float:
+    return 0.0 if number in (0, TEETH + 1) else (-1.0) ** number
 
 
 # --- Floquet multipliers
@@ -434,21 +437,21 @@ class MultiplierPanel:
     """Multipliers in the complex plane; the orbit is stable if all are inside the unit circle."""
 
     def __init__(self) -> None:
-        made = self.layout = new_figure(330, match_aspect=True, title=SEARCH_TITLE)
+        plot = self.layout = new_figure(330, match_aspect=True, title=SEARCH_TITLE)
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
-        made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
+        plot.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
         self.data = source("multipliers", "re", "im", "color")
-        self.dots = made.scatter(
+        self.dots = plot.scatter(
             "re", "im", source=self.data, size=9, color="color", line_color="white",
             muted_alpha=STALE_ALPHA,
         )  # fmt: skip
         # The aspect is kept for ranges that follow data.
         self.corners = ColumnDataSource({"re": [-MIN_END, MIN_END], "im": [-MIN_END, MIN_END]})
-        corners = made.scatter("re", "im", source=self.corners, alpha=0.0)
-        for axis in (made.x_range, made.y_range):
+        corners = plot.scatter("re", "im", source=self.corners, alpha=0.0)
+        for axis in (plot.x_range, plot.y_range):
             axis.update(renderers=[corners], range_padding=0.0)
-        made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
-        made.title.text_font_style = "normal"
+        plot.xaxis.axis_label, plot.yaxis.axis_label = "real part", "imaginary part"
+        plot.title.text_font_style = "normal"
 
     def show(self, picture: RunSnapshot) -> None:
         """Show that the orbit of another run is searched for; pale dots are of the former."""
@@ -464,9 +467,11 @@ class MultiplierPanel:
         largest = float(np.abs(values).max()) if values.size else 0.0
         end = min(MAX_END, max(MIN_END, 1.15 * largest))
         self.corners.data = {"re": [-end, end], "im": [-end, end]}
-        told = floquet.description
+        description = floquet.description
         self.layout.title.text = (
-            told if len(told) <= TITLE_CHARACTERS else told[: TITLE_CHARACTERS - 1] + "…"
+            description
+            if len(description) <= TITLE_CHARACTERS
+            else description[: TITLE_CHARACTERS - 1] + "…"
         )
 
 
@@ -477,31 +482,31 @@ class PortraitPanel:
     """One state over another, in the last part of a run; crossings of the section as diamonds."""
 
     def __init__(self) -> None:
-        made = self.layout = new_figure(330)
+        plot = self.layout = new_figure(330)
         self.line, self.dots = source("portrait", "x", "y"), source("section", "x", "y")
         self.jumps = source("jumps", "x", "y")
-        made.line("x", "y", source=self.line, color=MOTION, line_width=1.4)
-        made.multi_line("x", "y", source=self.jumps, color=IMPACT, line_dash="dotted")
-        made.scatter(
+        plot.line("x", "y", source=self.line, color=MOTION, line_width=1.4)
+        plot.multi_line("x", "y", source=self.jumps, color=IMPACT, line_dash="dotted")
+        plot.scatter(
             "x", "y", source=self.dots, marker="diamond", size=9, color="white", line_color="black"
         )
         self.factors: dict[str, float] = {}
         self.cut = Span(line_color=GUIDE, line_dash="dotted", visible=False)
-        made.renderers.append(self.cut)
+        plot.renderers.append(self.cut)
 
     def show(self, picture: RunSnapshot) -> None:
         """Show another run."""
         system, curve, setting = picture.system, picture.motion.curve, picture.setting
         axes = (setting.x, setting.y)
-        words: dict[str, str] = {}
+        captions: dict[str, str] = {}
         factors = self.factors = {}
         for name in axes:
             if name == TIME:
                 factors[name] = picture.unit
-                words[name] = "time / forcing period" if system.forced else system.label("time")
+                captions[name] = "time / forcing period" if system.forced else system.label("time")
             else:
-                factors[name], told = unit_for(system, name, curve[name])
-                words[name] = name + told
+                factors[name], unit_suffix = unit_for(system, name, curve[name])
+                captions[name] = name + unit_suffix
         x, y = axes
         self.line.data = {"x": curve[x] / factors[x], "y": curve[y] / factors[y]}
         hits = picture.motion.hits
@@ -514,9 +519,12 @@ class PortraitPanel:
         self.jumps.data = {"x": jump(x), "y": jump(y)}
         rows = picture.section
         # Over time, crossings outside the shown interval are omitted.
-        kept = rows["t"] >= (curve["t"][0] if TIME in axes else -np.inf)
-        self.dots.data = {"x": rows[x][kept] / factors[x], "y": rows[y][kept] / factors[y]}
-        self.layout.xaxis.axis_label, self.layout.yaxis.axis_label = words[x], words[y]
+        displayed = rows["t"] >= (curve["t"][0] if TIME in axes else -np.inf)
+        self.dots.data = {
+            "x": rows[x][displayed] / factors[x],
+            "y": rows[y][displayed] / factors[y],
+        }
+        self.layout.xaxis.axis_label, self.layout.yaxis.axis_label = captions[x], captions[y]
         section = system.section
         name = system.states[section[0]] if section is not None else ""
         self.cut.visible = name in axes
@@ -552,9 +560,9 @@ class TimeSeriesPanel:
         self.hits = source("hits", "t", "value")
         self.strips = source("slips", "start", "end")
         look = {"fill_color": FRAME, "fill_alpha": 0.3, "line_color": FRAME, "line_alpha": 0.3}
-        for made, data in zip(self.figures, self.lines, strict=True):
-            made.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
-            made.line("t", "value", source=data, color=MOTION, line_width=1.6)
+        for plot, data in zip(self.figures, self.lines, strict=True):
+            plot.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
+            plot.line("t", "value", source=data, color=MOTION, line_width=1.6)
         first.scatter("t", "value", source=self.hits, size=7, color=IMPACT, line_color="white")
         self.walls = [
             Span(dimension="width", line_color=GUIDE, line_dash="dashed", visible=False)
@@ -566,17 +574,17 @@ class TimeSeriesPanel:
     def show(self, picture: RunSnapshot) -> None:
         """Show another run."""
         system, curve, unit = picture.system, picture.motion.curve, picture.unit
-        names = series_shown(system, picture.setting)
-        for made, data, name in zip(self.figures, self.lines, names, strict=False):
-            factor, told = unit_for(system, name, curve[name])
+        names = series_states(system, picture.setting)
+        for plot, data, name in zip(self.figures, self.lines, names, strict=False):
+            factor, unit_suffix = unit_for(system, name, curve[name])
             self.factors[name] = factor
             data.data = {"t": curve["t"] / unit, "value": curve[name] / factor}
-            made.yaxis.axis_label = STATE_CAPTIONS.get(name, name) + told
+            plot.yaxis.axis_label = STATE_CAPTIONS.get(name, name) + unit_suffix
         factor = self.factors[names[0]]
         hits = picture.motion.hits
         self.hits.data = {"t": hits["t"] / unit, "value": hits[f"{names[0]} after"] / factor}
-        words = "time / forcing period" if system.forced else system.label("time")
-        self.figures[-1].xaxis.axis_label = words
+        caption = "time / forcing period" if system.forced else system.label("time")
+        self.figures[-1].xaxis.axis_label = caption
         slips = np.array(picture.slips).reshape(-1, 2) / unit
         self.strips.data = {"start": slips[:, 0], "end": slips[:, 1]}
         for wall, sign in zip(self.walls, (-1.0, 1.0), strict=True):
@@ -605,13 +613,13 @@ class AnimationPanels:
         self.layout = source("frames", "t")
 
     @property
-    def parts(self) -> dict[str, Any]:
+    def browser_arguments(self) -> dict[str, Any]:
         """What the browser has to know."""
         return {
             "frames": self.layout,
             "series": self._series.figures,
             "portrait": self._portrait.layout,
-            "device": self._device.parts if self._device is not None else None,
+            "device": self._device.browser_arguments if self._device is not None else None,
         }
 
     def show(self, picture: RunSnapshot) -> None:
@@ -619,9 +627,9 @@ class AnimationPanels:
         frames, setting = picture.motion.frames, picture.setting
         scales = {**self._portrait.factors, TIME: picture.unit}
         data = {"t": frames["t"][::FRAME_STRIDE] / picture.unit}
-        names = series_shown(picture.system, setting)
-        for place, name in enumerate(names[: len(self._series.figures)]):
-            data[f"series {place}"] = frames[name][::FRAME_STRIDE] / self._series.factors[name]
+        names = series_states(picture.system, setting)
+        for number, name in enumerate(names[: len(self._series.figures)]):
+            data[f"series {number}"] = frames[name][::FRAME_STRIDE] / self._series.factors[name]
         for axis, name in (("x", setting.x), ("y", setting.y)):
             data[axis] = frames[name][::FRAME_STRIDE] / scales[name]
         if self._device is not None:
@@ -646,8 +654,8 @@ class HeadlinePanel:
 def _headline(system: HybridSystem, headline: Headline) -> str:
     factor, unit = unit_for(system, headline.quantity, headline.value)
     number = f"{headline.value / factor:.4g}" if math.isfinite(headline.value) else "–"
-    told = f"{number} {unit.strip(' []')}".strip()
+    text = f"{number} {unit.strip(' []')}".strip()
     return (
         '<span style="display: inline-block; margin-right: 28px">'
-        f'{escape(headline.name)} <b style="font-size: 17px">{escape(told)}</b></span>'
+        f'{escape(headline.name)} <b style="font-size: 17px">{escape(text)}</b></span>'
     )

@@ -33,7 +33,7 @@ function put(point, model, x, y) {
 
 function move(data, i, loops) {
   const count = data.t.length
-  const {block, spring, plates, ground, caption, inner, half, apart, first} = device
+  const {block, spring, plates, ground, caption, inner, half, spacing, first} = device
   const x2 = data.block[i]
   block.data.x[0] = x2
   const teeth = spring.data.x.length
@@ -44,9 +44,9 @@ function move(data, i, loops) {
   plates.data.charge[1] = data.left[i]
   const magnified = caption.data.magnified[0]
   const walked = magnified * (data.walk[i] + loops * (data.walk[count - 1] - data.walk[0]))
-  const shift = ((walked % apart) + apart) % apart
+  const shift = ((walked % spacing) + spacing) % spacing
   for (let k = 0; k < ground.data.x0.length; k++) {
-    ground.data.x0[k] = first + apart * k - shift
+    ground.data.x0[k] = first + spacing * k - shift
     ground.data.x1[k] = ground.data.x0[k] - 0.12
   }
   const x1 = data.x1[i] + loops * (data.x1[count - 1] - data.x1[0])
