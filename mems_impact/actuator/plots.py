@@ -186,12 +186,12 @@ def plot_chart(chart: ChartData, ax: Any = None) -> Any:
 
 def _mark_isolated(ax: Any, table: pd.DataFrame, omega: str, amplitude: str) -> None:
     """Mark the points between which no curve was computed, so that the line is straight."""
-    least = MIN_GAP * np.ptp(table[omega])
+    min_gap = MIN_GAP * np.ptp(table[omega])
     for _, rows in table.sort_values(omega).groupby("boundary"):
-        wide = np.diff(rows[omega]) > least
-        shown = rows[np.append(wide, False) | np.append(False, wide)]
+        separated = np.diff(rows[omega]) > min_gap
+        isolated = rows[np.append(separated, False) | np.append(False, separated)]
         ax.plot(
-            shown[omega], shown[amplitude], linestyle="none", marker="o", markersize=2.5,
+            isolated[omega], isolated[amplitude], linestyle="none", marker="o", markersize=2.5,
             color=color("guide"), zorder=3, clip_on=False,
         )  # fmt: skip
 
@@ -205,14 +205,14 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     if min(len(on), len(off)) < 2:
         return
     # At the frequencies of the boundary with fewer points.
-    own = on if len(on) < len(off) else off
-    gap = np.interp(own[:, 0], *on.T) - np.interp(own[:, 0], *off.T)
+    fewer = on if len(on) < len(off) else off
+    gap = np.interp(fewer[:, 0], *on.T) - np.interp(fewer[:, 0], *off.T)
     near = np.abs(gap) < MIN_BOUNDARY_GAP * np.ptp(ax.get_ylim())
-    place = free_corner(ax, INSET[0], INSET[1] + TITLE, top=0.88)
-    if near.sum() < 3 or place is None:
+    corner = free_corner(ax, INSET[0], INSET[1] + TITLE, top=0.88)
+    if near.sum() < 3 or corner is None:
         return
-    inset = ax.inset_axes((*place, *INSET))
-    inset.plot(own[near, 0], gap[near], color="black", marker=".", linewidth=thickness(0.8))
+    inset = ax.inset_axes((*corner, *INSET))
+    inset.plot(fewer[near, 0], gap[near], color="black", marker=".", linewidth=thickness(0.8))
     inset.axhline(0.0, color=color("guide"), linewidth=0.5, zorder=0)
     inset.tick_params(labelsize="small", pad=1.5)
     inset.margins(y=0.1)
@@ -220,8 +220,8 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     label_axis(inset.yaxis, Label("", unit))
     label_axis(inset.xaxis, Label(""))
     # An axis label beside the inset might overlap an axis.
-    words = f"on \N{MINUS SIGN} off {inset.get_ylabel()}".strip()
-    inset.set_title(words, fontsize="small", pad=2.0)
+    label = f"on \N{MINUS SIGN} off {inset.get_ylabel()}".strip()
+    inset.set_title(label, fontsize="small", pad=2.0)
     inset.set_ylabel("")
 
 
@@ -261,47 +261,47 @@ def device_scene(
         As in `mems_impact.animate`.
     """
     frames = frames_of(run, first, last, per_period)
-    shown, device = frames.shown, run.actuator
+    samples, device = frames.frame_samples, run.actuator
     path = frames.samples["x1"].to_numpy() - frames.samples["x1"].iloc[0]
     scale = _magnification(float(np.abs(path).max()) / device.d)
-    volts = _voltages(run, shown)
-    most = max(float(np.abs(values).max()) for values in volts.values()) or 1.0
+    volts = _voltages(run, samples)
+    max_voltage = max(float(np.abs(values).max()) for values in volts.values()) or 1.0
 
     figure = new_figure(1.15)
     above, below = figure.subplots(2, height_ratios=(5, 2))
-    words = caption(above)
+    time_text = caption(above)
     shapes = _draw_shapes(above, device.delta / device.d, sorted(volts))
     reach = scale * np.array([path.min(), path.max()]) / device.d
     _set_limits(above, reach)
     line, head = _draw_path(below, run, frames, path)
     seconds = frames.samples["t"].to_numpy()
     sides = _sides(frames)
-    slipping = shown["mode"].astype(str).map(slips).to_numpy()
+    slipping = samples["mode"].astype(str).map(slips).to_numpy()
     period = run.system.forcing_period
     sliding = color("frame")
     magnified = f"path of the frame × {scale:g}" if scale != 1.0 else ""
 
     def draw(number: int) -> None:
-        here, place = shown.iloc[number], path[number * frames.every]
-        _move(shapes, scale * place / device.d, here["x2"] / device.d)
+        sample, position = samples.iloc[number], path[number * frames.every]
+        _move(shapes, scale * position / device.d, sample["x2"] / device.d)
         shapes.ground.set_color(sliding if slipping[number] else "black")
         for side, values in volts.items():
-            shapes.plates[side].set_alpha(0.12 + 0.88 * abs(values[number]) / most)
-        lit = glow(here["t"], frames.step, sides)
+            shapes.plates[side].set_alpha(0.12 + 0.88 * abs(values[number]) / max_voltage)
+        lit = glow(sample["t"], frames.step, sides)
         for side, (star, _) in shapes.flashes.items():
             strength = float(lit.loc[lit["side"] == side, "strength"].max()) if len(lit) else 0.0
             star.set_alpha(0.0 if math.isnan(strength) else strength)
         until = number * frames.every + 1
         line.set_data(seconds[:until] / period, path[:until])
-        head.set_data([here["t"] / period], [place])
+        head.set_data([sample["t"] / period], [position])
         voltage = ", ".join(_volts(run, values[number]) for values in volts.values())
-        words.set_text("   ".join(filter(None, (clock(run, here["t"]), voltage, magnified))))
+        time_text.set_text("   ".join(filter(None, (clock(run, sample["t"]), voltage, magnified))))
 
-    artists = [shapes.block, shapes.ground, line, head, words]
+    artists = [shapes.block, shapes.ground, line, head, time_text]
     artists += [text for text, _, _ in shapes.labels]
     for group in (shapes.frame, shapes.springs, shapes.flashes.values()):
         artists += [artist for artist, _ in group]
-    return Scene(figure, draw, len(shown), artists)
+    return Scene(figure, draw, len(samples), artists)
 
 
 def _magnification(path: float) -> float:
@@ -312,13 +312,13 @@ def _magnification(path: float) -> float:
     return max(1.0, next(n * power for n in (5, 2, 1) if n * power * path <= PATH))
 
 
-def _voltages(run: ActuatorRun, shown: pd.DataFrame) -> dict[str, Any]:
+def _voltages(run: ActuatorRun, samples: pd.DataFrame) -> dict[str, Any]:
     """Return the voltage of each electrode at the times of the frames."""
     # The period of the force may be half of that of the voltage.
-    time = np.remainder(shown["t"].to_numpy(), 2.0 * run.system.forcing_period)
+    time = np.remainder(samples["t"].to_numpy(), 2.0 * run.system.forcing_period)
     if run.system.shows_node:
         sides = zip(("right", "left"), NODES, strict=True)
-        return {side: shown[name].to_numpy() for side, name in sides if name in shown}
+        return {side: samples[name].to_numpy() for side, name in sides if name in samples}
     volts = {"right": run.drive.value(time)}
     if run.drive.left_voltage is not None:
         volts["left"] = run.drive.value(time, left=True)
@@ -350,7 +350,7 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
     high = TOP - FLOOR + 2.0 * thick
     walls = [(-half - thick, bottom, thick, high), (half, bottom, thick, high),
              (-half, bottom, 2.0 * half, thick), (-half, TOP, 2.0 * half, thick)]  # fmt: skip
-    frame = [(box(*place, **grey), place[0]) for place in walls]
+    frame = [(box(*rectangle, **grey), rectangle[0]) for rectangle in walls]
     for left in (BLOCK_HALF_WIDTH + delta, -half):
         width = half - BLOCK_HALF_WIDTH - delta
         stopper = box(
@@ -366,8 +366,8 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
     block = box(-BLOCK_HALF_WIDTH, BODY[0], 2.0 * BLOCK_HALF_WIDTH, BODY[1] - BODY[0],
                 facecolor=color("motion"), edgecolor="black", linewidth=0.6)  # fmt: skip
     springs = [
-        (ax.plot([], [], color="black", linewidth=thickness(0.8))[0], place)
-        for place in (-0.6 * BLOCK_HALF_WIDTH, 0.6 * BLOCK_HALF_WIDTH)
+        (ax.plot([], [], color="black", linewidth=thickness(0.8))[0], x)
+        for x in (-0.6 * BLOCK_HALF_WIDTH, 0.6 * BLOCK_HALF_WIDTH)
     ]
     star = {"marker": "*", "markersize": 15, "linestyle": "none", "zorder": 6}
     star |= {"color": color("impact"), "markeredgecolor": "white"}
@@ -381,7 +381,7 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
 
 def _draw_labels(ax: Any, right: float) -> list[tuple[Any, float, bool]]:
     """Write the names of the parts: that of a stopper beside the wall at the `right`."""
-    places = [
+    labels = [
         ("block", 0.0, 0.5 * sum(BODY), "center", "white", True),
         ("frame", 0.0, FLOOR - 0.5 * FRAME_THICKNESS, "center", "black", False),
         (
@@ -395,11 +395,11 @@ def _draw_labels(ax: Any, right: float) -> list[tuple[Any, float, bool]]:
     ]
     return [
         (
-            ax.text(place, height, name, color=ink, ha=side, va="center", fontsize="small",
+            ax.text(x, height, name, color=ink, ha=side, va="center", fontsize="small",
                     zorder=5),
-            place, moves,
+            x, moving,
         )
-        for name, place, height, side, ink, moves in places
+        for name, x, height, side, ink, moving in labels
     ]  # fmt: skip
 
 
@@ -437,17 +437,17 @@ def _draw_path(ax: Any, run: ActuatorRun, frames: Frames, path: Any) -> tuple[An
 
 def _move(shapes: Shapes, frame: float, block: float) -> None:
     """Move the artists to the positions of frame and block, in gaps d."""
-    for patch, place in shapes.frame:
-        patch.set_x(place + frame)
+    for patch, x in shapes.frame:
+        patch.set_x(x + frame)
     shapes.block.set_x(-BLOCK_HALF_WIDTH + frame + block)
     along = np.linspace(0.0, 1.0, 20)
-    bent = along**2 * (3.0 - 2.0 * along)  # a beam between two clamps
-    for line, place in shapes.springs:
-        line.set_data(place + frame + block * bent, TOP + (BODY[1] - TOP) * along)
-    for star, place in shapes.flashes.values():
-        star.set_xdata([place + frame])
-    for text, place, with_block in shapes.labels:
-        text.set_x(place + frame + (block if with_block else 0.0))
+    deflection = along**2 * (3.0 - 2.0 * along)  # a beam between two clamps
+    for line, x in shapes.springs:
+        line.set_data(x + frame + block * deflection, TOP + (BODY[1] - TOP) * along)
+    for star, x in shapes.flashes.values():
+        star.set_xdata([x + frame])
+    for text, x, with_block in shapes.labels:
+        text.set_x(x + frame + (block if with_block else 0.0))
 
 
 # --- Voltage and force of a drive
@@ -473,15 +473,15 @@ def forcing_period_of(drive: Drive, actuator: Actuator | None = None) -> list[Ex
     source, and terms that depend on the sign of the voltage are omitted.
     """
     system = None if actuator is None else _unsigned(actuator, drive)
-    shown = drive if system is None else system.source
-    borders = sorted({0.0, *drive.switches, *shown.switches, drive.period})
+    source = drive if system is None else system.source
+    borders = sorted({0.0, *drive.switches, *source.switches, drive.period})
     stretches = []
     for begin, end in pairwise(borders):
         count = max(
             MIN_SAMPLES_BETWEEN_SWITCHES, round(SAMPLES_PER_WAVEFORM * (end - begin) / drive.period)
         )
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
-        right, left = shown.value(time), shown.value(time, left=True)
+        right, left = source.value(time), source.value(time, left=True)
         force = right**2 - left**2 if system is None else system.resting_pull(right, left)
         stretches.append(Excerpt(time, right, left, force))
     return stretches
@@ -531,7 +531,7 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     si = actuator is not None and actuator.units == "SI"
     stretches = forcing_period_of(drive, actuator)
     time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
-    two, own = drive.left_voltage is not None, color("voltage")
+    two, line_color = drive.left_voltage is not None, color("voltage")
     system = None if actuator is None else _unsigned(actuator, drive)
     limited = system is not None and system.source is not drive
     if limited:
@@ -540,9 +540,9 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
             above.plot(time, values, color=color("guide"), linestyle=LINES[left_side],
                        linewidth=thickness(0.8), label=None if left_side else "drive")  # fmt: skip
     side = "right electrode" if two else "source"
-    above.plot(time, right, color=own, label=side)
+    above.plot(time, right, color=line_color, label=side)
     if two:
-        above.plot(time, left, color=own, linestyle=LINES[1], label="left electrode")
+        above.plot(time, left, color=line_color, linestyle=LINES[1], label="left electrode")
     if two or limited:
         legend_above(above)
     below.plot(time, force, color="black")
@@ -562,10 +562,10 @@ def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -
     return above, below
 
 
-def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Join excerpts with a gap in the line between them, where the voltage may jump."""
     gap = np.array([np.nan])
-    return np.concatenate([piece for part in parts for piece in (part, gap)])[:-1]
+    return np.concatenate([piece for part in pieces for piece in (part, gap)])[:-1]
 
 
 # --- Closing of a contact
@@ -600,17 +600,17 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     >>> found = mi.closing(switch, mi.Step(amplitude=90))
     >>> mi.plot_closing(found)[0].figure.savefig("closing.png")
     """
-    found: Any = getattr(closing, "closing", closing)
-    run, table = found.run, found.table
+    result: Any = getattr(closing, "closing", closing)
+    run, table = result.run, result.table
     if ax is None:
         ax = new_figure(1.5).subplots(3, sharex=True, height_ratios=(4, 2, 1.2))
         letter_panels(ax)
     block, volts, contact = given_axes(ax, 3, "for displacement, voltage and contact")
     drive, delta, period = run.drive, run.actuator.delta, run.system.forcing_period
     end = run.periods * period
-    if math.isfinite(found.settling_time):
+    if math.isfinite(result.settling_time):
         late = [time for time in drive.switches if time < end]
-        end = min(end, CLOSING_MARGIN * max(found.settling_time, *late, 0.0))
+        end = min(end, CLOSING_MARGIN * max(result.settling_time, *late, 0.0))
     share = end / period
     samples = run.samples(max(1, math.ceil(CLOSING_POINTS / share)), 0.0, share)
     sides = {"right": delta, "left": -delta}
@@ -620,8 +620,8 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     block.plot(samples["t"], samples["x2"], color=color("motion"))
     hits = table[table["t"] <= end]
     if len(hits):
-        places = hits["stopper"].map(sides).astype(float)
-        block.plot(hits["t"], places, color=color("impact"), clip_on=False, **IMPACT)
+        levels = hits["stopper"].map(sides).astype(float)
+        block.plot(hits["t"], levels, color=color("impact"), clip_on=False, **IMPACT)
     nodes = [name for name in NODES if name in samples]
     if nodes:
         _draw_voltages(volts, run, samples, nodes, samples["t"])
@@ -633,7 +633,7 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
             values = drive.value(time % (2.0 * period), left=left)
             volts.plot(time, values, color=color("voltage"), linestyle=LINES[int(left)])
         label_axis(volts.yaxis, Label("voltage", "V" if run.system.scales.named else ""))
-    _draw_contacts(contact, found, end)
+    _draw_contacts(contact, result, end)
     block.set_xlim(0.0, end)
     label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
     contact.set_yticks([])
@@ -645,14 +645,14 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
 
 def _draw_contacts(ax: Any, closing: Closing, end: float) -> None:
     """Draw the times of contact as bars, an instantaneous one as a line."""
-    table, own = closing.table, {"color": color("impact")}
+    table, style = closing.table, {"color": color("impact")}
     for start, length in zip(table["t"], table["contact"], strict=True):
         if length == 0.0:
-            ax.axvline(start, linewidth=thickness(0.6), **own)
+            ax.axvline(start, linewidth=thickness(0.6), **style)
         elif math.isfinite(length):
-            ax.axvspan(start, start + length, linewidth=0.0, **own)
+            ax.axvspan(start, start + length, linewidth=0.0, **style)
     if math.isfinite(closing.settling_time):
-        ax.axvspan(closing.settling_time, end, linewidth=0.0, **own)
+        ax.axvspan(closing.settling_time, end, linewidth=0.0, **style)
 
 
 def _key_of_closing(ax: Any) -> None:
@@ -709,18 +709,18 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
     table = energy.table
     if ax is None:
         ax = new_figure(0.0, 4.0 + 1.1 * len(table)).subplots()
-    places = range(len(table))
-    shown = set()
-    for place, row in zip(places, table.itertuples(), strict=True):
-        label = None if row.kind in shown else ENERGY_WORDS[row.kind]
-        shown.add(row.kind)
-        value = table["energy per period"].iloc[place]
+    positions = range(len(table))
+    labeled = set()
+    for position, row in zip(positions, table.itertuples(), strict=True):
+        label = None if row.kind in labeled else ENERGY_WORDS[row.kind]
+        labeled.add(row.kind)
+        value = table["energy per period"].iloc[position]
         share = row.share
         if abs(share) < NEGLIGIBLE_SHARE:
             value = share = 0.0
         face = color(ENERGY_COLORS[row.kind]) if row.kind in ENERGY_COLORS else "0.8"
         bar = ax.barh(
-            place,
+            position,
             value,
             color=face,
             label=label,
@@ -728,7 +728,7 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
             edgecolor="0.3",
         )
         ax.bar_label(bar, labels=[f"{100.0 * share:.3g} %"], padding=3, fontsize="small")
-    ax.set_yticks(list(places), [name.replace("_", " ") for name in table["account"]])
+    ax.set_yticks(list(positions), [name.replace("_", " ") for name in table["account"]])
     ax.invert_yaxis()
     ax.axvline(0.0, color=color("guide"), linewidth=0.6)
     ax.margins(x=0.25)
@@ -792,11 +792,11 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     ax.margins(x=0.08)  # room for the label of the last limit
     label = label_of(table, "load")
     limits = []
-    for name, (words, dashes) in LOAD_LINES.items():
+    for name, (title, dashes) in LOAD_LINES.items():
         value = getattr(curve, name)
         if math.isfinite(value):
             power, unit = prefixed(label.unit, abs(value))
-            limits.append((value, f"{words}\nup to {value / 10.0**power:.4g} {unit}".rstrip()))
+            limits.append((value, f"{title}\nup to {value / 10.0**power:.4g} {unit}".rstrip()))
             ax.axvline(value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1)
     ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
     ax.autoscale_view(scaley=False)
@@ -815,8 +815,8 @@ def _shade_runaway(ax: Any, table: pd.DataFrame) -> None:
     middles = 0.5 * (loads[1:] + loads[:-1])
     edges = np.concatenate([[min(limits[0], loads[0])], middles, [max(limits[1], loads[-1])]])
     look = {"facecolor": "0.9", "linewidth": 0.0, "zorder": 0}
-    for place in np.flatnonzero(away):
-        ax.axvspan(edges[place], edges[place + 1], label=AWAY, **look)
+    for index in np.flatnonzero(away):
+        ax.axvspan(edges[index], edges[index + 1], label=AWAY, **look)
     ax.set_xlim(limits)
 
 
@@ -855,10 +855,10 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
     for stopper in (-delta, delta):
         ax.axvline(stopper, color=color("guide"), zorder=1, **DASHES)
     hits = orbit.impacts
-    for place, (_, hit) in enumerate(hits.iterrows()):
+    for number, (_, hit) in enumerate(hits.iterrows()):
         side = delta if hit["stopper"] == "right" else -delta
         ends = [hit["v2 before"], hit["v2 after"]]
-        ax.plot([side, side], ends, marker="o", label=None if place else "impact", **jump())
+        ax.plot([side, side], ends, marker="o", label=None if number else "impact", **jump())
     for name, axis in ((x, ax.xaxis), (v, ax.yaxis)):
         label_axis(axis, label_of(table, name, symbol(name)))
     legend_above(ax)
@@ -984,8 +984,8 @@ def plot_run(
         ax = figure.subplots(len(heights), sharex=True, height_ratios=heights)
         letter_panels(ax)
     if nodes and np.size(ax) == 3:
-        words = "one for the block, one for the frame, one for the voltage"
-        block, frame, voltage = given_axes(ax, 3, words)
+        requirement = "one for the block, one for the frame, one for the voltage"
+        block, frame, voltage = given_axes(ax, 3, requirement)
         _draw_voltages(voltage, run, samples, nodes, time)
     else:
         block, frame = given_axes(ax, 2, "one for the block, one for the frame")
@@ -1048,8 +1048,8 @@ def _key(ax: Any) -> None:
 
 def _slip() -> dict[str, Any]:
     """Return the shading of slips."""
-    own = color("frame")
-    return {"facecolor": (own, 0.3), "edgecolor": (own, 0.6)}
+    mode_color = color("frame")
+    return {"facecolor": (mode_color, 0.3), "edgecolor": (mode_color, 0.6)}
 
 
 def _slips(
@@ -1058,14 +1058,14 @@ def _slips(
     """Return the intervals of slip between `left` and `right`, in forcing periods."""
     times = events["period"] + events["time"] / period
     within = (times >= left) & (times <= right)
-    found, begin = [], left if slips(mode) else None
+    intervals, begin = [], left if slips(mode) else None
     for time, after in zip(times[within], events["mode after"][within], strict=True):
         slides = slips(after)
         if slides and begin is None:
             begin = time
         elif not slides and begin is not None:
-            found.append((begin, time))
+            intervals.append((begin, time))
             begin = None
     if begin is not None:
-        found.append((begin, right))
-    return found
+        intervals.append((begin, right))
+    return intervals

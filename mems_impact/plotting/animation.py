@@ -23,7 +23,7 @@ from mems_impact.analysis.run import Run
 from mems_impact.errors import FileNotWritten, InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, symbol
 from mems_impact.plotting.style import color, new_figure, styled, thickness, wearing
-from mems_impact.plotting.trajectories import between, jump, line, moves, plane
+from mems_impact.plotting.trajectories import between, is_jump, jump, line, plane
 
 __all__ = [
     "Animation",
@@ -82,7 +82,7 @@ class Frames(NamedTuple):
     corners: pd.DataFrame
 
     @property
-    def shown(self) -> pd.DataFrame:
+    def frame_samples(self) -> pd.DataFrame:
         """The samples at the frames."""
         return self.samples.iloc[:: self.every].reset_index(drop=True)
 
@@ -102,8 +102,8 @@ def frames_of(run: Run, first: float | None, last: float | None, per_period: int
         if first is None:
             first = max(begin, (end if last is None else last) - MOVIE_PERIODS)
     else:  # as many frames in all as there would be by default
-        whole = max((end - begin) * run.system.out("time", run.trajectory.period), 1e-300)
-        low, high = 0.0 if first is None else first, whole if last is None else last
+        duration = max((end - begin) * run.system.out("time", run.trajectory.period), 1e-300)
+        low, high = 0.0 if first is None else first, duration if last is None else last
         rate = every * max(1, math.ceil(MOVIE_PERIODS * per_period / max(high - low, 1e-300)))
     samples = run.samples(rate, first, last)
     if len(samples) <= every:
@@ -118,8 +118,8 @@ def glow(time: float, step: float, hits: pd.DataFrame) -> pd.DataFrame:
     `FLASH` frames.
     """
     frame = np.maximum(np.ceil((time - hits["t"]) / step - 1e-6), 0.0)
-    seen = (hits["t"] <= time + 1e-6 * step) & (frame < FLASH)
-    return hits[seen].assign(strength=1.0 - frame[seen] / FLASH)
+    flashing = (hits["t"] <= time + 1e-6 * step) & (frame < FLASH)
+    return hits[flashing].assign(strength=1.0 - frame[flashing] / FLASH)
 
 
 def caption(ax: Any) -> Any:
@@ -162,10 +162,10 @@ def portrait(
     time, points = curve["t"].to_numpy(), curve[[x, y]].to_numpy(dtype=float)
     corners = frames.corners
     hits = corners[corners["impact"].astype(bool)]
-    leaps = corners[np.any([moves(corners, name, frames.samples) for name in names], axis=0)]
+    leaps = corners[np.any([is_jump(corners, name, frames.samples) for name in names], axis=0)]
     leapt, sides = leaps["t"].to_numpy(), [_ends(leaps, name) for name in (x, y)]
-    shown, step = frames.shown, frames.step
-    lately = run.system.forcing_period or step * len(shown) / 6.0
+    frame_samples, step = frames.frame_samples, frames.step
+    lately = run.system.forcing_period or step * len(frame_samples) / 6.0
 
     ax = new_figure(1.3).subplots()
     motion, black = color("motion"), color("impact")
@@ -175,33 +175,33 @@ def portrait(
     (jumps,) = ax.plot([], [], **jump())
     (head,) = ax.plot([], [], linestyle="none", marker="o", markersize=6, color=motion, zorder=6,
                       markeredgecolor="white")  # fmt: skip
-    label_axis(ax.xaxis, label_of(shown, x, "time" if x == "t" else symbol(x)))
-    label_axis(ax.yaxis, label_of(shown, y, "time" if y == "t" else symbol(y)))
+    label_axis(ax.xaxis, label_of(frame_samples, x, "time" if x == "t" else symbol(x)))
+    label_axis(ax.yaxis, label_of(frame_samples, y, "time" if y == "t" else symbol(y)))
     now = caption(ax)
     moving = [before, trail, jumps, head, now]
     still = len(moving)
 
     def draw(number: int) -> None:
-        here = shown.iloc[number]
-        since, until = np.searchsorted(time, [here["t"] - lately, here["t"]], side="right")
+        sample = frame_samples.iloc[number]
+        since, until = np.searchsorted(time, [sample["t"] - lately, sample["t"]], side="right")
         before.set_data(*points[: since + 1].T)
         trail.set_data(*points[since:until].T)
-        done = np.searchsorted(leapt, here["t"], side="right")
-        jumps.set_data(*(side[: 3 * done] for side in sides))
-        head.set_data([here[x]], [here[y]])
-        now.set_text(clock(run, here["t"]))
+        jump_count = np.searchsorted(leapt, sample["t"], side="right")
+        jumps.set_data(*(side[: 3 * jump_count] for side in sides))
+        head.set_data([sample[x]], [sample[y]])
+        now.set_text(clock(run, sample["t"]))
         for flash in moving[still:]:
             flash.remove()
         del moving[still:]
-        for _, hit in glow(here["t"], step, hits).iterrows():
-            place = [hit["t" if name == "t" else f"{name} before"] for name in (x, y)]
+        for _, hit in glow(sample["t"], step, hits).iterrows():
+            point = [hit["t" if name == "t" else f"{name} before"] for name in (x, y)]
             size = 4.0 + 10.0 * hit["strength"]
             moving.extend(
-                ax.plot(*place, color=black, alpha=hit["strength"], marker="*", markersize=size,
+                ax.plot(*point, color=black, alpha=hit["strength"], marker="*", markersize=size,
                         zorder=5)
             )  # fmt: skip
 
-    return Scene(ax.figure, draw, len(shown), moving)
+    return Scene(ax.figure, draw, len(frame_samples), moving)
 
 
 def _ends(leaps: pd.DataFrame, name: str) -> np.ndarray[Any, Any]:
@@ -254,7 +254,7 @@ class Animation:
         self.figure, self._draw, self.frames, self._moving = scene
         self.fps = fps
         self._still: tuple[Any, Any] | None = None
-        self._whole = self.figure.draw
+        self._draw_figure = self.figure.draw
         # Once, so that axes are the same in all frames.
         self._draw(0)
         self.figure.draw_without_rendering()
@@ -265,13 +265,13 @@ class Animation:
     def _paint(self, renderer: Any) -> None:
         """Draw the figure; static artists are drawn once, which makes frames ten times as fast."""
         if not hasattr(renderer, "restore_region"):  # vector format
-            self._whole(renderer)
+            self._draw_figure(renderer)
             return
         size = (renderer.width, renderer.height, renderer.dpi)
         if self._still is None or self._still[0] != size:
             for artist in self._moving:
                 artist.set_visible(False)
-            self._whole(renderer)
+            self._draw_figure(renderer)
             self._still = size, renderer.copy_from_bbox(self.figure.bbox)
             for artist in self._moving:
                 artist.set_visible(True)
@@ -357,7 +357,7 @@ class Animation:
             progress_bar(progress, "frames", self.frames, "animate") as report,
         ):
 
-            def told(number: int, _total: int) -> None:
+            def callback(number: int, _total: int) -> None:
                 if report is not None:
                     report(number + 1)
 
@@ -366,36 +366,36 @@ class Animation:
             moving = self.to_matplotlib()
             try:
                 if ending == ".html":
-                    Path(temporary).write_text(self._page(moving, told), encoding="utf-8")
+                    Path(temporary).write_text(self._page(moving, callback), encoding="utf-8")
                 else:
                     writer = _writer(ending, self.fps)
-                    moving.save(temporary, writer=writer, dpi=dots, progress_callback=told)
+                    moving.save(temporary, writer=writer, dpi=dots, progress_callback=callback)
             except subprocess.CalledProcessError as error:
                 if isinstance(error.__context__, KeyboardInterrupt):  # it reached ffmpeg too
                     raise error.__context__ from None
                 reason = str(error.stderr or error).strip().splitlines()[-1]
                 raise FileNotWritten(path, f"ffmpeg: {reason}", "take .gif or .html") from None
 
-    def _page(self, moving: Any, told: Callable[[int, int], None] | None = None) -> str:
+    def _page(self, moving: Any, callback: Callable[[int, int], None] | None = None) -> str:
         """Return an HTML page with the frames."""
         from matplotlib.animation import HTMLWriter
 
-        with TemporaryDirectory() as place:
-            page = Path(place) / "run.html"
+        with TemporaryDirectory() as folder:
+            page = Path(folder) / "run.html"
             writer = HTMLWriter(fps=self.fps, embed_frames=True, embed_limit=MEGABYTES)
-            moving.save(page, writer=writer, dpi=self.figure.dpi, progress_callback=told)
-            shown = page.read_text(encoding="utf-8")
+            moving.save(page, writer=writer, dpi=self.figure.dpi, progress_callback=callback)
+            body = page.read_text(encoding="utf-8")
         title = "<title>A run of mems_impact</title>"
-        return f'<!doctype html>\n<html lang="en"><meta charset="utf-8">{title}\n{shown}\n</html>\n'
+        return f'<!doctype html>\n<html lang="en"><meta charset="utf-8">{title}\n{body}\n</html>\n'
 
     @cached_property
-    def _shown(self) -> str:
+    def _html(self) -> str:
         self.figure.set_dpi(MOVIE_DPI[".html"])
         with wearing():
             return self._page(self.to_matplotlib())
 
     def _repr_html_(self) -> str:
-        return self._shown
+        return self._html
 
 
 def check_ending(field: str, path: str | os.PathLike[str]) -> str:
@@ -413,12 +413,12 @@ def _ffmpeg() -> str | None:
     """Return the path of ffmpeg, from the system or imageio-ffmpeg."""
     from matplotlib import rcParams
 
-    found = shutil.which(rcParams["animation.ffmpeg_path"])
-    if found is None and find_spec("imageio_ffmpeg") is not None:
+    executable = shutil.which(rcParams["animation.ffmpeg_path"])
+    if executable is None and find_spec("imageio_ffmpeg") is not None:
         from imageio_ffmpeg import get_ffmpeg_exe
 
-        found = get_ffmpeg_exe()
-    return found
+        executable = get_ffmpeg_exe()
+    return executable
 
 
 def _writer(ending: str, fps: int) -> Any:
@@ -439,11 +439,11 @@ def _writer(ending: str, fps: int) -> Any:
 
         def finish(self) -> None:
             frames = [frame.convert("RGB") for frame in self._frames]
-            some = frames[:: max(1, len(frames) // 16)]
+            selected = frames[:: max(1, len(frames) // 16)]
             width, height = frames[0].size
-            together = frames[0].resize((width, height * len(some)))
-            for place, frame in enumerate(some):
-                together.paste(frame, (0, place * height))
+            together = frames[0].resize((width, height * len(selected)))
+            for number, frame in enumerate(selected):
+                together.paste(frame, (0, number * height))
             table = together.resize((1, 1)).convert("P")
             table.putpalette([part for color in _palette(together) for part in color])
             self._frames = [frame.quantize(palette=table, dither=0) for frame in frames]
@@ -523,8 +523,8 @@ def animate(
     if not isinstance(run, Run):
         allowed = "a Run, as mems_impact.simulate returns it"
         raise InvalidParameter("run", type(run).__name__, allowed)
-    whole = isinstance(per_period, int) and not isinstance(per_period, bool)
-    if not (whole and per_period > 0):
+    is_integer = isinstance(per_period, int) and not isinstance(per_period, bool)
+    if not (is_integer and per_period > 0):
         raise InvalidParameter("per_period", per_period, "a whole number > 0")
     if not fps > 0.0:
         raise InvalidParameter("fps", fps, "> 0")

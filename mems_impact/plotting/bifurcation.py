@@ -138,19 +138,19 @@ def plot_branch(
             markersize=1.0 if len(dots) > 2000 else 2.0,
             markeredgewidth=0.0, label="brute force", rasterized=len(dots) > 20_000, zorder=1,
         )  # fmt: skip
-    drawn: set[str] = set()
+    labels: set[str] = set()
     for diagram in diagrams:
-        _lines(ax, diagram.table, state, drawn)
-    found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
+        _lines(ax, diagram.table, state, labels)
+    special_tables = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
     ax.margins(x=0.02, y=0.08)
     marks = (
-        _points(ax, pd.concat([_marks(table, parameter, state) for table in found]))
-        if found
+        _points(ax, pd.concat([_marks(table, parameter, state) for table in special_tables]))
+        if special_tables
         else []
     )
     label_axis(ax.xaxis, parameter_label(first, parameter))
-    shown = state in first.attrs.get("states", ())
-    label_axis(ax.yaxis, on_section(first, state) if shown else label_of(first, state))
+    is_state = state in first.attrs.get("states", ())
+    label_axis(ax.yaxis, on_section(first, state) if is_state else label_of(first, state))
     legend_above(ax)
     mark_points(ax, marks)
     return ax
@@ -219,20 +219,20 @@ def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:
     states: list[str] = table.attrs.get("states", [])
     if quantity is None and states:
         return states[0]
-    known = [name for name in table.columns[1:] if name not in ("stable", "admissible", "piece")]
-    if quantity not in known:
-        raise InvalidParameter("quantity", quantity, f"one of {', '.join(known)}")
+    columns = [name for name in table.columns[1:] if name not in ("stable", "admissible", "piece")]
+    if quantity not in columns:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(columns)}")
     return str(quantity)
 
 
-def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
+def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
     """Draw successive orbits of equal stability as one line, up to the next line."""
     values = table.iloc[:, 0].to_numpy()
     kind = np.where(table["stable"], "stable", "unstable")
     kind = np.where(table["admissible"], kind, "")
     # One column per crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
-    what, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
+    noun, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
     # Equilibria have one mode; a change of an orbit's events begins a new line.
     pieces = table.get("piece", pd.Series(0, table.index)).to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
@@ -258,9 +258,9 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
             if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
                 continue
             before = y
-            text = f"{kind[begin]} {what}"
-            ax.plot(values[rows], y, label=None if text in drawn else text, **style)
-            drawn.add(text)
+            text = f"{kind[begin]} {noun}"
+            ax.plot(values[rows], y, label=None if text in labels else text, **style)
+            labels.add(text)
 
 
 def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
@@ -275,19 +275,19 @@ def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
 def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
     """Return the marks of special points; of several of one kind at one place, one."""
     x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
-    taken: list[Mark] = []
+    kept_marks: list[Mark] = []
     for row in marks.itertuples():
         near = (
             abs(mark.x - row.value) < BRANCH_SAME * x and abs(mark.y - row.y) < BRANCH_SAME * y
-            for mark in taken if mark.text == row.label
+            for mark in kept_marks if mark.text == row.label
         )  # fmt: skip
         if any(near):
             continue
         marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
         filled = meaning and row.criticality != "subcritical"
         face = color(meaning) if filled else MARKER_FACE
-        taken.append(Mark(str(row.label), row.value, row.y, marker, face))
-    return taken
+        kept_marks.append(Mark(str(row.label), row.value, row.y, marker, face))
+    return kept_marks
 
 
 # --- Curves of special points over two parameters.
@@ -373,18 +373,20 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
         k: color(SPECIAL_POINT_NAMES[k]) if k in SPECIAL_POINT_NAMES else next(rest) for k in kinds
     }
     for each in curves:
-        table, own = each.table, colors[each.kind]
+        table, paint = each.table, colors[each.kind]
         good = table["admissible"].to_numpy(dtype=bool)
         # One additional orbit on either side, so that the dots reach the line.
         bad = ~good | ~np.roll(good, 1) | ~np.roll(good, -1) if (~good).any() else ~good
-        ax.plot(table[x], table[y].where(good), color=own, linewidth=thickness(1.2), zorder=3,
+        ax.plot(table[x], table[y].where(good), color=paint, linewidth=thickness(1.2), zorder=3,
                 linestyle=SOLID[kinds.index(each.kind) % len(SOLID)], label=each.kind)  # fmt: skip
         if bad.any():
-            ax.plot(table[x], table[y].where(bad), color=own, linewidth=thickness(0.8),
+            ax.plot(table[x], table[y].where(bad), color=paint, linewidth=thickness(0.8),
                     linestyle=(0, (1, 1.5)), zorder=2, label="inadmissible")  # fmt: skip
     ax.margins(x=0.04, y=0.14)
-    found = [each.special_table[["kind", x, y]] for each in curves if len(each.special_table)]
-    marks = _mark(ax, pd.concat(found).drop_duplicates(), x, y) if found else []
+    special_tables = [
+        each.special_table[["kind", x, y]] for each in curves if len(each.special_table)
+    ]
+    marks = _mark(ax, pd.concat(special_tables).drop_duplicates(), x, y) if special_tables else []
     label_axis(ax.xaxis, parameter_label(first, x))
     label_axis(ax.yaxis, parameter_label(first, y))
     legend_above(ax)
@@ -395,17 +397,18 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
 def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
     """Return the marks of points of codimension two."""
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
-    taken: list[Mark] = []
+    kept_marks: list[Mark] = []
     for _, row in points.iterrows():
         # Two curves share the point where they meet.
-        here = row[[x, y]].to_numpy(dtype=float)
+        position = row[[x, y]].to_numpy(dtype=float)
         if any(
-            row["kind"] == mark.text and np.abs((here - (mark.x, mark.y)) / size).max() < CURVE_SAME
-            for mark in taken
+            row["kind"] == mark.text
+            and np.abs((position - (mark.x, mark.y)) / size).max() < CURVE_SAME
+            for mark in kept_marks
         ):
             continue
-        taken.append(Mark(row["kind"], *here))
-    return taken
+        kept_marks.append(Mark(row["kind"], *position))
+    return kept_marks
 
 
 # --- Sweeps
@@ -474,10 +477,10 @@ def plot_sweep(
     if quantity is not None and quantity not in quantities:
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")
     first = next(iter(quantities))
-    shown = [name for name in table.attrs.get("quantities", {}) if name in quantities]
+    observables = [name for name in table.attrs.get("quantities", {}) if name in quantities]
     # A panel without data is omitted, such as that of the step of a device that never impacts.
-    shown = [name for name in shown if table[quantities[name][0]].notna().any()]
-    drawn = [first, *shown] if quantity is None and ax is None else [quantity or first]
+    observables = [name for name in observables if table[quantities[name][0]].notna().any()]
+    drawn = [first, *observables] if quantity is None and ax is None else [quantity or first]
     if ax is not None:
         panels = [ax]
     else:
@@ -498,14 +501,14 @@ def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
     """Return the drawable columns with their axis labels, the first state first."""
     columns = [name for name in table.columns[3:] if name not in BRANCH_COLUMNS]
     states: list[str] = table.attrs.get("states", [table.columns[3]])
-    found = {states[0]: (states[0], on_section(table, states[0]))}
-    for name, (column, words) in table.attrs.get("quantities", {}).items():
+    quantities = {states[0]: (states[0], on_section(table, states[0]))}
+    for name, (column, caption) in table.attrs.get("quantities", {}).items():
         if column in columns:
-            found[name] = (column, label_of(table, column, words))
+            quantities[name] = (column, label_of(table, column, caption))
     for name in columns:
         label = on_section(table, name) if name in states else label_of(table, name)
-        found.setdefault(name, (name, label))
-    return found
+        quantities.setdefault(name, (name, label))
+    return quantities
 
 
 def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
@@ -517,8 +520,8 @@ def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
     sign = _symbol(table)
     # Many dots are small, so that rings do not merge; coincident dots count once.
     spread = max(1e-300, rows[column].max() - rows[column].min())
-    places = (rows[column] / spread * 300.0).round()
-    dots = len(pd.DataFrame({"at": rows[parameter], "place": places}).drop_duplicates())
+    levels = (rows[column] / spread * 300.0).round()
+    dots = len(pd.DataFrame({"at": rows[parameter], "level": levels}).drop_duplicates())
     scale = min(1.0, max(0.35, math.sqrt(150.0 / max(1, dots))))
     for direction, style in MOTION_MARKS.items():
         mark = {**style, "markersize": scale * style["markersize"], "linestyle": "none"}
@@ -542,10 +545,10 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
     if rows.attrs.get("maxima"):
         label = "no maximum"
     # Another state may have more maxima than this one.
-    none = rows.groupby([parameter, "direction"])[state].transform("count") == 0
+    missing = rows.groupby([parameter, "direction"])[state].transform("count") == 0
     for direction, style in MOTION_MARKS.items():
-        here = good & none & (rows["direction"] == direction)
-        values = rows.loc[here, parameter]
+        selected = good & missing & (rows["direction"] == direction)
+        values = rows.loc[selected, parameter]
         if len(values):
             mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
             mark |= {"zorder": style["zorder"] + 3, "color": color(direction)}  # above the axis

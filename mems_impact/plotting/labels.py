@@ -140,31 +140,31 @@ def _fan(points: Floats, lines: Floats) -> Floats:
     The markers of a group form a regular polygon about its middle, turned so that they cover as few
     lines as possible.
     """
-    apart = MARKER_SIZE + MARKER_EDGE + FAN_GAP
+    spacing = MARKER_SIZE + MARKER_EDGE + FAN_GAP
     shifts = np.zeros_like(points)
     groups: list[list[int]] = []
     for i, point in enumerate(points):
-        near = [g for g in groups if min(np.hypot(*(points[g] - point).T)) < apart]
+        near = [g for g in groups if min(np.hypot(*(points[g] - point).T)) < spacing]
         merged = [member for group in near for member in group]
         groups = [*(g for g in groups if g not in near), [*merged, i]]
     for group in groups:
         count = len(group)
         if count < 2:
             continue
-        radius = 0.5 * apart / math.sin(math.pi / count)
+        radius = 0.5 * spacing / math.sin(math.pi / count)
         middle = points[group].mean(axis=0)
 
         def corners(turn: float, count: int = count, radius: float = radius) -> Floats:
             angles = turn + 2.0 * np.pi * np.arange(count) / count
             return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-        def price(turn: float, group: list[int] = group, middle: Floats = middle) -> float:
-            places = middle + corners(turn)
-            covered = (np.abs(lines[:, None] - places) < 0.5 * apart).all(axis=2).sum()
-            return float(covered) + float(np.hypot(*(places - points[group]).T).sum())
+        def cost(turn: float, group: list[int] = group, middle: Floats = middle) -> float:
+            centers = middle + corners(turn)
+            covered = (np.abs(lines[:, None] - centers) < 0.5 * spacing).all(axis=2).sum()
+            return float(covered) + float(np.hypot(*(centers - points[group]).T).sum())
 
-        turns = 2.0 * np.pi * np.arange(FAN_ANGLES) / FAN_ANGLES
-        best = min(turns, key=price)
+        candidates = 2.0 * np.pi * np.arange(FAN_ANGLES) / FAN_ANGLES
+        best = min(candidates, key=cost)
         shifts[group] = middle + corners(best) - points[group]
     return shifts
 
@@ -201,24 +201,24 @@ def label_points(
     lines = _dense(ax)
     frame = np.array(ax.bbox.extents)
     radius = 0.8 * scale * float(rcParams["lines.markersize"]) + scale
-    taken = [np.array([*(point - radius), *(point + radius)]) for point in points]
-    found = []
-    for own, (mark, point, move) in enumerate(zip(marks, points, aside, strict=True)):
+    occupied = [np.array([*(point - radius), *(point + radius)]) for point in points]
+    annotations = []
+    for number, (mark, point, move) in enumerate(zip(marks, points, aside, strict=True)):
         extent = scale * (np.array(text_size(mark.text, size)) + PAD)
-        best, cost, away = taken[0], np.inf, np.zeros(2)
+        best, cost, away = occupied[0], np.inf, np.zeros(2)
         for far, side in product(LABEL_DISTANCES, SIDES):
             shift = np.trunc(side) * (radius + (far - 0.5) * scale * size)
             low = point + shift + 0.5 * (np.array(side) - 1.0) * extent
             box = np.concatenate([low, low + extent])
             gaps = np.hypot(*np.maximum(np.maximum(low - points, points - low - extent), 0.0).T)
-            nearer = np.delete(gaps, own).min(initial=np.inf) < gaps[own] + scale
-            price = _price(box, taken, lines, frame) + 3.0 * far + NEARER_COST * float(nearer)
+            nearer = np.delete(gaps, number).min(initial=np.inf) < gaps[number] + scale
+            price = _price(box, occupied, lines, frame) + 3.0 * far + NEARER_COST * float(nearer)
             if price < cost:
                 best, cost, away = box, price, shift
-        taken.append(best)
+        occupied.append(best)
         middle = 0.5 * (best[:2] + best[2:]) - point
         leader = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
-        found.append(
+        annotations.append(
             ax.annotate(
                 mark.text, (mark.x, mark.y), xycoords=_shifted(ax, move),
                 xytext=tuple(middle / scale), textcoords="offset points", ha="center", va="center",
@@ -227,7 +227,7 @@ def label_points(
                 **options,
             )
         )  # fmt: skip
-    return found
+    return annotations
 
 
 def _root(ax: Any) -> Any:
@@ -243,7 +243,7 @@ def _dense(ax: Any) -> Floats:
 
     Their coordinates in pixels are the first two columns, their costs under a text the third.
     """
-    parts = [np.empty((0, 3))]
+    samples = [np.empty((0, 3))]
     for line in ax.lines:
         if line.get_transform() != ax.transData:
             continue
@@ -256,17 +256,17 @@ def _dense(ax: Any) -> Floats:
             pairs = zip(xy[:-1], xy[1:], weights, strict=True)
             xy = np.concatenate([a + (b - a) * w for a, b, w in pairs])
         xy = xy[np.isfinite(xy).all(axis=1)]
-        parts.append(np.column_stack([xy, np.full(len(xy), cost)]))
-    return np.concatenate(parts)
+        samples.append(np.column_stack([xy, np.full(len(xy), cost)]))
+    return np.concatenate(samples)
 
 
-def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -> float:
+def _price(box: Floats, occupied: Sequence[Floats], lines: Floats, frame: Floats) -> float:
     """Return the cost of a text in `box`."""
     price = OUTSIDE_COST * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
-    for other in taken:
+    for other in occupied:
         price += OVERLAP_COST * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
-    places = lines[:, :2]
-    return price + float(lines[((places > box[:2]) & (places < box[2:])).all(axis=1), 2].sum())
+    points = lines[:, :2]
+    return price + float(lines[((points > box[:2]) & (points < box[2:])).all(axis=1), 2].sum())
 
 
 def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
@@ -292,33 +292,33 @@ def label_verticals(ax: Any, lines: Sequence[tuple[float, str]]) -> list[Any]:
     scale = ax.figure.dpi / 72.0
     size = FontProperties(size="small").get_size_in_points()
     curves, frame = _dense(ax), np.array(ax.bbox.extents)
-    places = [float(ax.transData.transform((value, 0.0))[0]) for value, _ in lines]
-    taken = [np.array([x - scale, frame[1], x + scale, frame[3]]) for x in places]
-    found = []
-    for (value, text), x in zip(lines, places, strict=True):
+    abscissas = [float(ax.transData.transform((value, 0.0))[0]) for value, _ in lines]
+    occupied = [np.array([x - scale, frame[1], x + scale, frame[3]]) for x in abscissas]
+    annotations = []
+    for (value, text), x in zip(lines, abscissas, strict=True):
         best, cost, chosen = np.zeros(4), np.inf, (text, 1.0)
         rows = (text.replace("\n", " "), text)
-        for words, side, share in product(rows, (-1.0, 1.0), np.linspace(1.0, 0.0, 9)):
-            length, width = text_size(words, size)
+        for wrapped, side, share in product(rows, (-1.0, 1.0), np.linspace(1.0, 0.0, 9)):
+            length, width = text_size(wrapped, size)
             length, width = scale * (length + 4.0 * PAD), scale * (width + PAD)
             left = x + side * scale - (width if side < 0.0 else 0.0)
             low = frame[1] + share * (frame[3] - frame[1] - length)
             box = np.array([left, low, left + width, low + length])
-            price = _price(box, taken, curves, frame)
+            price = _price(box, occupied, curves, frame)
             if price < cost:
-                best, cost, chosen = box, price, (words, side)
-        taken.append(best)
-        words, side = chosen
+                best, cost, chosen = box, price, (wrapped, side)
+        occupied.append(best)
+        wrapped, side = chosen
         middle, width = 0.5 * (best[1] + best[3]), best[2] - best[0]
-        found.append(
+        annotations.append(
             ax.annotate(
-                words, (value, (middle - frame[1]) / (frame[3] - frame[1])),
+                wrapped, (value, (middle - frame[1]) / (frame[3] - frame[1])),
                 xycoords=ax.get_xaxis_transform(), xytext=(side * (1.0 + 0.5 * width / scale), 0.0),
                 textcoords="offset points", rotation=90.0, ha="center", va="center",
                 fontsize="small", zorder=8,
             )
         )  # fmt: skip
-    return found
+    return annotations
 
 
 def free_corner(
@@ -379,36 +379,36 @@ def legend_above(
     from matplotlib import rcParams
     from matplotlib.font_manager import FontProperties
 
-    named: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for artist in ax.get_legend_handles_labels()[0] if handles is None else handles:
-        named.setdefault(artist.get_label(), artist)
-    if not named:
+        entries.setdefault(artist.get_label(), artist)
+    if not entries:
         return None
-    shown = list(named.values())
+    artists = list(entries.values())
     size = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
-    words = [text_size(artist.get_label(), size)[0] + PAD for artist in shown]
+    text_widths = [text_size(artist.get_label(), size)[0] + PAD for artist in artists]
     _root(ax).draw_without_rendering()  # the layout decides how much room there is
     room, rows = _room(ax), _legend_rows(ax, size)
-    own = {
+    regular = {
         "handlelength": float(rcParams["legend.handlelength"]),
         "handletextpad": float(rcParams["legend.handletextpad"]),
         "columnspacing": float(rcParams["legend.columnspacing"]),
     }
-    compact = {name: min(own[name], COMPACT_SPACES[name]) for name in own}
-    if not any(_has_line(artist) for artist in shown):
+    compact = {name: min(regular[name], COMPACT_SPACES[name]) for name in regular}
+    if not any(_has_line(artist) for artist in artists):
         compact["handlelength"] = 1.0
-    for look in (own, compact):
+    for look in (regular, compact):
         beside = size * (look["handlelength"] + look["handletextpad"])
-        widths, gap = np.array(words) + beside, size * look["columnspacing"]
-        for columns in range(len(shown), 0, -1):
-            order = _filled(len(shown), columns, by_row)
+        widths, gap = np.array(text_widths) + beside, size * look["columnspacing"]
+        for columns in range(len(artists), 0, -1):
+            order = _filled(len(artists), columns, by_row)
             width = sum(max(widths[column]) for column in order) + gap * (columns - 1)
             if width <= room:
                 break
-        if math.ceil(len(shown) / columns) <= rows:
+        if math.ceil(len(artists) / columns) <= rows:
             break
     legend = ax.legend(
-        handles=[shown[i] for column in order for i in column], ncols=columns,
+        handles=[artists[i] for column in order for i in column], ncols=columns,
         loc="lower right", bbox_to_anchor=(1.0, 1.0),
         **{**look, **options},
     )  # fmt: skip
@@ -463,11 +463,11 @@ GREEK = [
 
 
 class Label(NamedTuple):
-    """Label of an axis: words, a unit in brackets, and words after it."""
+    """Label of an axis: text, a unit in brackets, and text after it."""
 
-    words: str
+    text: str
     unit: str = ""
-    behind: str = ""
+    suffix: str = ""
 
 
 def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
@@ -486,10 +486,10 @@ def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
     """
     if name in symbols:
         return symbols[name]
-    found = re.fullmatch(rf"({'|'.join(GREEK)}|[A-Za-z])(?:_?(\d+)|_([A-Za-z0-9]+))?", name)
-    if not found:
+    match = re.fullmatch(rf"({'|'.join(GREEK)}|[A-Za-z])(?:_?(\d+)|_([A-Za-z0-9]+))?", name)
+    if not match:
         return name
-    letter, index = found[1], found[2] or found[3] or ""
+    letter, index = match[1], match[2] or match[3] or ""
     if len(letter) > 1:
         letter = f"\\{letter}"
     if len(index) > 1:
@@ -497,9 +497,9 @@ def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
     return f"${letter}_{index}$" if index else f"${letter}$"
 
 
-def label_of(table: pd.DataFrame, name: str, words: str | None = None) -> Label:
+def label_of(table: pd.DataFrame, name: str, text: str | None = None) -> Label:
     """Return the label of a column of a table, by its name or in other words."""
-    return Label(name if words is None else words, table.attrs.get("units", {}).get(name, ""))
+    return Label(name if text is None else text, table.attrs.get("units", {}).get(name, ""))
 
 
 def parameter_label(table: pd.DataFrame, name: str) -> Label:
@@ -508,8 +508,8 @@ def parameter_label(table: pd.DataFrame, name: str) -> Label:
     The label has both if the symbol does not follow from the name.
     """
     symbols = table.attrs.get("symbols", {})
-    sign, told = symbol(name, symbols), name not in symbols
-    return label_of(table, name, sign if told else f"{name} {sign}")
+    sign, derived = symbol(name, symbols), name not in symbols
+    return label_of(table, name, sign if derived else f"{name} {sign}")
 
 
 def crosses(captions: Mapping[str, Any]) -> str:
@@ -528,13 +528,13 @@ def on_section(table: pd.DataFrame, state: str) -> Label:
     if table.attrs.get("equilibria"):
         return label
     equation = crosses(table.attrs)
-    else_where = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
-    where = f" at {equation}" if equation else else_where
+    default = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
+    suffix = f" at {equation}" if equation else default
     if table.attrs.get("maxima"):
-        where = ", maxima"
+        suffix = ", maxima"
     if "section" not in table.attrs:  # read back from a file
-        where = " on the section"
-    return label._replace(behind=where)
+        suffix = " on the section"
+    return label._replace(suffix=suffix)
 
 
 def prefixed(unit: str, largest: float) -> tuple[int, str]:
@@ -589,12 +589,12 @@ def label_axis(axis: Any, label: Label) -> None:
     axis.set_tick_params(labelsize=axis.get_ticklabels()[0].get_fontsize())
     if axis.axis_name == "x":
         _thin(axis)
-    told = f"[{unit}]" if unit else ""
-    text = " ".join(filter(None, (label.words, told))) + label.behind
-    if axis.axis_name == "y" and told and label.words:
+    bracketed_unit = f"[{unit}]" if unit else ""
+    text = " ".join(filter(None, (label.text, bracketed_unit))) + label.suffix
+    if axis.axis_name == "y" and bracketed_unit and label.text:
         length = 72.0 * axis.axes.bbox.height / axis.axes.figure.dpi
         if text_size(text, axis.label.get_fontsize())[0] > 0.95 * length:
-            text = f"{label.words}\n{told}{label.behind}"
+            text = f"{label.text}\n{bracketed_unit}{label.suffix}"
     axis.set_label_text(text)
 
 
@@ -607,12 +607,12 @@ def _plain(power: int) -> Any:
             return self.format_ticks([value])[0] if pos is not None else f"{value:.6g}"
 
         def format_ticks(self, values: Sequence[float]) -> list[str]:
-            told = np.asarray(values, dtype=float) / 10.0**power
-            step = float(np.min(np.diff(told))) if len(told) > 1 else 0.0
-            close = 1e-3 * abs(step) or 1e-6 * float(np.max(np.abs(told), initial=1.0))
-            digits = next((n for n in range(9) if np.all(abs(told - told.round(n)) < close)), 9)
+            scaled = np.asarray(values, dtype=float) / 10.0**power
+            step = float(np.min(np.diff(scaled))) if len(scaled) > 1 else 0.0
+            close = 1e-3 * abs(step) or 1e-6 * float(np.max(np.abs(scaled), initial=1.0))
+            digits = next((n for n in range(9) if np.all(abs(scaled - scaled.round(n)) < close)), 9)
             return [f"{n + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
-                    for n in told.round(digits)]  # fmt: skip
+                    for n in scaled.round(digits)]  # fmt: skip
 
     return Plain()
 
@@ -630,6 +630,6 @@ def _thin(axis: Any) -> None:
     widest = max((text_size(number, size)[0] for number in numbers), default=0.0)
     # Estimate before the final layout, which has slightly more room.
     room = 72.0 * axis.axes.bbox.width / axis.axes.figure.dpi
-    most = max(2, math.floor(room / (1.3 * widest + 1.0)))
-    if len(inside) > most:
-        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
+    max_ticks = max(2, math.floor(room / (1.3 * widest + 1.0)))
+    if len(inside) > max_ticks:
+        axis.set_major_locator(MaxNLocator(max_ticks, steps=[1, 2, 2.5, 5, 10]))

@@ -117,8 +117,8 @@ def plot_basins(
     look = _look([color for color, _ in styles.values()])
     if up is None:
         order = np.argsort(table[across].to_numpy(), kind="stable")
-        places, strip = table[across].to_numpy()[order], np.stack([codes[order]] * 2)
-        ax.pcolormesh(places, [0.0, 1.0], strip, shading="nearest", rasterized=True, **look)
+        positions, strip = table[across].to_numpy()[order], np.stack([codes[order]] * 2)
+        ax.pcolormesh(positions, [0.0, 1.0], strip, shading="nearest", rasterized=True, **look)
         ax.set(ylim=(0.0, 1.0), yticks=[])
     else:
         _draw_plane(ax, table, (across, up), codes, look)
@@ -133,10 +133,10 @@ def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
     """Return colour and marker of each attractor, and of failed points."""
     styles = {}
     for i, name in enumerate(attractors[ATTRACTOR]):
-        own = i < len(MAP_COLORS)
+        distinct = i < len(MAP_COLORS)
         styles[name] = (
-            MAP_COLORS[i] if own else OTHER_COLOR,
-            MARKERS[i % len(MARKERS)] if own else ".",
+            MAP_COLORS[i] if distinct else OTHER_COLOR,
+            MARKERS[i % len(MARKERS)] if distinct else ".",
         )
     return {**styles, FAILED: (FAILED_COLOR, "")}
 
@@ -169,12 +169,12 @@ def _draw_returns(
     """Mark the returns of the attractors within the range of the starts."""
     limits = ax.get_xlim(), ax.get_ylim()
     for name, (color, marker) in styles.items():
-        seen = returns[returns[ATTRACTOR] == name]
-        if not len(seen) or color == OTHER_COLOR:
+        points = returns[returns[ATTRACTOR] == name]
+        if not len(points) or color == OTHER_COLOR:
             continue
-        many = len(seen) > 20
+        many = len(points) > 20
         ax.plot(
-            seen[names[0]], seen[names[1]], linestyle="none", marker="." if many else marker,
+            points[names[0]], points[names[1]], linestyle="none", marker="." if many else marker,
             markersize=1.6 if many else 4.5, color="black" if many else color,
             markeredgecolor="black", markeredgewidth=0.0 if many else 0.8, zorder=4,
         )  # fmt: skip
@@ -186,23 +186,23 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    found = basins.attractors
-    named = found[: len(MAP_COLORS)]
+    attractors = basins.attractors
+    colored = attractors[: len(MAP_COLORS)]
     handles: list[Any] = []
-    for name, share in zip(named[ATTRACTOR], named["share"], strict=True):
+    for name, share in zip(colored[ATTRACTOR], colored["share"], strict=True):
         color, marker = styles[name]
         handles.append(
             Line2D([], [], linestyle="none", marker=marker if marked else "s", color=color,
                    markeredgecolor="black", markersize=5.0, label=f"{name}  {share:.1%}")
         )  # fmt: skip
-    if len(found) > len(named):
-        share = found["share"][len(named) :].sum()
+    if len(attractors) > len(colored):
+        share = attractors["share"][len(colored) :].sum()
         handles.append(
-            Patch(color=OTHER_COLOR, label=f"{len(found) - len(named)} others  {share:.1%}")
+            Patch(color=OTHER_COLOR, label=f"{len(attractors) - len(colored)} others  {share:.1%}")
         )
-    lost = float((basins.table[ATTRACTOR] == FAILED).mean())
-    if lost:
-        label = f"failed  {lost:.1%}"
+    failed_share = float((basins.table[ATTRACTOR] == FAILED).mean())
+    if failed_share:
+        label = f"failed  {failed_share:.1%}"
         handles.append(Patch(facecolor=FAILED_COLOR, edgecolor="black", label=label))
     legend_above(ax, handles)
 
@@ -290,7 +290,7 @@ def plot_map(
     >>> found = mi.operating_map(actuator, drive, x=x, y=y)
     >>> mi.plot_map(found).figure.savefig("map.png")
     """
-    table, cells = _given(found)
+    table, cells = _table_and_cells(found)
     x, y = table.columns[:2]
     curves = list(_curves(boundaries, x, y))  # before the figure is created
     if ax is None:
@@ -309,28 +309,30 @@ def plot_map(
     return ax
 
 
-def _given(found: Any) -> tuple[pd.DataFrame, Cells]:
+def _table_and_cells(subject: Any) -> tuple[pd.DataFrame, Cells]:
     """Return the table of a map and its cells."""
     values: list[Any] = [None, None]
-    table = found
-    if isinstance(found, OperatingMap):
-        table, values = found.table, [found.x.values, found.y.values]
-    elif isinstance(found, StoredStudy):
-        table = found.table
-        values = [found.identity.get(name, {}).get("values") for name in ("x", "y")]
+    table = subject
+    if isinstance(subject, OperatingMap):
+        table, values = subject.table, [subject.x.values, subject.y.values]
+    elif isinstance(subject, StoredStudy):
+        table = subject.table
+        values = [subject.identity.get(name, {}).get("values") for name in ("x", "y")]
     if not isinstance(table, pd.DataFrame) or MOTION not in tuple(without_units(table).columns)[2:]:
         allowed = "an OperatingMap, as mems_impact.operating_map returns it, or its table or store"
-        raise InvalidParameter("found", type(found).__name__, allowed)
+        raise InvalidParameter("found", type(subject).__name__, allowed)
     table = without_units(table)
-    places = []
-    for i, given in enumerate(values):
-        there = table.iloc[:, i].to_numpy(dtype=float)
-        values[i] = np.unique(there if given is None else np.asarray(given, dtype=float))
-        places.append(np.searchsorted(values[i], there))
+    indices = []
+    for i, axis_values in enumerate(values):
+        coordinates = table.iloc[:, i].to_numpy(dtype=float)
+        values[i] = np.unique(
+            coordinates if axis_values is None else np.asarray(axis_values, dtype=float)
+        )
+        indices.append(np.searchsorted(values[i], coordinates))
     if not all(map(len, values)):
         raise InvalidParameter("found", None, "", problem="no finished points to draw")
     row = np.full((len(values[1]), len(values[0])), -1)
-    row[places[1], places[0]] = np.arange(len(table))
+    row[indices[1], indices[0]] = np.arange(len(table))
     return table, Cells(values[0], values[1], row)
 
 
@@ -347,11 +349,13 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> list[Any]:
     """Draw the kinds of motions; return the legend entries."""
     kinds = _shared(motions(table))
-    found = in_order(kinds)
-    first = next((kind for kind in found if period_of(kind)), "")
+    ordered = in_order(kinds)
+    first = next((kind for kind in ordered if period_of(kind)), "")
     return [
-        _fill(ax, edges, _where(cells, kinds == kind), _entry(kind, kind == first), _paint(kind))
-        for kind in found
+        _fill(
+            ax, edges, _cell_mask(cells, kinds == kind), _entry(kind, kind == first), _paint(kind)
+        )
+        for kind in ordered
     ]
 
 
@@ -384,28 +388,28 @@ def _paint(kind: str) -> Paint:
     return MOTIONS.get(kind, OTHER_PAINT)
 
 
-def _where(cells: Cells, chosen: pd.Series) -> NDArray[np.bool_]:
+def _cell_mask(cells: Cells, chosen: pd.Series) -> NDArray[np.bool_]:
     """Return the cells of the selected rows."""
     return (cells.row >= 0) & chosen.to_numpy(dtype=bool)[cells.row]
 
 
-def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Paint) -> Any:
+def _fill(ax: Any, edges: Any, mask: NDArray[np.bool_], label: str, paint: Paint) -> Any:
     """Fill cells; return their legend entry."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch, PathPatch
 
-    shown = np.ma.masked_where(~where, np.zeros(where.shape))
-    ax.pcolormesh(*edges, shown, cmap=ListedColormap([paint.color]), rasterized=True)
+    field = np.ma.masked_where(~mask, np.zeros(mask.shape))
+    ax.pcolormesh(*edges, field, cmap=ListedColormap([paint.color]), rasterized=True)
     if paint.hatch:
         # A mesh has no hatching, and contours of cell centres do not end at cell edges.
-        hatched = PathPatch(_region(edges, where), facecolor="none", edgecolor=paint.ink,
+        hatched = PathPatch(_region(edges, mask), facecolor="none", edgecolor=paint.ink,
                             hatch=paint.hatch, linewidth=0.0, rasterized=True)  # fmt: skip
         ax.add_artist(hatched)  # `add_patch` computes limits from each vertex in Python
     return Patch(facecolor=paint.color, hatch=paint.hatch, edgecolor=paint.ink, linewidth=0.4,
                  label=label)  # fmt: skip
 
 
-def _region(edges: Any, where: NDArray[np.bool_]) -> Any:
+def _region(edges: Any, mask: NDArray[np.bool_]) -> Any:
     """Return the region of cells as one path: a rectangle per run of neighbours in a row.
 
     Hatching of a path of its own for each cell takes a millisecond per cell.
@@ -413,7 +417,7 @@ def _region(edges: Any, where: NDArray[np.bool_]) -> Any:
     from matplotlib.path import Path
 
     across, up = edges
-    ends = np.diff(np.pad(where, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    ends = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     (row, first), (_, last) = np.nonzero(ends == 1), np.nonzero(ends == -1)
     left, right, low, high = across[first], across[last], up[row], up[row + 1]
     x, y = [left, right, right, left, left], [low, low, high, high, low]
@@ -429,14 +433,14 @@ def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column:
     values = table[column].astype(float)
     silent = table[MOTION].isin(STATIONARY_STATUSES)
     without = values.isna() | (silent & (values == 0.0))
-    shown = np.ma.masked_where(~_where(cells, ~without), values.to_numpy()[cells.row])
+    field = np.ma.masked_where(~_cell_mask(cells, ~without), values.to_numpy()[cells.row])
     handles = []
     if without.any():
         silent_kinds = in_order(table[MOTION][without].astype(str))
         label = ", ".join(_entry(kind, first=True) for kind in silent_kinds)
-        handles.append(_fill(ax, edges, _where(cells, without), label, MOTIONS["off"]))
-    if shown.count():
-        mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
+        handles.append(_fill(ax, edges, _cell_mask(cells, without), label, MOTIONS["off"]))
+    if field.count():
+        mesh = ax.pcolormesh(*edges, field, cmap="viridis", rasterized=True)
         bar = ax.figure.colorbar(mesh, ax=ax)
         label_axis(bar.ax.yaxis, label_of(table, column))
     return handles
@@ -452,10 +456,10 @@ class Line(NamedTuple):
 def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
     """Yield the lines of all boundaries in the parameters of the map."""
     single = isinstance(boundaries, pd.DataFrame) or hasattr(boundaries, "table")
-    given: Iterable[Any] = [boundaries] if single else boundaries
-    if not isinstance(given, Sequence):
+    curves: Iterable[Any] = [boundaries] if single else boundaries
+    if not isinstance(curves, Sequence):
         raise _no_boundary(boundaries, x, y)
-    for each in given:
+    for each in curves:
         table = each if isinstance(each, pd.DataFrame) else getattr(each, "table", None)
         if not isinstance(table, pd.DataFrame):
             raise _no_boundary(each, x, y)
@@ -478,9 +482,9 @@ def _abscissa(rows: pd.DataFrame, x: str, y: str) -> str:
     return next(name for name in rows.columns if name in (x, y))
 
 
-def _no_boundary(given: Any, x: str, y: str) -> InvalidParameter:
+def _no_boundary(value: Any, x: str, y: str) -> InvalidParameter:
     allowed = f"curves over {x} and {y}: of continue_curve or operating_chart, or their tables"
-    return InvalidParameter("boundaries", type(given).__name__, allowed)
+    return InvalidParameter("boundaries", type(value).__name__, allowed)
 
 
 def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
@@ -489,10 +493,10 @@ def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
     for kind, _ in curves:
         look = {"color": "black", "linestyle": LINES[len(styles) % len(LINES)], "zorder": 4}
         styles.setdefault(kind, boundary_line(kind) if kind in SWITCHING else look)
-    drawn = {}
+    handles = {}
     for kind, points in curves:
         look = styles[kind]
         # A white line below sets dashes off without rims of their own.
         ax.plot(*points.T, color="white", linewidth=thickness(1.0) + 1.4, zorder=3)
-        (drawn[kind],) = ax.plot(*points.T, label=kind, **look)
-    return list(drawn.values())
+        (handles[kind],) = ax.plot(*points.T, label=kind, **look)
+    return list(handles.values())

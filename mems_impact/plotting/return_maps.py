@@ -66,46 +66,46 @@ def plot_manifold(
     >>> both = [mi.manifold(saddle, kind, length=2.0) for kind in ("unstable", "stable")]
     >>> mi.plot_manifold(both).figure.savefig("manifolds.png")
     """
-    found: list[Any] = list(manifold) if isinstance(manifold, list | tuple) else [manifold]
-    for each in found:
+    manifolds: list[Any] = list(manifold) if isinstance(manifold, list | tuple) else [manifold]
+    for each in manifolds:
         if not isinstance(each, Manifold):
             allowed = "a Manifold, as mems_impact.manifold returns it, or several"
             raise InvalidParameter("manifold", type(each).__name__, allowed)
-    if not found:
+    if not manifolds:
         raise InvalidParameter("manifold", "none", "one or more")
-    system = found[0].system
+    system = manifolds[0].system
     for field, name in (("x", x), ("y", y)):
         if name is not None and name not in system.states:
             raise InvalidParameter(field, name, f"one of {', '.join(system.states)}")
     names = [name for name in system.section_states if name not in (x, y)]
     across = x or names.pop(0)
     up = y or (names[0] if names else next(name for name in system.states if name != across))
-    own = ax is None
-    if own:
+    new_axes = ax is None
+    if new_axes:
         ax = new_figure(1.4).subplots()
     limits = ax.get_xlim(), ax.get_ylim()
-    drawn: list[Any] = []
-    for each in found:
+    handles: list[Any] = []
+    for each in manifolds:
         line = {"color": LINE_COLORS[each.kind], "linestyle": LINE_STYLES[each.kind]}
         for i, (_, piece) in enumerate(each.table.groupby(list(COUNTS))):
             label = f"{each.kind} manifold"
-            new = label not in [handle.get_label() for handle in drawn]
+            new = label not in [handle.get_label() for handle in handles]
             (artist,) = ax.plot(
                 piece[across], piece[up], linewidth=thickness(0.7), zorder=5,
                 path_effects=cased(thickness(0.7)), label=label if i == 0 and new else None, **line,
             )  # fmt: skip
             if i == 0 and new:
-                drawn.append(artist)
+                handles.append(artist)
         origin = each.table[each.table["arclength"] == 0.0].groupby("point").first()
         ax.plot(
             origin[across], origin[up], linestyle="none", marker="X", markersize=5.0,
             color="white", markeredgecolor="black", zorder=6,
         )  # fmt: skip
-    table = found[0].table
-    if own:
+    table = manifolds[0].table
+    if new_axes:
         label_axis(ax.xaxis, parameter_label(table, across))
         label_axis(ax.yaxis, parameter_label(table, up))
-        legend_above(ax, drawn)
+        legend_above(ax, handles)
     else:
         ax.set(xlim=limits[0], ylim=limits[1])
     return ax
@@ -188,7 +188,7 @@ def plot_return_map(
     label = parameter_label(table, quantity)
     ax.set(xlim=ends, ylim=ends)
     for axis, name in ((ax.xaxis, "n"), (ax.yaxis, "n + 1")):
-        label_axis(axis, label._replace(words=_numbered(label.words, name)))
+        label_axis(axis, label._replace(text=_numbered(label.text, name)))
     ax.set_aspect("equal", adjustable="box")
     return ax
 

@@ -149,8 +149,8 @@ def wearing(ax: Any = None) -> Iterator[None]:
 
     chosen = _SHEETS.get()
     if chosen is None:
-        named = os.environ.get(VARIABLE)
-        chosen = (named,) if named else ()
+        sheet_name = os.environ.get(VARIABLE)
+        chosen = (sheet_name,) if sheet_name else ()
     with mpl.rc_context():
         for sheet in (SHEET, *chosen):
             mpl.rcParams.update(_settings(sheet))

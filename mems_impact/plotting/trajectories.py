@@ -43,9 +43,9 @@ __all__ = [
     "RUN_POINTS_PER_PERIOD",
     "between",
     "interleaved",
+    "is_jump",
     "jump",
     "line",
-    "moves",
     "plane",
     "plot_orbit",
     "plot_run",
@@ -65,26 +65,26 @@ MIN_DRAWN_JUMP = 1e-9  # smaller jumps, relative to the largest value, are ignor
 SAME_INSTANT_RATIO = 1e-12  # difference of equal instants, as a part of the shown time
 
 
-def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+def check_states(field: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:
     """Return the names of states as a tuple; raise InvalidParameter for an unknown state."""
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names or [""]:
-        if name not in known:
-            raise InvalidParameter(field, name, f"one of {', '.join(known)}")
+        if name not in allowed:
+            raise InvalidParameter(field, name, f"one of {', '.join(allowed)}")
     return names
 
 
 def plane(system: HybridSystem, x: str | None, y: str | None) -> tuple[str, str]:
     """Return the states that span the plane."""
     free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
-    known = (*system.states, "t")
+    allowed = (*system.states, "t")
     for field, name in (("x", x), ("y", y)):
         if name is not None:
-            check_states(field, name, known)
+            check_states(field, name, allowed)
     if x is None:
         x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
     if y is None:
-        y = next(name for name in (*free, *known) if name != x)
+        y = next(name for name in (*free, *allowed) if name != x)
     return x, y
 
 
@@ -94,7 +94,7 @@ def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
     return corners[(corners["t"] >= first) & (corners["t"] <= last)]
 
 
-def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
+def is_jump(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
     """Return whether a state jumps at each transition."""
     size = MIN_DRAWN_JUMP * float(samples[name].abs().max())
     return (corners[f"{name} after"] - corners[f"{name} before"]).abs() > size
@@ -105,21 +105,21 @@ def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> 
 
     Each transition gives the states before and after it, with a row of NaN between them at a jump.
     """
-    names, taken = list(names), corners["t"].to_numpy()
+    names, instants = list(names), corners["t"].to_numpy()
     jumps = np.zeros(len(corners), dtype=bool)
     for name in names:
-        jumps |= moves(corners, name, samples).to_numpy()
-    kept, order = interleaved(samples["t"].to_numpy(), taken, jumps)
+        jumps |= is_jump(corners, name, samples).to_numpy()
+    distinct, order = interleaved(samples["t"].to_numpy(), instants, jumps)
     sides = []
     for side in ("before", "after"):
         rows = {name: corners[f"{name} {side}"].to_numpy() for name in names}
         modes = corners[f"mode {side}"].astype(str).to_numpy()
-        sides.append(pd.DataFrame({"t": taken, **rows, "mode": modes}))
+        sides.append(pd.DataFrame({"t": instants, **rows, "mode": modes}))
     gaps = sides[1][jumps].copy()
     gaps[names] = np.nan
-    shown = samples.loc[kept, ["t", *names]].assign(mode=samples["mode"].astype(str))
-    parts = [part for part in (shown, sides[0], gaps, sides[1]) if len(part)]
-    return pd.concat(parts, ignore_index=True).iloc[order].reset_index(drop=True)
+    selected = samples.loc[distinct, ["t", *names]].assign(mode=samples["mode"].astype(str))
+    pieces = [part for part in (selected, sides[0], gaps, sides[1]) if len(part)]
+    return pd.concat(pieces, ignore_index=True).iloc[order].reset_index(drop=True)
 
 
 def interleaved(
@@ -144,11 +144,11 @@ def interleaved(
     """
     # A sample at the instant of a transition may be on either side of it.
     near = distance_to_nearest(time, instants)
-    kept = near > SAME_INSTANT_RATIO * (time[-1] - time[0])
+    distinct = near > SAME_INSTANT_RATIO * (time[-1] - time[0])
     turn = 3 * np.arange(instants.size)
-    ranks = [np.full(int(kept.sum()), -1), turn, turn[jumps] + 1, turn + 2]
-    times = [time[kept], instants, instants[jumps], instants]
-    return kept, np.lexsort((np.concatenate(ranks), np.concatenate(times)))
+    ranks = [np.full(int(distinct.sum()), -1), turn, turn[jumps] + 1, turn + 2]
+    times = [time[distinct], instants, instants[jumps], instants]
+    return distinct, np.lexsort((np.concatenate(ranks), np.concatenate(times)))
 
 
 def jump() -> dict[str, Any]:
@@ -159,10 +159,10 @@ def jump() -> dict[str, Any]:
 
 def shade(number: int) -> dict[str, Any]:
     """Return the fill style of the shaded mode with this index."""
-    own = MODE_COLORS[number % len(MODE_COLORS)]
+    mode_color = MODE_COLORS[number % len(MODE_COLORS)]
     return {
-        "facecolor": (own, 0.3),
-        "edgecolor": (own, 0.6),
+        "facecolor": (mode_color, 0.3),
+        "edgecolor": (mode_color, 0.6),
         "hatch": MODE_HATCHES[number % len(MODE_HATCHES)],
     }
 
@@ -177,13 +177,13 @@ def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, 
     modes : sequence of str
         All modes of the system.
     """
-    most = spent.idxmax()
-    others = [mode for mode in modes if mode in spent.index and mode != most]
+    longest = spent.idxmax()
+    others = [mode for mode in modes if mode in spent.index and mode != longest]
     styles = {
         mode: (MODE_COLORS[i % len(MODE_COLORS)], LINES[(i + 1) % len(LINES)])
         for i, mode in enumerate(others)
     }
-    return {str(most): (color("motion"), "-"), **styles}
+    return {str(longest): (color("motion"), "-"), **styles}
 
 
 def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
@@ -193,14 +193,14 @@ def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
     # The mode of the first sample is that before the first change, if there is one.
     begin = changes["mode before"].iloc[0] if len(changes) else samples["mode"].iloc[0]
     borders = np.concatenate([[first], changes["t"].to_numpy(), [last]])
-    found = pd.DataFrame(
+    intervals = pd.DataFrame(
         {
             "mode": [str(begin), *changes["mode after"].astype(str)],
             "start": borders[:-1],
             "end": borders[1:],
         }
     )
-    return found[found["end"] > found["start"]].reset_index(drop=True)
+    return intervals[intervals["end"] > intervals["start"]].reset_index(drop=True)
 
 
 # --- Periodic orbits
@@ -260,18 +260,18 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     system = orbit.system
     spent = curve["mode"].value_counts()
     for mode, (shade, dashes) in mode_styles(spent, system.modes).items():
-        here = curve[y].where(curve["mode"] == mode)
+        ordinate = curve[y].where(curve["mode"] == mode)
         label = mode if len(system.modes) > 1 else None
-        ax.plot(curve[x], here, color=shade, linestyle=dashes, label=label)
+        ax.plot(curve[x], ordinate, color=shade, linestyle=dashes, label=label)
     jumps = pd.Series(False, index=corners.index)
     for name in names:
-        jumps |= moves(corners, name, samples)
-    for place, (_, row) in enumerate(corners[jumps].iterrows()):
+        jumps |= is_jump(corners, name, samples)
+    for number, (_, row) in enumerate(corners[jumps].iterrows()):
         ends = [
             [row["t"]] * 2 if name == "t" else [row[f"{name} before"], row[f"{name} after"]]
             for name in (x, y)
         ]
-        label = None if place else ("impact" if corners["impact"].any() else "jump")
+        label = None if number else ("impact" if corners["impact"].any() else "jump")
         ax.plot(*ends, marker="o", label=label, **jump())
     _mark_section(ax, orbit, x, y)
     for name, axis in ((x, ax.xaxis), (y, ax.yaxis)):
@@ -370,8 +370,10 @@ def plot_run(
         raise InvalidParameter("run", type(run).__name__, allowed)
     if run.figure and states is None:
         return resolve_name(run.figure)(run, first, last, ax)[0]
-    known = run.system.states
-    chosen = known[:PANELS] if states is None else check_states("states", states, known)
+    known_states = run.system.states
+    chosen = (
+        known_states[:PANELS] if states is None else check_states("states", states, known_states)
+    )
     if ax is None:
         figure = new_figure(0.55 * len(chosen), 2.5)
         axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
@@ -385,10 +387,10 @@ def plot_run(
     unit = run.system.forcing_period or 1.0  # of the axis of time
     stretches = spans(samples, corners)
     spent = (stretches["end"] - stretches["start"]).groupby(stretches["mode"]).sum()
-    most, *shaded = mode_styles(spent, run.system.modes)
+    longest, *shaded = mode_styles(spent, run.system.modes)
     shades = {mode: shade(i) for i, mode in enumerate(shaded)}
     for panel, name in zip(axes, chosen, strict=True):
-        for stretch in stretches[stretches["mode"] != most].itertuples():
+        for stretch in stretches[stretches["mode"] != longest].itertuples():
             # The edge keeps intervals visible that are thinner than a pixel.
             panel.axvspan(
                 stretch.start / unit, stretch.end / unit, linewidth=0.8, zorder=0,
@@ -398,9 +400,9 @@ def plot_run(
         _mark(panel, name, corners, samples, unit)
         label_axis(panel.yaxis, label_of(samples, name, symbol(name)))
     axes[-1].set_xlim(samples["t"].iloc[0] / unit, samples["t"].iloc[-1] / unit)
-    words = Label("time / forcing period") if run.system.forced else label_of(samples, "t", "time")
-    label_axis(axes[-1].xaxis, words)
-    _key(axes[0], most if len(run.system.modes) > 1 else "", shades, corners)
+    label = Label("time / forcing period") if run.system.forced else label_of(samples, "t", "time")
+    label_axis(axes[-1].xaxis, label)
+    _key(axes[0], longest if len(run.system.modes) > 1 else "", shades, corners)
     return axes[0]
 
 
@@ -416,19 +418,19 @@ def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:
 
 def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit: float) -> None:
     """Mark impacts by dots, and jumps of the state by dotted lines."""
-    jumps = corners[moves(corners, name, samples)]
+    jumps = corners[is_jump(corners, name, samples)]
     if len(jumps):
         before, after = jumps[f"{name} before"], jumps[f"{name} after"]
         broken = np.column_stack([before, after, np.full(len(jumps), np.nan)]).ravel()
         ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **jump())
-    hits = corners[corners["impact"] & ~moves(corners, name, samples)]
+    hits = corners[corners["impact"] & ~is_jump(corners, name, samples)]
     if len(hits):  # matplotlib places a line without points outside the figure
         ax.plot(
             hits["t"] / unit, hits[f"{name} after"], color=color("impact"), clip_on=False, **IMPACT
         )
 
 
-def _key(ax: Any, most: str, shades: dict[str, dict[str, Any]], corners: pd.DataFrame) -> None:
+def _key(ax: Any, longest: str, shades: dict[str, dict[str, Any]], corners: pd.DataFrame) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -436,6 +438,6 @@ def _key(ax: Any, most: str, shades: dict[str, dict[str, Any]], corners: pd.Data
     if corners["impact"].any():
         entries.append(Line2D([], [], color=color("impact"), label="impact", **IMPACT))
     entries += [Patch(label=mode, **look) for mode, look in shades.items()]
-    if shades and most:
-        entries.append(Patch(facecolor="none", edgecolor="0.6", label=most))
+    if shades and longest:
+        entries.append(Patch(facecolor="none", edgecolor="0.6", label=longest))
     legend_above(ax, entries)  # the motion may be anywhere within the axes

@@ -92,7 +92,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
         )  # fmt: skip
     ax.margins(0.08)
     for name, axis in ((second, ax.xaxis), (first, ax.yaxis)):
-        label_axis(axis, label_of(table, name)._replace(behind=f"\n{_better(aims[name])}"))
+        label_axis(axis, label_of(table, name)._replace(suffix=f"\n{_better(aims[name])}"))
     ax.grid(color=guide, alpha=0.25, linewidth=0.4)
     legend_above(ax)
     return ax
@@ -100,8 +100,8 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
 
 def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
     """Return the aims of the initial orbit of the searches, if they have names."""
-    known = {each.name: each for each in start.system.orbit_quantities}
-    return {name: known[name](start) for name in aims} if set(aims) <= set(known) else {}
+    quantities = {each.name: each for each in start.system.orbit_quantities}
+    return {name: quantities[name](start) for name in aims} if set(aims) <= set(quantities) else {}
 
 
 def _better(sense: str) -> str:
@@ -170,13 +170,13 @@ def plot_tolerance_analysis(
     if isinstance(analysis, StoredStudy) or not hasattr(analysis, "yields"):
         allowed = "a ToleranceAnalysis, as mems_impact.tolerance_analysis returns it, or its store"
         raise InvalidParameter("analysis", type(analysis).__name__, allowed)
-    shown = _shown(analysis, quantity)
+    names = _displayed_quantities(analysis, quantity)
     if ax is not None:
-        _histogram(ax, analysis, shown[0])
+        _histogram(ax, analysis, names[0])
         return ax
-    rows = [(name, kind) for name in shown for kind in _panels(analysis, name)]
+    rows = [(name, kind) for name in names for kind in _panels(analysis, name)]
     bars = 2.6 + len(analysis.points.attrs.get("drawn", ()))
-    figure = new_figure(0.8 * len(shown), bars * (len(rows) - len(shown)))
+    figure = new_figure(0.8 * len(names), bars * (len(rows) - len(names)))
     ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for _, kind in rows]
     panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
     letter_panels(panels)
@@ -202,14 +202,14 @@ def _missing(analysis: Spread, name: str) -> int:
     return int(analysis.indices.loc[analysis.indices["quantity"] == name, "missing"].max())
 
 
-def _shown(analysis: Spread, quantity: str | Sequence[str] | None) -> list[str]:
+def _displayed_quantities(analysis: Spread, quantity: str | Sequence[str] | None) -> list[str]:
     """Return the quantities to draw."""
-    known = [*analysis.quantities, *(n for n in analysis.specification if n in analysis.points)]
+    allowed = [*analysis.quantities, *(n for n in analysis.specification if n in analysis.points)]
     if quantity is not None:
         names = [quantity] if isinstance(quantity, str) else list(quantity)
         for name in names:
-            if name not in known:
-                raise InvalidParameter("quantity", name, f"one of {', '.join(known)}")
+            if name not in allowed:
+                raise InvalidParameter("quantity", name, f"one of {', '.join(allowed)}")
         return names
     spreads = analysis.points[analysis.quantities].agg(np.ptp)
     size = analysis.points[analysis.quantities].abs().max()
@@ -269,20 +269,20 @@ def _bars(ax: Any, analysis: Spread, name: str) -> None:
     table = analysis.indices
     rows = table[table["quantity"] == name]
     symbols = table.attrs.get("symbols", {})
-    places = np.arange(len(rows))[::-1]
+    positions = np.arange(len(rows))[::-1]
     style, guide = {"capsize": 0.0, "elinewidth": 1.0}, color("guide")
-    for what, face, edge, shift in (
+    for order, face, edge, shift in (
         ("total", "none", guide, 0.13),
         ("first", PALE, PALE, -0.13),
     ):
-        middle = rows[what].to_numpy()
-        ax.barh(places, middle, height=0.62, color=face, edgecolor=edge, linewidth=0.9)
-        reach = np.stack([middle - rows[f"{what} low"], rows[f"{what} high"] - middle])
+        middle = rows[order].to_numpy()
+        ax.barh(positions, middle, height=0.62, color=face, edgecolor=edge, linewidth=0.9)
+        reach = np.stack([middle - rows[f"{order} low"], rows[f"{order} high"] - middle])
         ax.errorbar(
-            middle, places + shift, xerr=np.maximum(reach, 0.0), fmt="none",
-            ecolor="black" if what == "first" else guide, **style,
+            middle, positions + shift, xerr=np.maximum(reach, 0.0), fmt="none",
+            ecolor="black" if order == "first" else guide, **style,
         )  # fmt: skip
-    ax.set_yticks(places, [symbol(each, symbols) for each in rows["parameter"]])
+    ax.set_yticks(positions, [symbol(each, symbols) for each in rows["parameter"]])
     ax.set_xlim(min(0.0, *ax.get_xlim()), max(1.0, ax.get_xlim()[1]))
     label_axis(ax.xaxis, Label("first-order (filled) and total index"))
 
@@ -357,11 +357,11 @@ def plot_sensitivity(
     names, change = [list(sizes)[i] for i in order], change[order]
     if ax is None:
         ax = new_figure(0.0, 5.0 + len(names)).subplots()
-    places = np.arange(len(names))
-    words = ("+1 %", "-1 %") if tolerances is None else ("+ tolerance", "- tolerance")
-    for sign, direction, label in ((1.0, "up", words[0]), (-1.0, "down", words[1])):
+    positions = np.arange(len(names))
+    steps = ("+1 %", "-1 %") if tolerances is None else ("+ tolerance", "- tolerance")
+    for sign, direction, label in ((1.0, "up", steps[0]), (-1.0, "down", steps[1])):
         ax.barh(
-            places, sign * change, label=label.replace("-", "\N{MINUS SIGN}"),
+            positions, sign * change, label=label.replace("-", "\N{MINUS SIGN}"),
             color=color(direction), hatch="" if sign > 0.0 else "////", edgecolor="white",
         )  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
@@ -371,7 +371,7 @@ def plot_sensitivity(
             name: f"{sign} ± {amount(sizes[name], system.unit(name), 3)}"
             for name, sign in labels.items()
         }
-    ax.set_yticks(places, list(labels.values()))
+    ax.set_yticks(positions, list(labels.values()))
     ax.tick_params(axis="y", length=0)
     ax.set(ylim=(len(names) - 0.4, -0.6), xlim=(-1.08 * longest, 1.08 * longest))
     row = found.row(quantity)

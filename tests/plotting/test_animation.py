@@ -33,11 +33,11 @@ def test_no_impact_is_lost_between_two_frames(run):
         hits = frames.corners[frames.corners["impact"]]
         assert len(hits) == 5
         brightest: dict[int, float] = {}
-        for t in frames.shown["t"]:
+        for t in frames.frame_samples["t"]:
             for name, strength in glow(t, frames.step, hits)["strength"].items():
                 assert 0.0 < strength <= 1.0
                 brightest[name] = max(brightest.get(name, 0.0), strength)
-        shown = hits[hits["t"] <= frames.shown["t"].iloc[-1]]
+        shown = hits[hits["t"] <= frames.frame_samples["t"].iloc[-1]]
         assert set(brightest) == set(shown.index)
         # Frames far apart show an impact that is at hand at least.
         assert min(brightest.values()) >= 1.0 - 1.0 / FLASH
