@@ -80,7 +80,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
     progress = options["progress"]
     beside = ("follow", "shares")
-    system, given = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
+    system, arguments = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
     if options["follow"] is not None:
         name, *values = options["follow"]
         if isinstance(system, ActuatorSystem):
@@ -88,27 +88,27 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             options["follow"] = name, *values
         system.check_parameter(name)
     with options["output"](KIND) as files:
-        found = run_saving_partial(
-            lambda: mi.basins(system, **given, progress=progress),
+        basins = run_saving_partial(
+            lambda: mi.basins(system, **arguments, progress=progress),
             lambda table: files.tables({"table": table}),
         )
         files.tables(
-            {"table": found.table, "attractors": found.attractors, "returns": found.returns}
+            {"table": basins.table, "attractors": basins.attractors, "returns": basins.returns}
         )
-        files.draw(lambda: mi.plot_basins(found).figure)
-        shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
-        few = found.attractors[shown]
-        few.attrs = found.attractors.attrs
+        files.draw(lambda: mi.plot_basins(basins).figure)
+        columns = [name for name in basins.attractors if not str(name).endswith(tuple(HIDDEN))]
+        few = basins.attractors[columns]
+        few.attrs = basins.attractors.attrs
         show_table("attractors", few, digits=5)
         if options["follow"] is not None:
             followed = run_saving_partial(
-                lambda: _follow(found, options, given),
+                lambda: _follow(basins, options, arguments),
                 lambda table: files.tables({"followed": table}),
             )
             files.tables({"followed": followed.table, "branches": followed.branches})
             show_table("branches", followed.branches, digits=6)
         files.show()
-    warn_of_failures(found.table)
+    warn_of_failures(basins.table)
 
 
 def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -116,24 +116,24 @@ def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
     from mems_impact.studies.engine.config import range_axis
 
     axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
-    given: dict[str, Any] = {name: range_axis(*axis) for name, axis in axes.items()}
+    arguments: dict[str, Any] = {name: range_axis(*axis) for name, axis in axes.items()}
     if options["box"]:
-        given |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
-    if not given:
+        arguments |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
+    if not arguments:
         raise click.UsageError("missing option '--x', '--y' or '--box'")
-    return given
+    return arguments
 
 
 def _follow(
-    found: mi.Basins, options: Mapping[str, Any], given: Mapping[str, Any]
+    basins: mi.Basins, options: Mapping[str, Any], arguments: Mapping[str, Any]
 ) -> mi.AttractorBranches:
     """Continue the attractors with the options of the basins, in a store within theirs."""
     import mems_impact as mi
     from mems_impact.studies.engine.config import range_axis
 
     shared = ("recurrence", "distance", "options", "executor", "workers")
-    same = {name: given[name] for name in shared if name in given}
-    store = os.path.join(given["store"], "followed") if "store" in given else None
+    same = {name: arguments[name] for name in shared if name in arguments}
+    store = os.path.join(arguments["store"], "followed") if "store" in arguments else None
     parameter, values = range_axis(*options["follow"])
     more = {"shares": options["shares"], "store": store, "progress": options["progress"]}
-    return mi.continue_attractors(found, parameter, values, **same, **more)
+    return mi.continue_attractors(basins, parameter, values, **same, **more)

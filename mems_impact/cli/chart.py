@@ -20,7 +20,7 @@ from mems_impact.cli.options import (
     workers_option,
 )
 from mems_impact.cli.output import Output, show_table
-from mems_impact.cli.runtime import say, warn
+from mems_impact.cli.runtime import warn, write_message
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -88,20 +88,20 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
-    named = actuator.scales.named
+    in_units = actuator.scales.named
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
     with output("chart") as files:
         try:
             chart = mi.operating_chart(
                 actuator,
                 drive,
-                omega=None if named else (start, stop),
-                frequency=(start, stop) if named else None,
+                omega=None if in_units else (start, stop),
+                frequency=(start, stop) if in_units else None,
                 crises=crises,
                 periods=periods,
                 options=options,
                 workers=workers,
-                progress=say if progress else False,
+                progress=write_message if progress else False,
             )
         except mi.ChartInterrupted as interruption:
             partial = interruption.chart
@@ -134,20 +134,22 @@ def _voltages(chart: mi.OperatingChart, columns_of_slip: int) -> pd.DataFrame:
     system = chart.system
     name = chart.parameters[0]
     count = MAX_FREQUENCY_ROWS if chart.regions else columns_of_slip or MAX_FREQUENCY_ROWS
-    places = np.linspace(*chart.frequencies, count)
-    slack = 1e-9 * places  # rounding by units
-    columns = {name: places}
+    grid = np.linspace(*chart.frequencies, count)
+    slack = 1e-9 * grid  # rounding by units
+    columns = {name: grid}
     sides = ("slip", "on", "off", "steady from", "steady to")
-    shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
-    units = {name: "Hz", **dict.fromkeys(shown, system.drive_unit)} if system.scales.named else {}
-    for boundary in shown:
+    boundaries = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
+    units = (
+        {name: "Hz", **dict.fromkeys(boundaries, system.drive_unit)} if system.scales.named else {}
+    )
+    for boundary in boundaries:
         columns[boundary] = np.full(count, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:
-                where, voltage = np.array(points).T
-                where, voltage = system.out(name, where), system.out("amplitude", voltage)
-                here = (where.min() <= places + slack) & (places - slack <= where.max())
-                columns[boundary][here] = np.interp(places[here], where, voltage)
+                frequency, voltage = np.array(points).T
+                frequency, voltage = system.out(name, frequency), system.out("amplitude", voltage)
+                covered = (frequency.min() <= grid + slack) & (grid - slack <= frequency.max())
+                columns[boundary][covered] = np.interp(grid[covered], frequency, voltage)
     table = pd.DataFrame(columns)
     table.attrs["units"] = units
     return table

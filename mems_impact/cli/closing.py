@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     step_options,
 )
 from mems_impact.cli.output import Output, OutputValue, show, show_table, show_values
-from mems_impact.cli.runtime import FAILED, say
+from mems_impact.cli.runtime import FAILED, write_message
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from(usual="step")
     with output("closing") as files:
-        found = mi.closing(
+        closing = mi.closing(
             actuator,
             drive,
             duration=duration,
@@ -84,29 +84,29 @@ def command(
             smallest_bounce=smallest_bounce,
             options=options,
         )
-        files.tables({"impacts": found.table})
-        files.draw(lambda: mi.plot_closing(found)[0].figure)
-        show_closing(found)
+        files.tables({"impacts": closing.table})
+        files.draw(lambda: mi.plot_closing(closing)[0].figure)
+        show_closing(closing)
         files.show()
-    if math.isnan(found.closing_time):
+    if math.isnan(closing.closing_time):
         other = "" if isinstance(drive, mi.Step) else ", or give --drive step"
         remedy = f"raise the voltage (see mems-impact pull-in){other}"
-        say(f"the contact does not close under this voltage; {remedy}")
+        write_message(f"the contact does not close under this voltage; {remedy}")
         ctx.exit(FAILED)
 
 
-def show_closing(found: mi.Closing) -> None:
+def show_closing(closing: mi.Closing) -> None:
     """Show a closing and its first impacts."""
     names = ("stopper", "closing_time", "impact_speed", "bounces", "settling_time")
     values = {
-        name.replace("_", " "): OutputValue(getattr(found, name), found.si_units.get(name, ""))
+        name.replace("_", " "): OutputValue(getattr(closing, name), closing.si_units.get(name, ""))
         for name in names
     }
-    values["energy given"] = OutputValue(found.energy.given, "J")
-    values["energy lost"] = OutputValue(found.energy.lost, "J")
-    show_values(values, named=found.si)
-    if len(found.table):
+    values["energy given"] = OutputValue(closing.energy.given, "J")
+    values["energy lost"] = OutputValue(closing.energy.lost, "J")
+    show_values(values, in_units=closing.si)
+    if len(closing.table):
         show("\nFirst impacts:")
-        rows = found.table.head(FIRST_ROWS)
-        rows.attrs = found.table.attrs
+        rows = closing.table.head(FIRST_ROWS)
+        rows.attrs = closing.table.attrs
         show_table("impacts", rows, digits=6)

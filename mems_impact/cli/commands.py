@@ -102,15 +102,15 @@ def _added(name: str) -> click.Command | None:
     """Return the command of that name from another package, if one exists."""
     from mems_impact._util import plugins
 
-    def is_command(found: Any) -> bool:
-        return isinstance(found, click.Command)
+    def is_command(value: Any) -> bool:
+        return isinstance(value, click.Command)
 
-    found = plugins.plugin(plugins.COMMAND_GROUP, name, is_command, "a command of click")
-    return None if found is None else with_options(found)
+    command = plugins.plugin(plugins.COMMAND_GROUP, name, is_command, "a command of click")
+    return None if command is None else with_options(command)
 
 
-def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
-    if asked:
+def _show_version(ctx: click.Context, _parameter: click.Parameter, requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         click.echo(f"{PROGRAM} {version('mems-impact')}")
@@ -145,7 +145,7 @@ def run(arguments: Sequence[str] | None) -> Any:
     show_warnings_briefly()
     try:
         # Outside click's own mode, which would print several lines for a usage error.
-        given = tuple(sys.argv[1:] if arguments is None else arguments)
-        return main_group.main(given, prog_name=PROGRAM, standalone_mode=False, obj=given)
+        argv = tuple(sys.argv[1:] if arguments is None else arguments)
+        return main_group.main(argv, prog_name=PROGRAM, standalone_mode=False, obj=argv)
     except (Exception, KeyboardInterrupt) as error:
         return report_error(error)

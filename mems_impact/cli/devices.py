@@ -25,16 +25,16 @@ def command() -> None:
     rows: list[tuple[str, str, Any, str]] = []
     for name in preset_names():
         actuator = load_actuator(name)
-        named = actuator.scales.named
-        units = PARAMETER_UNITS if named else {}
+        in_units = actuator.scales.named
+        units = PARAMETER_UNITS if in_units else {}
         quantities = [(key, getattr(actuator, key), units.get(key, "")) for key in PARAMETER_NAMES]
         for term in actuator.terms:
-            of_term = term.units if named else {}
+            of_term = term.units if in_units else {}
             quantities += [
                 (f"{term.name()}.{key}", value, of_term.get(key, ""))
                 for key, value in dict(term).items()
             ]
-        values = [f"{key} = {_shown(value)} {unit}".rstrip() for key, value, unit in quantities]
+        values = [f"{key} = {_text(value)} {unit}".rstrip() for key, value, unit in quantities]
         show(filled(f"{name}: {', '.join(values)}"))
         rows += [(name, *each) for each in quantities]
     add_json_tables(
@@ -42,7 +42,7 @@ def command() -> None:
     )
 
 
-def _shown(value: Any) -> str:
+def _text(value: Any) -> str:
     if isinstance(value, tuple):
         return f"{len(value)} values from {value[0]:g} to {value[-1]:g}"
     return f"{value:g}" if isinstance(value, float) else str(value)

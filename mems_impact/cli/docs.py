@@ -9,7 +9,7 @@ from typing import NamedTuple
 import click
 
 from mems_impact.cli.output import OutputValue, add_json_values, show, show_text
-from mems_impact.cli.runtime import quiet, say
+from mems_impact.cli.runtime import quiet, write_message
 
 BUILD = "python -m sphinx docs docs/_build/html"
 MAX_SUGGESTIONS = 5  # suggestions for an unknown word
@@ -64,7 +64,7 @@ def command(*, words: tuple[str, ...], text: bool) -> None:
         return
     show_text(text_on(word))
     if site is None and not text and not quiet():
-        say(f"to build the site with pictures, in a clone: {BUILD}")
+        write_message(f"to build the site with pictures, in a clone: {BUILD}")
 
 
 def built_site() -> Path | None:
@@ -80,9 +80,9 @@ def page(site: Path, word: str | None) -> str:
     stem = word.lower().replace(" ", "_").replace("-", "_")
     topic = topic_on(word)
     of_topic = [] if topic is None else [topic.page]
-    named = topic is not None and any(_same(word, name) for name in (topic.name, *topic.also))
-    own = [f"{stem}.html"]
-    candidates = [*of_topic, *own] if named else [*own, *of_topic]
+    is_name = topic is not None and any(_same(word, name) for name in (topic.name, *topic.also))
+    word_pages = [f"{stem}.html"]
+    candidates = [*of_topic, *word_pages] if is_name else [*word_pages, *of_topic]
     candidates += [
         each.relative_to(site).as_posix() for each in sorted(site.glob(f"*/*{stem}*.html"))
     ]
@@ -122,25 +122,25 @@ def topics() -> list[Topic]:
     ]
 
 
-def topic_on(words: str) -> Topic | None:
+def topic_on(phrase: str) -> Topic | None:
     """Return the topic with the longest name or synonym whose words all occur, or None."""
-    wanted = _stems(words)
-    found = [
+    stems = _stems(phrase)
+    matches = [
         (len(name), topic)
         for topic in topics()
         for name in (topic.name, *topic.also)
-        if wanted.issuperset(_stems(name))
+        if stems.issuperset(_stems(name))
     ]
-    return max(found, key=lambda each: each[0])[1] if found else None
+    return max(matches, key=lambda each: each[0])[1] if matches else None
 
 
-def _plain(words: str) -> str:
-    return words.lower().replace("_", " ").replace("-", " ")
+def _folded(phrase: str) -> str:
+    return phrase.lower().replace("_", " ").replace("-", " ")
 
 
-def _stems(words: str) -> set[str]:
+def _stems(phrase: str) -> set[str]:
     """Return the words without the ending of a plural."""
-    return {word.removesuffix("s") if len(word) > 3 else word for word in _plain(words).split()}
+    return {word.removesuffix("s") if len(word) > 3 else word for word in _folded(phrase).split()}
 
 
 def _same(word: str, other: str) -> bool:
@@ -159,23 +159,25 @@ def text_on(word: str | None) -> str:
     lines = {name: text.partition("\n")[0] for name, text in docstrings.items()}
     if word is None:
         return "\n".join(f"{name}: {line}" for name, line in lines.items())
-    parts = []
+    paragraphs = []
     name = public(word)
     if name is not None:
-        thing = getattr(mi, name)
-        parts.append(f"mems_impact.{name}{signature(thing)}\n\n{docstrings[name]}")
+        value = getattr(mi, name)
+        paragraphs.append(f"mems_impact.{name}{signature(value)}\n\n{docstrings[name]}")
     if word in COMMAND_NAMES:
-        parts.append(help_of(word))
-    if not parts:
+        paragraphs.append(help_of(word))
+    if not paragraphs:
         topic = topic_on(word)
         served = topic.names if topic is not None else ()
         if topic is not None:
-            parts += [f"{topic.name}: {topic.answer}", f"page: docs/{topic.page}"]
-        plain = _plain(word)
-        mentioned = [n for n in names if len(word) > 2 and plain in _plain(f"{n} {docstrings[n]}")]
+            paragraphs += [f"{topic.name}: {topic.answer}", f"page: docs/{topic.page}"]
+        phrase = _folded(word)
+        mentioned = [
+            n for n in names if len(word) > 2 and phrase in _folded(f"{n} {docstrings[n]}")
+        ]
         of_phrase = [n for n in map(public, word.split()) if n is not None]
-        parts += [f"{n}: {lines[n]}" for n in dict.fromkeys((*served, *of_phrase, *mentioned))]
-    if not parts:
+        paragraphs += [f"{n}: {lines[n]}" for n in dict.fromkeys((*served, *of_phrase, *mentioned))]
+    if not paragraphs:
         from difflib import get_close_matches
 
         close = get_close_matches(
@@ -186,20 +188,20 @@ def text_on(word: str | None) -> str:
         )
         hint = f"; similar ones: {', '.join(dict.fromkeys(close))}" if close else ""
         raise click.UsageError(f"no name, command or topic of the documentation is {word!r}{hint}")
-    return "\n".join(parts)
+    return "\n".join(paragraphs)
 
 
-def signature(thing: object) -> str:
+def signature(value: object) -> str:
     """Return the signature of a name without types, which its docstring gives."""
     import inspect
 
-    assert callable(thing)
+    assert callable(value)
     try:
-        found = inspect.signature(thing)
+        full = inspect.signature(value)
     except ValueError:  # a warning: Python's own constructor
         return ""
-    bare = [each.replace(annotation=inspect.Parameter.empty) for each in found.parameters.values()]
-    return str(found.replace(parameters=bare, return_annotation=inspect.Signature.empty))
+    bare = [each.replace(annotation=inspect.Parameter.empty) for each in full.parameters.values()]
+    return str(full.replace(parameters=bare, return_annotation=inspect.Signature.empty))
 
 
 def help_of(name: str) -> str:
@@ -207,6 +209,6 @@ def help_of(name: str) -> str:
     group = click.get_current_context().parent
     assert group is not None
     assert isinstance(group.command, click.Group)
-    found = group.command.get_command(group, name)
-    assert found is not None
-    return found.get_help(click.Context(found, info_name=name, parent=group))
+    command = group.command.get_command(group, name)
+    assert command is not None
+    return command.get_help(click.Context(command, info_name=name, parent=group))

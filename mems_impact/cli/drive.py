@@ -42,19 +42,19 @@ def command(
     drive = drive_from()
     forces = [force for stretch in forcing_period_of(drive, actuator) for force in stretch.force]
     switches = actuator.under(drive).source.switches
-    shown = ", ".join(f"{time:.9g}" for time in switches[:8])
+    times = ", ".join(f"{time:.9g}" for time in switches[:8])
     more = f" and {len(switches) - 8} more" if len(switches) > 8 else ""
     ends = min(forces), max(forces)
     lines = {
         "drive": OutputValue(type(drive).__name__),
         "forcing period": OutputValue(drive.period, "s"),
         "angular frequency": OutputValue(2.0 * math.pi / drive.period, "rad/s"),
-        "switches": OutputValue(switches, "s", f"{shown}{more}" if shown else "none"),
+        "switches": OutputValue(switches, "s", f"{times}{more}" if times else "none"),
         "force at x2 = 0": OutputValue(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
     }
     with output("drive") as files:
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)
-        show_values(lines, named=actuator.scales.named)
+        show_values(lines, in_units=actuator.scales.named)
         show("")
         if files.written:
             files.show()

@@ -23,7 +23,7 @@ from mems_impact.cli.options import (
     study_integrator_options,
 )
 from mems_impact.cli.output import OutputValue, add_json_values, show
-from mems_impact.cli.runtime import say
+from mems_impact.cli.runtime import write_message
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def command(
         add_json_values({"address": OutputValue(address)})
         show(f"{subject.title}: {address} (Ctrl-C ends the server)")
         if browser and not webbrowser.open(address):
-            say(f"no browser was found; open {address}")
+            write_message(f"no browser was found; open {address}")
 
     serve(subject, port, ready)
 
@@ -101,18 +101,18 @@ def _subject(device: str, changes: dict[str, float], options: Options) -> Subjec
         refuse_drive(device)
         return subject_of_code(device, changes, options)
     actuator = actuator_from(device, changes)
-    given = click.get_current_context().meta.setdefault(KEY, {})
-    drive = drive_from(_usual(given, actuator))
+    drive_options = click.get_current_context().meta.setdefault(KEY, {})
+    drive = drive_from(_usual(drive_options, actuator))
     return subject_of_device(device, actuator, drive, drive_source=drive_source(), options=options)
 
 
-def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
+def _usual(options: dict[str, Any], actuator: Actuator) -> dict[str, float]:
     """Return default values for the required parameters of a sine that are not given."""
     from mems_impact.explorer.session import typical_sine
 
     if drive_choice() != "sine":
         return {}
-    named = {*given, *(EQUIVALENT[name] for name in EQUIVALENT if name in given)}
-    if named >= {"amplitude", "omega", "frequency"}:
+    names = {*options, *(EQUIVALENT[name] for name in EQUIVALENT if name in options)}
+    if names >= {"amplitude", "omega", "frequency"}:
         return {}
-    return {name: value for name, value in typical_sine(actuator).items() if name not in named}
+    return {name: value for name, value in typical_sine(actuator).items() if name not in names}

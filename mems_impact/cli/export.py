@@ -54,12 +54,12 @@ FORMATS = {
 
 def _refuse_options(ctx: click.Context, file: str, chosen: Format) -> None:
     """Refuse options of other formats."""
-    known = {"device", "changes", "file", *chosen.options}
+    allowed = {"device", "changes", "file", *chosen.options}
     others = {name for each in FORMATS.values() for name in each.options}
     for option in ctx.command.params:
         name = option.name or ""
-        given = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if given and name not in known and (name in others or not chosen.driven):
+        from_command_line = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if from_command_line and name not in allowed and (name in others or not chosen.driven):
             raise click.UsageError(f"{file}: {chosen.name} takes no {option.opts[0]}")
 
 
@@ -114,8 +114,8 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     suffix = Path(file).suffix.lower()
     if suffix not in FORMATS:
-        known = ", ".join(f"{name} ({each.name})" for name, each in FORMATS.items())
-        raise click.UsageError(f"{file}: no format has the extension {suffix!r}; known: {known}")
+        formats = ", ".join(f"{name} ({each.name})" for name, each in FORMATS.items())
+        raise click.UsageError(f"{file}: no format has the extension {suffix!r}; known: {formats}")
     _refuse_options(ctx, file, FORMATS[suffix])
     FORMATS[suffix].write(device, changes, file, {**options, "initial": initial})
     add_json_files([file])

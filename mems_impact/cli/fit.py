@@ -97,7 +97,7 @@ def command(
     actuator = actuator_from(device, changes)
     measured = [_target(text) for text in targets]
     with Output(output, None, True, "fit") as files:
-        found = mi.fit(
+        result = mi.fit(
             actuator,
             measured,
             free,
@@ -107,20 +107,20 @@ def command(
             initial=state_from(initial, actuator),
             options=options,
         )
-        files.tables({"parameters": found.parameters, "residuals": found.residuals})
+        files.tables({"parameters": result.parameters, "residuals": result.residuals})
         add_json_values(
-            {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
+            {name: OutputValue(getattr(result, name)) for name in ("verdict", "note", "misfit")}
         )
-        if found.verdict == "good":  # a warning tells any other verdict
-            show(filled(f"{found.verdict}: {found.note}") + "\n")
-        show_table("parameters", found.parameters, digits=6)
-        show_table("residuals", found.residuals, digits=6)
+        if result.verdict == "good":  # a warning tells any other verdict
+            show(filled(f"{result.verdict}: {result.note}") + "\n")
+        show_table("parameters", result.parameters, digits=6)
+        show_table("residuals", result.residuals, digits=6)
         names = map(parameter_named, free)
-        fitted = {**changes, **{name: getattr(found.actuator, name) for name in names}}
+        fitted = {**changes, **{name: getattr(result.actuator, name) for name in names}}
         device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {device_options}\n")
         files.show()
-    if found.verdict != "good":
+    if result.verdict != "good":
         ctx.exit(FAILED)
 
 
@@ -128,8 +128,8 @@ def _target(text: str) -> mi.Target:
     import mems_impact as mi
     from mems_impact.actuator.design.fit import OF_RUN
 
-    what, _, under = text.partition(" at ")
-    quantity, _, number = (part.strip() for part in what.partition("="))
+    target, _, under = text.partition(" at ")
+    quantity, _, number = (part.strip() for part in target.partition("="))
     middle, _, scatter = number.partition("+-")
     value: Any
     tolerance: Any
@@ -149,7 +149,7 @@ def _target(text: str) -> mi.Target:
     changes = dict(map(assignment, under.split(","))) if under else {}
     for name in changes:
         if name not in (*drive.names, *type(drive).model_fields):
-            known = ", ".join(drive.names)
-            raise click.UsageError(f"--target {text!r}: {name} must be one of {known}")
+            allowed = ", ".join(drive.names)
+            raise click.UsageError(f"--target {text!r}: {name} must be one of {allowed}")
     drive = drive.varied(changes)
     return mi.Target(quantity=quantity, value=value, tolerance=tolerance, drive=drive)

@@ -61,7 +61,7 @@ def study_of(
     ctx: click.Context,
     options: Mapping[str, Any],
     kind: str,
-    own: Callable[[], Mapping[str, Any]],
+    own_arguments: Callable[[], Mapping[str, Any]],
     *,
     varied: Mapping[str, float] | None = None,
     beside: Collection[str] = (),
@@ -76,7 +76,7 @@ def study_of(
         `study_options`, with their values.
     kind : str
         Kind of the study.
-    own : callable
+    own_arguments : callable
         Returns the arguments specific to this kind; not called for a study file.
     varied : mapping of str to float, optional
         Varied parameters and their first values.
@@ -87,39 +87,39 @@ def study_of(
 
     device, varied = options["device"], varied or {}
     if holds_study(device):
-        system, given = from_file(ctx, device, kind, beside)
+        system, arguments = from_file(ctx, device, kind, beside)
     else:
         # The device may lack the term whose parameter is varied.
         terms = {name: value for name, value in varied.items() if "." in name}
         actuator = actuator_from(device, {**terms, **options["changes"]})
-        given = {**own(), **_recurrence_and_integrator(options)}
+        arguments = {**own_arguments(), **_recurrence_and_integrator(options)}
         system = actuator.under(drive_from(varied))
         if options["initial"]:
-            given["initial"] = state_from(options["initial"], actuator)
-    add_running(given, options)
-    return system, given
+            arguments["initial"] = state_from(options["initial"], actuator)
+    add_running(arguments, options)
+    return system, arguments
 
 
-def _recurrence_and_integrator(given: Mapping[str, Any]) -> dict[str, Any]:
+def _recurrence_and_integrator(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments from `recurrence_options` and the options of the integrator."""
     import mems_impact as mi
 
-    words = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
+    names = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
     return {
-        "recurrence": mi.RecurrenceOptions(**{name: given[name] for name in words}),
-        "options": given["options"],
+        "recurrence": mi.RecurrenceOptions(**{name: values[name] for name in names}),
+        "options": values["options"],
     }
 
 
-def add_running(given: dict[str, Any], options: Mapping[str, Any]) -> None:
+def add_running(arguments: dict[str, Any], options: Mapping[str, Any]) -> None:
     """Add the values of `study_options` to the arguments of a study."""
     from mems_impact.studies.engine.config import executor_named
 
     for name in ("store", "workers"):
         if options[name] is not None:
-            given[name] = options[name]
+            arguments[name] = options[name]
     if options["executor"] is not None:
-        given["executor"] = executor_named(options["executor"], given.get("workers"))
+        arguments["executor"] = executor_named(options["executor"], arguments.get("workers"))
 
 
 def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
@@ -178,9 +178,9 @@ def load_subject(
     if not initial:
         return system, None
     for component in initial:
-        known = (*system.states, "time")
-        if component not in known:
-            raise click.UsageError(f"--initial {component}: must be one of {', '.join(known)}")
+        allowed = (*system.states, "time")
+        if component not in allowed:
+            raise click.UsageError(f"--initial {component}: must be one of {', '.join(allowed)}")
     start: mi.State = system.initial.replace(**initial)
     return system, start
 

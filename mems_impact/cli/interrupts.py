@@ -53,18 +53,18 @@ def interruptible() -> Iterator[list[signal.Signals]]:
         pending.clear()  # first, for this one may be dropped as well
         _thread.interrupt_main(received[0])
 
-    def dropped(lost: sys.UnraisableHookArgs) -> None:
+    def dropped(unraisable: sys.UnraisableHookArgs) -> None:
         # Python drops exceptions raised in a call from C, such as those by which numba loads
         # compiled code. This is such a call itself, so the signal is repeated later.
-        if received and issubclass(lost.exc_type, KeyboardInterrupt):
+        if received and issubclass(unraisable.exc_type, KeyboardInterrupt):
             later()
         else:
-            shown(lost)
+            previous(unraisable)
 
     if threading.current_thread() is not threading.main_thread():
         yield received  # only the main thread receives signals
         return
-    shown, sys.unraisablehook = sys.unraisablehook, dropped
+    previous, sys.unraisablehook = sys.unraisablehook, dropped
     for number in before:
         signal.signal(number, interrupt)
     try:
@@ -72,7 +72,7 @@ def interruptible() -> Iterator[list[signal.Signals]]:
     finally:
         for timer in list(pending):
             timer.cancel()
-        sys.unraisablehook = shown
+        sys.unraisablehook = previous
         for number, handler in before.items():
             signal.signal(number, handler)
 

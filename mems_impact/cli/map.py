@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.output import show, show_table, unit_of
-from mems_impact.cli.runtime import say, warn
+from mems_impact.cli.runtime import warn, write_message
 from mems_impact.cli.wording import shell_wording
 
 if TYPE_CHECKING:
@@ -87,53 +87,55 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     axes = {name: options[name] for name in ("x", "y")}
     varied = {axis[0]: axis[1] for axis in axes.values() if axis is not None}
     beside = ("column", "curves", "energy")
-    system, given = study_of(ctx, options, KIND, lambda: _axes(axes), varied=varied, beside=beside)
+    system, arguments = study_of(
+        ctx, options, KIND, lambda: _axes(axes), varied=varied, beside=beside
+    )
     if options["energy"]:
         if not isinstance(system, ActuatorSystem):
             raise click.UsageError("--energy: for maps of a device only")
         system = system.with_energy()
-    _check_column(column, system, given)
+    _check_column(column, system, arguments)
     with options["output"](KIND) as files:
-        chart = _chart(system, given, progress) if options["curves"] else None
-        found = run_saving_partial(
-            lambda: mi.operating_map(system, **given, progress=progress),
+        chart = _chart(system, arguments, progress) if options["curves"] else None
+        operating_map = run_saving_partial(
+            lambda: mi.operating_map(system, **arguments, progress=progress),
             lambda table: files.tables(_tables(table)),
         )
-        files.tables({**_tables(found.table), **({"curves": chart.table} if chart else {})})
+        files.tables({**_tables(operating_map.table), **({"curves": chart.table} if chart else {})})
         boundaries = chart or ()
-        files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure)
-        _show(found.table)
+        files.draw(lambda: mi.plot_map(operating_map, column, boundaries=boundaries).figure)
+        _show(operating_map.table)
         files.show()
 
 
 def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
     from mems_impact.studies.engine.config import range_axis
 
-    given = {}
+    arguments = {}
     for name, axis in axes.items():
         if axis is None:
             raise click.UsageError(f"missing option '--{name}'")
-        given[name] = range_axis(*axis)
-    return given
+        arguments[name] = range_axis(*axis)
+    return arguments
 
 
-def _check_column(column: str | None, system: mi.HybridSystem, given: dict[str, Any]) -> None:
+def _check_column(column: str | None, system: mi.HybridSystem, arguments: dict[str, Any]) -> None:
     """Refuse a column that the table will lack, before it is computed."""
     from mems_impact.studies.attractor_study import attractor_schema
 
-    chosen = {"recurrence": given["recurrence"]} if "recurrence" in given else {}
+    chosen = {"recurrence": arguments["recurrence"]} if "recurrence" in arguments else {}
     schema = attractor_schema(system, **chosen)
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")
 
 
-def _chart(system: mi.HybridSystem, given: dict[str, Any], progress: bool) -> mi.OperatingChart:
+def _chart(system: mi.HybridSystem, arguments: dict[str, Any], progress: bool) -> mi.OperatingChart:
     """Return the switching curves of the device, in the range of the map."""
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
 
-    axes = dict([given["x"], given["y"]])
+    axes = dict([arguments["x"], arguments["y"]])
     name = next((name for name in ("frequency", "omega") if name in axes), "")
     if set(axes) != {"amplitude", name} or not isinstance(system, ActuatorSystem):
         raise click.UsageError(f"--curves: for maps of a device over {' and '.join(CURVES)} only")
@@ -145,7 +147,7 @@ def _chart(system: mi.HybridSystem, given: dict[str, Any], progress: bool) -> mi
         omega=ends if name == "omega" else None,
         frequency=ends if name == "frequency" else None,
         crises=0,  # the map itself shows them
-        progress=say if progress else False,
+        progress=write_message if progress else False,
     )
     for note in chart.notes:
         warn(note)
@@ -167,7 +169,7 @@ def _show(table: pd.DataFrame) -> None:
     x, y = table.columns[:2]
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
-        here = f"{x} = {a:.9g}{unit_of(table, x)}, {y} = {b:.9g}{unit_of(table, y)}"
-        show(f"  failed at {here}: {shell_wording(reason)}")
+        point = f"{x} = {a:.9g}{unit_of(table, x)}, {y} = {b:.9g}{unit_of(table, y)}"
+        show(f"  failed at {point}: {shell_wording(reason)}")
     if len(failed):
         show("")

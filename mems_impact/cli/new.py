@@ -69,17 +69,17 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     with units. Without quantities, the file is a template that runs as it stands. FILE is
     device.toml or system.py by default. An existing file is never overwritten.
     """  # noqa: D301 - click looks for the backspace itself
-    given = {name: text for name, text in quantities.items() if text is not None}
-    if given and kind != "device":
-        raise click.UsageError(f"{_option_of(next(iter(given)))}: of a device only")
+    texts = {name: text for name, text in quantities.items() if text is not None}
+    if texts and kind != "device":
+        raise click.UsageError(f"{_option_of(next(iter(texts)))}: of a device only")
     template, first = TEMPLATES[kind]
     path = Path(file or template)
     ending = Path(template).suffix
     if path.suffix != ending:
         raise click.UsageError(f"{path}: the name must end in {ending}")
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
-    if given:
-        text = _with_design(text, given)
+    if texts:
+        text = _with_design(text, texts)
     text = text.replace("FILE", str(path)).replace('name = "mine"', f"name = {_toml(path.stem)}")
     try:
         with open(path, "x", encoding="utf-8") as new:
@@ -93,7 +93,7 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")
 
 
-def _with_design(template: str, given: dict[str, str]) -> str:
+def _with_design(template: str, texts: dict[str, str]) -> str:
     """Return the template of a device with the table [design] of a data sheet.
 
     Raises
@@ -103,9 +103,9 @@ def _with_design(template: str, given: dict[str, str]) -> str:
     """
     from mems_impact.actuator.parameters import Actuator
 
-    values: dict[str, Any] = {name: _value(text) for name, text in given.items()}
-    if "friction" in given:
-        values["friction"] = _friction(given["friction"])
+    values: dict[str, Any] = {name: _value(text) for name, text in texts.items()}
+    if "friction" in texts:
+        values["friction"] = _friction(texts["friction"])
     actuator = Actuator.from_design(**values)
     lines = [f"{name} = {_toml(value)}" for name, value in values.items()]
     above, _, rest = template.partition("[parameters]")
@@ -125,8 +125,8 @@ def _value(text: str) -> float | str:
 
 def _friction(text: str) -> Any:
     """Return a coefficient, or a pair of them."""
-    parts = [_value(part) for part in text.replace(",", " ").split()]
-    return parts if len(parts) == 2 else _value(text)
+    values = [_value(part) for part in text.replace(",", " ").split()]
+    return values if len(values) == 2 else _value(text)
 
 
 def _toml(value: float | str | list[float]) -> str:

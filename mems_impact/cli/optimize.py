@@ -31,7 +31,7 @@ from mems_impact.cli.output import (
     with_unit_column,
     with_units_in,
 )
-from mems_impact.cli.runtime import FAILED, say, warn
+from mems_impact.cli.runtime import FAILED, warn, write_message
 from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
@@ -110,9 +110,9 @@ def command(
     from mems_impact.actuator.system_files import holds_study
     from mems_impact.studies.engine.config import optimize_from
 
-    given: dict[str, Any]
+    arguments: dict[str, Any]
     if holds_study(device):
-        system, given = from_file(ctx, device, KIND)
+        system, arguments = from_file(ctx, device, KIND)
     else:
         if not over:
             raise click.UsageError("missing option '--over'")
@@ -122,7 +122,7 @@ def command(
             raise click.UsageError(problem)
         actuator = actuator_from(device, changes)
         system = actuator.under(drive_from())
-        given = {
+        arguments = {
             "over": {symbol_of(name): bounds for name, bounds in over.items()},
             "subject_to": subject_to,
             "tolerances": {symbol_of(name): each for name, each in tolerances.items()},
@@ -132,35 +132,37 @@ def command(
             "periods": periods,
             "options": options,
         }
-        given |= {"maximize": maximize, "minimize": minimize}
+        arguments |= {"maximize": maximize, "minimize": minimize}
     with output(KIND) as files:
         try:
-            found: Any = optimize_from(system, progress=progress, **given)
+            result: Any = optimize_from(system, progress=progress, **arguments)
         except mi.OptimizationInterrupted as interruption:
-            files.tables(_found(interruption.optimum))
+            files.tables(_result_tables(interruption.optimum))
             raise
-        files.tables(_found(found))
-        if isinstance(found, mi.ParetoFront):
-            files.draw(lambda: mi.plot_pareto(found).figure)
-            show_table("front", found.table, digits=6)
+        files.tables(_result_tables(result))
+        if isinstance(result, mi.ParetoFront):
+            files.draw(lambda: mi.plot_pareto(result).figure)
+            show_table("front", result.table, digits=6)
         else:
-            margins = found.margins
-            rows = with_unit_column(margins, "parameter", _units(found))
+            margins = result.margins
+            rows = with_unit_column(margins, "parameter", _units(result))
             files.tables({"margins": rows})
-            files.draw(lambda: mi.plot_orbit(found.orbit).figure)
-            _show(found, margins)
+            files.draw(lambda: mi.plot_orbit(result.orbit).figure)
+            _show(result, margins)
         files.show()
-    if isinstance(found, mi.Optimum):
-        if not len(found.orbit.impacts):
+    if isinstance(result, mi.Optimum):
+        if not len(result.orbit.impacts):
             warn("the orbit has no impacts; to find one with impacts, start with --initial v2=…")
-        if not found.converged:
-            say(f"first-order optimality not reached: {found.ended}{_held(found)}")
+        if not result.converged:
+            write_message(
+                f"first-order optimality not reached: {result.ended}{_constraint_suffix(result)}"
+            )
             ctx.exit(FAILED)
 
 
-def _found(found: Any) -> dict[str, pd.DataFrame]:
+def _result_tables(result: Any) -> dict[str, pd.DataFrame]:
     """Return the table of a front, or of the iterations to an optimum."""
-    return {"history": found.history} if hasattr(found, "history") else {"front": found.table}
+    return {"history": result.history} if hasattr(result, "history") else {"front": result.table}
 
 
 def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
@@ -175,13 +177,13 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
             "held by": OutputValue(best.active, text="; ".join(best.active) or "nothing"),
             "ended": OutputValue(best.ended),
         },
-        named=system.scales.named,
+        in_units=system.scales.named,
     )
     show("\nMargins to the next bifurcations:")
     show_table("margins", with_units_in(margins, "parameter", _units(best)), digits=6)
 
 
-def _held(best: mi.Optimum) -> str:
+def _constraint_suffix(best: mi.Optimum) -> str:
     """Return the active constraints of an optimum, to be added to a sentence."""
     return f" ({'; '.join(best.active)})" if best.active else ""
 

@@ -83,14 +83,14 @@ def parameter_unit(name: str) -> str:
     from mems_impact.actuator.terms.files import term_names, term_type
     from mems_impact.actuator.units import PARAMETER_UNITS
 
-    owner, dot, own = name.partition(".")
+    owner, dot, attribute = name.partition(".")
     if dot and owner in term_names():
-        return term_type(owner).units.get(own, "")
+        return term_type(owner).units.get(attribute, "")
     if name in QUANTITIES:
         return QUANTITIES[name].unit
     states = {"x1": "m", "x2": "m", "v1": "m/s", "v2": "m/s", "time": "s"}
     units = {**states, **PARAMETER_UNITS, **NUMBER_UNITS}
-    return units.get(own if dot else name, "")
+    return units.get(attribute if dot else name, "")
 
 
 def symbol_of(name: str) -> str:
@@ -138,8 +138,8 @@ class QuantityType(click.ParamType):
 
     def number(self, value: Any) -> float:
         """Return the number in SI, also of a voltage or a charge."""
-        found = self.convert(value, None, None)
-        return _voltage_or_charge(found) if isinstance(found, str) else found
+        number = self.convert(value, None, None)
+        return _voltage_or_charge(number) if isinstance(number, str) else number
 
 
 def _voltage_or_charge(value: str) -> float:
@@ -163,11 +163,11 @@ def _tolerances(
     _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, float | str]:
     """Return tolerances by name; those in per cent as they stand."""
-    found: dict[str, float | str] = {}
+    tolerances: dict[str, float | str] = {}
     for text in texts:
-        name, _, given = (part.strip() for part in text.partition("="))
-        found |= {name: given} if name and given.endswith("%") else dict([assignment(text)])
-    return found
+        name, _, number = (part.strip() for part in text.partition("="))
+        tolerances |= {name: number} if name and number.endswith("%") else dict([assignment(text)])
+    return tolerances
 
 
 def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -243,7 +243,7 @@ def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None
     defaults : tuple of str, optional
         Default of each, in words; without it both options are required.
     """
-    words = defaults or (None, None)
+    default_texts = defaults or (None, None)
     return apply_decorators(
         *(
             click.option(
@@ -254,7 +254,7 @@ def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None
                 help=text,
             )
             for option, text, default in zip(
-                ("--start", "--stop"), (start, stop), words, strict=True
+                ("--start", "--stop"), (start, stop), default_texts, strict=True
             )
         ),
         _with_numbers,
@@ -265,12 +265,12 @@ def _with_numbers(command: Any) -> Any:
     """Return a command that gets start and stop as numbers in the unit of its parameter."""
 
     @wraps(command)
-    def converted(*given: Any, **named: Any) -> Any:
-        kind = QuantityType(parameter_unit(named.get("parameter", "frequency")))
+    def converted(*arguments: Any, **options: Any) -> Any:
+        kind = QuantityType(parameter_unit(options.get("parameter", "frequency")))
         for name in ("start", "stop", "back"):
-            if isinstance(named.get(name), str):
-                named[name] = kind.number(named[name])
-        return command(*given, **named)
+            if isinstance(options.get(name), str):
+                options[name] = kind.number(options[name])
+        return command(*arguments, **options)
 
     return converted
 
@@ -330,10 +330,10 @@ def _with_options(command: Any) -> Any:
 
     @wraps(command)
     def gathered(
-        *given: Any, method: Any, rtol: float, atol: float, engine: Any, **rest: Any
+        *arguments: Any, method: Any, rtol: float, atol: float, engine: Any, **rest: Any
     ) -> Any:
         chosen = Options(method=method, rtol=rtol, atol=atol, engine=engine)
-        return command(*given, **rest, options=chosen)
+        return command(*arguments, **rest, options=chosen)
 
     return gathered
 
@@ -473,14 +473,16 @@ directory_option = click.option(
 )
 
 
-def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
-    return not quiet() if asked is None else asked
+def _progress_default(
+    _ctx: click.Context, _parameter: click.Parameter, requested: bool | None
+) -> bool:
+    return not quiet() if requested is None else requested
 
 
 progress_option = click.option(
     "--progress/--no-progress",
     default=None,
-    callback=_wanted,
+    callback=_progress_default,
     show_default="progress, unless --quiet",
     help="Show progress: a bar on a terminal, otherwise a line at intervals.",
 )
@@ -490,8 +492,10 @@ def _with_output(command: Any) -> Any:
     """Return a command that gets as `output` a function that makes its `Output`, by name."""
 
     @wraps(command)
-    def gathered(*given: Any, output: str, figure: str | None, no_figure: bool, **rest: Any) -> Any:
-        return command(*given, **rest, output=partial(Output, output, figure, no_figure))
+    def gathered(
+        *arguments: Any, output: str, figure: str | None, no_figure: bool, **rest: Any
+    ) -> Any:
+        return command(*arguments, **rest, output=partial(Output, output, figure, no_figure))
 
     return gathered
 
@@ -670,19 +674,19 @@ def drive_from(varied: Mapping[str, float] | None = None, *, usual: str = USUAL_
     usual : str, optional
         Kind of the drive if neither an option nor the file of the device names one.
     """
-    given = dict(click.get_current_context().meta.get(KEY, {}))
-    given.pop("choice", None)
+    values = dict(click.get_current_context().meta.get(KEY, {}))
+    values.pop("choice", None)
     choice = drive_choice(usual)
-    allow_code = given.pop("allow_code", False)
+    allow_code = values.pop("allow_code", False)
     for name in varied or {}:
-        if name in given:
+        if name in values:
             raise click.UsageError(f"{option_of(name)} is the varied parameter; omit the option")
-        if EQUIVALENT.get(name) in given:
+        if EQUIVALENT.get(name) in values:
             other = option_of(EQUIVALENT[name])
             raise click.UsageError(f"{other} sets {name}, which is varied; omit the option")
     if described_by_options(choice):
-        return _of_kind(choice, given, varied or {})
-    return _of_file(choice, given, varied or {}, allow_code)
+        return _of_kind(choice, values, varied or {})
+    return _of_file(choice, values, varied or {}, allow_code)
 
 
 def drive_choice(usual: str = USUAL_KIND) -> str:
@@ -714,8 +718,8 @@ def code_is_allowed() -> bool:
     return bool(click.get_current_context().meta.get(KEY, {}).get("allow_code"))
 
 
-def _check_frequency(given: Mapping[str, float]) -> None:
-    if set(EQUIVALENT) <= set(given):
+def _check_frequency(values: Mapping[str, float]) -> None:
+    if set(EQUIVALENT) <= set(values):
         raise click.UsageError("--frequency and --omega exclude each other; leave one out")
 
 
@@ -727,30 +731,32 @@ def described_by_options(kind: str) -> tuple[str, ...]:
     return names if NUMBERS.keys() >= set(names) else ()
 
 
-def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
+def _of_kind(kind: str, values: dict[str, float], varied: Mapping[str, float]) -> Drive:
     from mems_impact.actuator.drives.files import drive_of_kind
     from mems_impact.errors import InvalidParameter
 
-    known = described_by_options(kind)
-    for name in given:
-        if name not in known:
-            takes = ", ".join(map(option_of, known))
+    allowed = described_by_options(kind)
+    for name in values:
+        if name not in allowed:
+            takes = ", ".join(map(option_of, allowed))
             raise click.UsageError(
                 f"{option_of(name)} is not an option of a {kind}, which takes {takes}"
             )
-    _check_frequency(given)
-    values = {**given, **{name: v for name, v in varied.items() if name in known}}
+    _check_frequency(values)
+    all_values = {**values, **{name: v for name, v in varied.items() if name in allowed}}
     try:
-        return drive_of_kind(kind)(**values)
+        return drive_of_kind(kind)(**all_values)
     except InvalidParameter as error:
-        if error.field in known and error.field not in values:
-            either = " or '--frequency'" if error.field == "omega" and "frequency" in known else ""
+        if error.field in allowed and error.field not in all_values:
+            either = (
+                " or '--frequency'" if error.field == "omega" and "frequency" in allowed else ""
+            )
             raise click.UsageError(f"missing option '{option_of(error.field)}'{either}") from None
         raise
 
 
 def _of_file(
-    path: str, given: dict[str, float], varied: Mapping[str, float], allow_code: bool
+    path: str, file_values: dict[str, float], varied: Mapping[str, float], allow_code: bool
 ) -> Drive:
     from pathlib import Path
 
@@ -763,18 +769,20 @@ def _of_file(
         kinds = ", ".join(filter(described_by_options, drive_kinds()))
         raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
     if path.lower().endswith(SAMPLE_SUFFIXES):
-        measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
+        measured = {
+            name: file_values.pop(name) for name in ("period", "phase") if name in file_values
+        }
         drive: Drive = Sampled.from_csv(path, **measured)
     else:
         drive = load_drive(path, allow_code=allow_code)
     fields = {*drive.names, *(EQUIVALENT.keys() & type(drive).model_fields.keys())}
-    for name in given:
+    for name in file_values:
         if name not in fields:
-            known = ", ".join(drive.names)
-            problem = f"is not a parameter of the drive in {path}: {known}"
+            allowed = ", ".join(drive.names)
+            problem = f"is not a parameter of the drive in {path}: {allowed}"
             raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND selects another one")
-    _check_frequency(given)
-    values = {**given, **{name: v for name, v in varied.items() if name in fields}}
+    _check_frequency(file_values)
+    values = {**file_values, **{name: v for name, v in varied.items() if name in fields}}
     return drive.varied(values) if values else drive
 
 
@@ -800,18 +808,18 @@ def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
         return None if half_open and not text else float(text)
 
     def read(_ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]) -> Pairs:
-        found: Pairs = {}
+        bounds: Pairs = {}
         for text in texts:
             name, _, limits = (part.strip() for part in text.partition("="))
             low, colon, high = (part.strip() for part in limits.partition(":"))
             try:
                 if not name or not colon or not (low or high):
                     raise ValueError
-                found[name] = number(low), number(high)
+                bounds[name] = number(low), number(high)
             except ValueError:
                 problem = f"{text!r} must be NAME=LOW:HIGH, such as {example}"
                 raise click.BadParameter(problem) from None
-        return found
+        return bounds
 
     return read
 
@@ -835,24 +843,24 @@ def ranges_option(option: str, example: str, text: str, **attributes: Any) -> Ca
 def _distributions(
     _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, list[Any] | str]:
-    found: dict[str, list[Any] | str] = {}
+    distributions: dict[str, list[Any] | str] = {}
     for text in texts:
-        name, _, words = text.partition("=")
-        kind, *numbers = (part.strip() for part in words.split(":"))
+        name, _, description = text.partition("=")
+        kind, *numbers = (part.strip() for part in description.split(":"))
         width = numbers[-1] if numbers else kind
         if name.strip() and len(numbers) <= 1 and has_unit(width):
-            found[name.strip()] = words
+            distributions[name.strip()] = description
             continue
         try:
             amounts = [each if has_unit(each) else float(each) for each in numbers]
-            found[name.strip()] = [kind, *amounts]
+            distributions[name.strip()] = [kind, *amounts]
         except ValueError:
-            found = {}
-        if not (found.get(name.strip()) and name.strip() and kind and numbers):
+            distributions = {}
+        if not (distributions.get(name.strip()) and name.strip() and kind and numbers):
             problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
             problem += "NAME=PER CENT, such as d=5%"
             raise click.BadParameter(problem)
-    return {symbol_of(name): given for name, given in found.items()}
+    return {symbol_of(name): value for name, value in distributions.items()}
 
 
 def distribution_option(

@@ -68,8 +68,8 @@ class JsonDocument:
 
 
 def _document() -> JsonDocument:
-    found: JsonDocument = click.get_current_context().meta.setdefault(_KEY, JsonDocument())
-    return found
+    document: JsonDocument = click.get_current_context().meta.setdefault(_KEY, JsonDocument())
+    return document
 
 
 def unit_of(table: pd.DataFrame, name: str) -> str:
@@ -146,8 +146,8 @@ def _continues(paragraph: list[str], line: str) -> bool:
 
 
 def _refilled(paragraph: list[str], width: int) -> list[str]:
-    named = len(paragraph) == 1 and len(paragraph[0].split()) <= 2  # an address and its name
-    if named or _is_code(paragraph[0]) or max(map(len, paragraph)) <= width:
+    is_reference = len(paragraph) == 1 and len(paragraph[0].split()) <= 2  # an address and its name
+    if is_reference or _is_code(paragraph[0]) or max(map(len, paragraph)) <= width:
         return paragraph
     return textwrap.wrap(
         " ".join(line.strip() for line in paragraph),
@@ -182,9 +182,9 @@ def show_table(name: str, table: pd.DataFrame, *, digits: int, empty: str = "") 
 
     form = f"{{:.{digits}g}}".format
     width = shutil.get_terminal_size().columns  # 80 where there is no terminal
-    shown = folded(with_units(table), form, width) if len(table) else empty
-    if shown:
-        show(shown + "\n")
+    text = folded(with_units(table), form, width) if len(table) else empty
+    if text:
+        show(text + "\n")
 
 
 def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str:
@@ -202,8 +202,8 @@ def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str
     columns = _with_wrapped_texts(columns, width)
     blocks = [columns[:1]]
     for lines in columns[1:]:
-        wide = sum(len(each[0]) + 1 for each in blocks[-1]) + len(lines[0])
-        if wide > width and len(blocks[-1]) > 1:
+        block_width = sum(len(each[0]) + 1 for each in blocks[-1]) + len(lines[0])
+        if block_width > width and len(blocks[-1]) > 1:
             blocks.append(columns[:1])
         blocks[-1].append(lines)
     rows = ([" ".join(row) for row in zip(*block, strict=True)] for block in blocks)
@@ -216,12 +216,15 @@ def _with_wrapped_texts(columns: list[list[str]], width: int) -> list[list[str]]
     if all(len(lines[0]) <= room for lines in columns[1:]):
         return columns
 
-    def parts(cell: str) -> list[str]:
+    def wrapped_lines(cell: str) -> list[str]:
         if len(cell) <= room:
             return [cell]
         return textwrap.wrap(cell.strip(), room, break_long_words=False) or [""]
 
-    cells = [[[line] for line in columns[0]], *([parts(line) for line in c] for c in columns[1:])]
+    cells = [
+        [[line] for line in columns[0]],
+        *([wrapped_lines(line) for line in c] for c in columns[1:]),
+    ]
     heights = [max(map(len, row)) for row in zip(*cells, strict=True)]
     result = []
     for column in cells:
@@ -243,12 +246,12 @@ def _wrapped(column: pd.DataFrame, form: Callable[[float], str]) -> list[str]:
     return [line.rjust(width) for line in [*textwrap.wrap(heading, width), *cells]]
 
 
-def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> None:
+def show_values(values: Mapping[str, OutputValue], *, in_units: bool = True) -> None:
     """Show one line per value, its name and unit before it.
 
-    Units are omitted if all values are pure numbers (`named` is False).
+    Units are omitted if all values are pure numbers (`in_units` is False).
     """
-    if not named:
+    if not in_units:
         values = {name: value._replace(unit="") for name, value in values.items()}
     add_json_values(values)
     headings = [f"{name} [{value.unit}]" if value.unit else name for name, value in values.items()]
@@ -284,11 +287,11 @@ def finish(ctx: click.Context) -> None:
     """Print the JSON document of a finished command, if it was asked for."""
     if not as_json():
         return
-    found: JsonDocument | None = ctx.meta.get(_KEY)
-    if found is not None:
-        tables = {name: _of_table(table) for name, table in found.tables.items()}
-        document = {"command": ctx.invoked_subcommand, **vars(found), "tables": tables}
-        click.echo(json.dumps(_plain(document), ensure_ascii=False, allow_nan=False))
+    collected: JsonDocument | None = ctx.meta.get(_KEY)
+    if collected is not None:
+        tables = {name: _of_table(table) for name, table in collected.tables.items()}
+        document = {"command": ctx.invoked_subcommand, **vars(collected), "tables": tables}
+        click.echo(json.dumps(_json_value(document), ensure_ascii=False, allow_nan=False))
 
 
 def _of_table(table: pd.DataFrame) -> dict[str, Any]:
@@ -298,7 +301,7 @@ def _of_table(table: pd.DataFrame) -> dict[str, Any]:
     return {"units": table.attrs.get("units", {}), "rows": rows}
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """Return a value in types of JSON."""
     match value:
         case None | bool() | int():
@@ -308,13 +311,13 @@ def _plain(value: Any) -> Any:
         case float():
             return value if math.isfinite(value) else None
         case complex():
-            return {"re": _plain(value.real), "im": _plain(value.imag)}
+            return {"re": _json_value(value.real), "im": _json_value(value.imag)}
         case Mapping():
-            return {str(name): _plain(each) for name, each in value.items()}
+            return {str(name): _json_value(each) for name, each in value.items()}
         case list() | tuple():
-            return [_plain(each) for each in value]
+            return [_json_value(each) for each in value]
     if hasattr(value, "tolist"):  # of NumPy
-        return _plain(value.tolist())
+        return _json_value(value.tolist())
     return str(value)
 
 
@@ -361,7 +364,7 @@ class Output:
                 allowed = f"{', '.join(FIGURE_SUFFIXES[:-1])} or {FIGURE_SUFFIXES[-1]}"
                 raise click.UsageError(f"--figure {self.figure}: the name must end in {allowed}")
         self.written: list[Path] = []
-        self._made: list[Path] = []
+        self._created_folders: list[Path] = []
         # Now, not after minutes of work.
         self._make(self.directory)
         if self.figure is not None:
@@ -378,7 +381,7 @@ class Output:
     ) -> None:
         add_json_files(self.written)
         if not self.written:
-            self._remove_made()
+            self._remove_created_folders()
         elif error is not None:
             error.add_note(self.description())
 
@@ -387,7 +390,7 @@ class Output:
         from mems_impact.tables import with_units  # pandas is slow to import
 
         add_json_tables(tables)
-        paths = [self.directory / f"{self.name}-{what}.csv" for what in tables]
+        paths = [self.directory / f"{self.name}-{label}.csv" for label in tables]
         with ExitStack() as stack:
             for path, table in zip(paths, tables.values(), strict=True):
                 with_units(table).to_csv(stack.enter_context(replacing(path)), index=False)
@@ -429,7 +432,7 @@ class Output:
         return f"written: {', '.join(map(str, self.written))}"
 
     def _make(self, directory: Path) -> None:
-        missing = [place for place in (directory, *directory.parents) if not place.exists()]
+        missing = [folder for folder in (directory, *directory.parents) if not folder.exists()]
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
@@ -441,12 +444,12 @@ class Output:
             ) from None
         if not os.access(directory, os.W_OK | os.X_OK):
             raise click.ClickException(f"{directory}: not writable; {OUTPUT_REMEDY}")
-        self._made += missing
+        self._created_folders += missing
 
-    def _remove_made(self) -> None:
+    def _remove_created_folders(self) -> None:
         """Remove the directories created here, innermost first, unless they hold files."""
-        for place in self._made:
+        for folder in self._created_folders:
             try:
-                place.rmdir()
+                folder.rmdir()
             except OSError:
                 return

@@ -30,7 +30,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     from mems_impact.errors import InvalidParameter
 
     actuator = actuator_from(device, changes)
-    named = actuator.scales.named
+    in_units = actuator.scales.named
     values, reason = {}, ""
     quantities = OF_DEVICE
     if drive_unit(actuator.terms) == "C":
@@ -45,10 +45,10 @@ def command(*, device: str, changes: dict[str, float]) -> None:
             if not name.startswith("pull-in"):
                 raise
             reason = error.problem or str(error)
-    if named:
+    if in_units:
         values["resonance frequency"] = OutputValue(
             values["resonance"].value / (2.0 * math.pi), "Hz"
         )
     if reason:
         show(filled(reason.replace("resting_voltage", "the resting voltage")))
-    show_values(values, named=named)
+    show_values(values, in_units=in_units)

@@ -130,20 +130,20 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from() if _has_drive() else None
     name, description = device_text(device)
-    given: dict[str, Any] = {**options, "title": title or name, "description": description}
+    arguments: dict[str, Any] = {**options, "title": title or name, "description": description}
     if voltages is not None:
         low, high, count = voltages
         unit = drive_unit(actuator.terms)
         start, stop = numbers_for(actuator, "voltages", [low, high], unit)
-        given["voltages"] = np.linspace(start, stop, count)
+        arguments["voltages"] = np.linspace(start, stop, count)
     if initial:
-        given["initial"] = state_from(initial, actuator)
-    given["tolerances"] = options["tolerances"] or None
-    given["specification"] = options["specification"] or None
-    given["only"] = options["only"] or None
-    given["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
+        arguments["initial"] = state_from(initial, actuator)
+    arguments["tolerances"] = options["tolerances"] or None
+    arguments["specification"] = options["specification"] or None
+    arguments["only"] = options["only"] or None
+    arguments["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
     try:
-        page = mi.report(actuator, drive, output, **given)
+        page = mi.report(actuator, drive, output, **arguments)
     except mi.ReportInterrupted as interruption:
         add_json_files([output])
         interruption.add_note(f"written: {output}")
@@ -153,8 +153,8 @@ def command(
 
 def _has_drive() -> bool:
     """Return whether options or the file of the device describe a drive."""
-    given = click.get_current_context().meta.get(KEY, {})
-    return any(value is not False for value in given.values()) or drive_choice() != "sine"
+    drive_options = click.get_current_context().meta.get(KEY, {})
+    return any(value is not False for value in drive_options.values()) or drive_choice() != "sine"
 
 
 def _show(page: mi.DeviceReport, output: str) -> None:

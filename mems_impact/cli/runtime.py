@@ -26,23 +26,23 @@ STORE = "mems_impact.store"  # of the running study, in the context of click
 
 def as_json() -> bool:
     """Return whether the running command prints its results as one JSON document."""
-    return _asked(_JSON)
+    return _is_set(_JSON)
 
 
 def quiet() -> bool:
     """Return whether the running command prints errors only."""
-    return _asked(_QUIET)
+    return _is_set(_QUIET)
 
 
-def _asked(key: str) -> bool:
+def _is_set(key: str) -> bool:
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.meta.get(key))
 
 
 def _note(key: str) -> Callable[[click.Context, click.Parameter, bool], None]:
-    def note(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
-        ctx.meta[key] = asked
-        if asked and key == _QUIET:
+    def note(ctx: click.Context, _parameter: click.Parameter, requested: bool) -> None:
+        ctx.meta[key] = requested
+        if requested and key == _QUIET:
             _mute(ctx)
 
     return note
@@ -105,7 +105,7 @@ def past_click() -> Iterator[None]:
         raise ClickBypass(error) from error
 
 
-def say(text: str) -> None:
+def write_message(text: str) -> None:
     """Write one line to standard error, unless it is closed."""
     with contextlib.suppress(OSError):
         click.echo(f"{PROGRAM}: {' '.join(text.split())}", err=True)
@@ -114,7 +114,7 @@ def say(text: str) -> None:
 def warn(text: str) -> None:
     """Print a warning, unless only errors are wanted."""
     if not quiet():
-        say(f"warning: {shell_wording(text)}")
+        write_message(f"warning: {shell_wording(text)}")
 
 
 def show_warnings_briefly() -> None:
@@ -141,32 +141,34 @@ def report_error(error: BaseException) -> int:
     written = "; ".join(note for note in notes if "__set_name__" not in note)
     more = f"; {written}" if written else ""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
-        say(f"missing command; see {PROGRAM} --help")
+        write_message(f"missing command; see {PROGRAM} --help")
         return BAD_INPUT
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx is not None else PROGRAM
         text = error.format_message().rstrip(".")
-        say(f"{text[:1].lower()}{text[1:]}; see {command} --help")
+        write_message(f"{text[:1].lower()}{text[1:]}; see {command} --help")
         return BAD_INPUT
     if isinstance(error, click.ClickException):
-        say(error.format_message() + more)
+        write_message(error.format_message() + more)
         return BAD_INPUT
     if isinstance(error, click.Abort | KeyboardInterrupt):
         after = f" after {error.after}" if isinstance(error, Interrupted) else ""
-        say(f"interrupted{after}; {written or 'nothing was written'}")
+        write_message(f"interrupted{after}; {written or 'nothing was written'}")
         return INTERRUPTED
     if isinstance(error, OSError):
         refusal = _refusal_of_the_screen()
         if isinstance(refusal, BrokenPipeError):
             return NO_READER
         if refusal is not None:
-            say(f"cannot write standard output ({(refusal.strerror or '').lower()}){more}")
+            write_message(
+                f"cannot write standard output ({(refusal.strerror or '').lower()}){more}"
+            )
             return FAILED
     if isinstance(error, InvalidParameter | InvalidFile):
-        say(f"{error}{more}")
+        write_message(f"{error}{more}")
         return BAD_INPUT
     if isinstance(error, MemsImpactError):
-        say(f"{error}{more}")
+        write_message(f"{error}{more}")
         return FAILED
     raise error
 

@@ -82,56 +82,58 @@ def command(
     from mems_impact.studies.sampling import deviations
     from mems_impact.studies.sensitivity import chosen_quantities
 
-    given: dict[str, Any]
+    arguments: dict[str, Any]
     if holds_study(device):
-        system, given = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))
-        named = given.pop("quantities", None)
+        system, arguments = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))
+        names = arguments.pop("quantities", None)
     else:
         actuator = actuator_from(device, changes)
-        system, named = actuator.under(drive_from()), None
+        system, names = actuator.under(drive_from()), None
         tolerances = {symbol_of(name): each for name, each in tolerances.items()}
-        given = {
+        arguments = {
             "initial": state_from(initial, actuator),
             "transient": transient,
             "periods": periods,
             "options": options,
         }
-    shown = {each.name: each for each in chosen_quantities(system, named)}
-    shown |= {each.name: each for each in chosen_quantities(system, [quantity])}
+    quantities = {each.name: each for each in chosen_quantities(system, names)}
+    quantities |= {each.name: each for each in chosen_quantities(system, [quantity])}
     deviations(tolerances, system)
     with output(KIND) as files:
-        found = orbit_sensitivity_study(system, quantities=tuple(shown.values()), **given)
-        tables = {"table": found.table}
+        result = orbit_sensitivity_study(system, quantities=tuple(quantities.values()), **arguments)
+        tables = {"table": result.table}
         if tolerances:
             tables["deviations"] = with_unit_column(
-                found.standard_deviations(tolerances), "quantity", _units(found)
+                result.standard_deviations(tolerances), "quantity", _units(result)
             )
         files.tables(tables)
         chosen = tolerances or None
-        files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)
-        _show(found, quantity)
+        files.draw(lambda: mi.plot_sensitivity(result, quantity, tolerances=chosen).figure)
+        _show(result, quantity)
         if tolerances:
             deviations = tables["deviations"].iloc[:, :4]
-            show_table("deviations", with_units_in(deviations, "quantity", _units(found)), digits=6)
+            show_table(
+                "deviations", with_units_in(deviations, "quantity", _units(result)), digits=6
+            )
         files.show()
 
 
-def _show(found: mi.Sensitivity, quantity: str) -> None:
-    row = found.row(quantity)
-    value = OutputValue(float(found.values[row]), found.units[row])
-    show_values({quantity: value}, named=found.system.scales.named)
+def _show(result: mi.Sensitivity, quantity: str) -> None:
+    row = result.row(quantity)
+    value = OutputValue(float(result.values[row]), result.units[row])
+    show_values({quantity: value}, in_units=result.system.scales.named)
     show("")
-    table = found.table
-    shown = table[table["quantity"] == quantity].sort_values(
+    table = result.table
+    rows = table[table["quantity"] == quantity].sort_values(
         "per cent", key=lambda column: -column.abs()
     )
-    named = found.system.scales.named
-    units = {name: found.system.unit(name) if named else "" for name in found.parameters}
-    shown = shown[["parameter", "at", "derivative", "elasticity"]]
-    show_table("table", with_units_in(shown, "parameter", units), digits=6)
+    in_units = result.system.scales.named
+    units = {name: result.system.unit(name) if in_units else "" for name in result.parameters}
+    rows = rows[["parameter", "at", "derivative", "elasticity"]]
+    show_table("table", with_units_in(rows, "parameter", units), digits=6)
 
 
-def _units(found: mi.Sensitivity) -> dict[str, str]:
+def _units(result: mi.Sensitivity) -> dict[str, str]:
     """Return the units of the quantities, if they have any."""
-    named = found.system.scales.named
-    return dict(zip(found.quantities, found.units, strict=True)) if named else {}
+    in_units = result.system.scales.named
+    return dict(zip(result.quantities, result.units, strict=True)) if in_units else {}

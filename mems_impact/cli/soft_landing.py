@@ -20,7 +20,7 @@ from mems_impact.cli.options import (
     ranges_option,
 )
 from mems_impact.cli.output import Output, OutputValue, show, show_values
-from mems_impact.cli.runtime import FAILED, say
+from mems_impact.cli.runtime import FAILED, write_message
 from mems_impact.integrators.options import Options
 
 KIND = "pulse-and-hold"  # the drive
@@ -59,9 +59,9 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
-    given = ctx.meta.get(KEY, {})
+    drive_options = ctx.meta.get(KEY, {})
     low = {name: bounds[0] for name, bounds in over.items()}
-    drive = drive_from(low, usual=KIND) if any(given.values()) else None
+    drive = drive_from(low, usual=KIND) if any(drive_options.values()) else None
     if drive is not None and not isinstance(drive, mi.PulseAndHold):
         chosen = drive_choice(KIND)
         if chosen == device:
@@ -69,20 +69,20 @@ def command(
             raise click.UsageError(f"{device} {problem}")
         raise click.UsageError(f"--drive {chosen}: must be {KIND}, or a file with one")
     with output("soft-landing") as files:
-        found = mi.soft_landing(actuator, drive, over=over or None, options=options)
-        files.tables({"history": found.history, "impacts": found.closing.table})
-        files.draw(lambda: mi.plot_closing(found)[0].figure)
-        shown = {
-            name: OutputValue(found.drive.number(name), found.closing.run.system.unit(name))
-            for name in found.drive.names
+        result = mi.soft_landing(actuator, drive, over=over or None, options=options)
+        files.tables({"history": result.history, "impacts": result.closing.table})
+        files.draw(lambda: mi.plot_closing(result)[0].figure)
+        values = {
+            name: OutputValue(result.drive.number(name), result.closing.run.system.unit(name))
+            for name in result.drive.names
         }
-        shown["largest impact speed"] = OutputValue(found.speed, "m/s")
-        shown["largest impact speed under a step"] = OutputValue(found.step_speed, "m/s")
-        shown["ended"] = OutputValue(found.ended)
-        show_values(shown, named=found.si)
+        values["largest impact speed"] = OutputValue(result.speed, "m/s")
+        values["largest impact speed under a step"] = OutputValue(result.step_speed, "m/s")
+        values["ended"] = OutputValue(result.ended)
+        show_values(values, in_units=result.si)
         show("\nClosing:")
-        show_closing(found.closing)
+        show_closing(result.closing)
         files.show()
-    if not found.converged:
-        say(f"no optimum reached: {found.ended}")
+    if not result.converged:
+        write_message(f"no optimum reached: {result.ended}")
         ctx.exit(FAILED)

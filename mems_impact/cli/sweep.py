@@ -144,18 +144,18 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     summary = sweep_summary(table)
     parameter = summary.columns[0]
     unit = unit_of(summary, parameter)
-    found = impact_changes(table)
+    changes = impact_changes(table)
     add_json_tables(
         {
             "summary": summary,
-            "switches": pd.DataFrame(found, columns=["direction", parameter, "impacts begin"]),
+            "switches": pd.DataFrame(changes, columns=["direction", parameter, "impacts begin"]),
         }
     )
-    show(_headline(found, parameter, unit) + "\n")
-    rows = _shown_rows(summary, {direction: value for direction, value, _ in found})
-    shown = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
-    shown.attrs = summary.attrs
-    show_table("summary", shown, digits=6)
+    show(_headline(changes, parameter, unit) + "\n")
+    rows = _shown_rows(summary, {direction: value for direction, value, _ in changes})
+    displayed = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
+    displayed.attrs = summary.attrs
+    show_table("summary", displayed, digits=6)
     if len(rows) < len(summary):
         show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {path}")
     for direction, chain in summary.groupby("direction", sort=False):
@@ -171,15 +171,15 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     show("")
 
 
-def _headline(found: list[tuple[str, float, bool]], parameter: str, unit: str) -> str:
+def _headline(changes: list[tuple[str, float, bool]], parameter: str, unit: str) -> str:
     """Return at which values the device switches on and off, as a sentence."""
-    if not found:
+    if not changes:
         return f"The device does not switch in this range of {parameter}."
-    parts = [
+    phrases = [
         f"{'on' if begins else 'off'} at {value:.9g}{unit} ({DIRECTION_WORDS[direction]})"
-        for direction, value, begins in found
+        for direction, value, begins in changes
     ]
-    return f"{parameter}: {', '.join(parts)}"
+    return f"{parameter}: {', '.join(phrases)}"
 
 
 def _shown_rows(summary: pd.DataFrame, switch_values: dict[str, float]) -> list[int]:

@@ -60,43 +60,43 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
-    system, given = study_of(ctx, options, KIND, lambda: _drawn(options))
+    system, arguments = study_of(ctx, options, KIND, lambda: _sample_arguments(options))
     with options["output"](KIND) as files:
-        found = run_saving_partial(
-            lambda: mi.tolerance_analysis(system, **given, progress=options["progress"]),
+        analysis = run_saving_partial(
+            lambda: mi.tolerance_analysis(system, **arguments, progress=options["progress"]),
             lambda table: files.tables({"table": table}),
         )
-        spread = found.quantiles(SPREAD)
+        spread = analysis.quantiles(SPREAD)
         spread = spread.reset_index(names="quantity")
-        units = found.table.attrs.get("units", {})
+        units = analysis.table.attrs.get("units", {})
         tables = {
-            "table": found.table,
+            "table": analysis.table,
             "quantiles": with_unit_column(spread, "quantity", units),
-            "yields": with_unit_column(found.yields, "quantity", units),
+            "yields": with_unit_column(analysis.yields, "quantity", units),
         }
-        if found.indices is not None:
-            tables["indices"] = found.indices
+        if analysis.indices is not None:
+            tables["indices"] = analysis.indices
         files.tables(tables)
-        files.draw(lambda: mi.plot_tolerance_analysis(found).figure)
-        seen = spread[spread["points"] > 0]
-        seen.attrs = spread.attrs
-        show_table("quantiles", with_units_in(seen, "quantity", units), digits=5)
-        if found.specification:
-            show_table("yields", with_units_in(found.yields, "quantity", units), digits=5)
-        if found.indices is not None:
-            show_table("indices", with_units_in(found.indices, "quantity", units), digits=5)
+        files.draw(lambda: mi.plot_tolerance_analysis(analysis).figure)
+        observed = spread[spread["points"] > 0]
+        observed.attrs = spread.attrs
+        show_table("quantiles", with_units_in(observed, "quantity", units), digits=5)
+        if analysis.specification:
+            show_table("yields", with_units_in(analysis.yields, "quantity", units), digits=5)
+        if analysis.indices is not None:
+            show_table("indices", with_units_in(analysis.indices, "quantity", units), digits=5)
         files.show()
-    warn_of_failures(found.points)
+    warn_of_failures(analysis.points)
 
 
-def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:
+def _sample_arguments(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that describe samples and specification."""
     from mems_impact.studies.engine.config import distributions
 
     if not options["over"]:
         raise click.UsageError("missing option '--over'")
-    given = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
-    given["over"] = distributions("over", options["over"])
+    arguments = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
+    arguments["over"] = distributions("over", options["over"])
     if options["specification"]:
-        given["specification"] = options["specification"]
-    return given
+        arguments["specification"] = options["specification"]
+    return arguments

@@ -43,19 +43,19 @@ def shell_wording(text: str, command: click.Command | None = None) -> str:
     context = click.get_current_context(silent=True)
     if context is None or context.meta.get(FROM_FILE):
         return text
-    for phrase, words in _PHRASES:
-        text = re.sub(phrase, words, text)
+    for phrase, replacement in _PHRASES:
+        text = re.sub(phrase, replacement, text)
     options = _options(command or context.command)
     terms = _class_names()
 
-    def replaced(found: re.Match[str]) -> str:
-        whole = found.group()
-        name = found["field"] or found["option"] or found["set"] or found["quoted"] or found["word"]
-        value = found["option_value"] or found["value"] or found["quoted_value"] or ""
-        if whole in terms:
-            return terms[whole]
-        if name not in options or (found["field"] and options[name] == f"--{name}"):
-            return whole
+    def replaced(match: re.Match[str]) -> str:
+        expression = match.group()
+        name = match["field"] or match["option"] or match["set"] or match["quoted"] or match["word"]
+        value = match["option_value"] or match["value"] or match["quoted_value"] or ""
+        if expression in terms:
+            return terms[expression]
+        if name not in options or (match["field"] and options[name] == f"--{name}"):
+            return expression
         return f"{options[name]} {value.strip(chr(39) + chr(34))}".rstrip()
 
     return _ARGUMENT.sub(replaced, text)
@@ -76,14 +76,14 @@ _ARGUMENT = re.compile(
 
 def _options(command: click.Command) -> dict[str, str]:
     """Return the options of a command by the arguments that they set, its own before a drive's."""
-    found: dict[str, str] = {}
+    options: dict[str, str] = {}
     for parameter in command.params:
         if isinstance(parameter, click.Option) and parameter.name is not None:
             if parameter.name.startswith(DRIVE_PREFIX):
-                found.setdefault(parameter.name.removeprefix(DRIVE_PREFIX), parameter.opts[0])
+                options.setdefault(parameter.name.removeprefix(DRIVE_PREFIX), parameter.opts[0])
             else:
-                found[parameter.name] = parameter.opts[0]
-    return found
+                options[parameter.name] = parameter.opts[0]
+    return options
 
 
 def _class_names() -> dict[str, str]:
