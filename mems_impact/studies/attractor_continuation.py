@@ -36,7 +36,7 @@ from mems_impact.studies.engine.study import (
     STATUS,
     Columns,
     Study,
-    places_of,
+    row_label,
     schema_of,
 )
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
@@ -71,16 +71,16 @@ def match_branches(
     branch = merge_segments(rows, stretch, set(origins), rules)[stretch]
     names = _names(rows, branch, origins, parameter)
     fine = (rows[STATUS] == OK).to_numpy()
-    named = np.where(fine, [names[b] for b in branch], FAILED)
-    table = rows.assign(**{ATTRACTOR: named.astype(object)}).drop(columns=REVERSIBLE)
+    row_names = np.where(fine, [names[b] for b in branch], FAILED)
+    table = rows.assign(**{ATTRACTOR: row_names.astype(object)}).drop(columns=REVERSIBLE)
     table = table.drop_duplicates([ATTRACTOR, parameter]).sort_values(
         [ATTRACTOR, parameter], key=lambda column: _order(column, [*names.values(), FAILED])
     )
     table = table.reset_index(drop=True)
     table.attrs = dict(rows.attrs)
     ends: dict[tuple[str, int], str] = {}
-    for before, after, way in jumps:
-        ends.setdefault((names[branch[before]], way), names[branch[after]])
+    for before, after, direction in jumps:
+        ends.setdefault((names[branch[before]], direction), names[branch[after]])
     followed = table[table[ATTRACTOR] != FAILED]
     return table, _summary(followed, ends, parameter)
 
@@ -93,17 +93,17 @@ def count_in(
     rules: AttractorMatcher,
 ) -> None:
     """Add basin shares at one value of the parameter to a table of branches."""
-    here = table.index[(table.iloc[:, 0] == value) & (table[ATTRACTOR] != FAILED)]
+    rows = table.index[(table.iloc[:, 0] == value) & (table[ATTRACTOR] != FAILED)]
     columns = {
-        name: np.concatenate([points[name].to_numpy(), table.loc[here, name].to_numpy()])
+        name: np.concatenate([points[name].to_numpy(), table.loc[rows, name].to_numpy()])
         for name in points
         if name in table
     }
     labels = rules.labels(columns, {name: points[name].to_numpy() for name in starts.names})
     count = len(points)
-    for row, label in zip(here, labels[count:].tolist(), strict=True):
-        own = labels[:count] == label
-        table.loc[row, ["share", "low", "high"]] = [own.mean(), *bounds_of(own, starts)]
+    for row, label in zip(rows, labels[count:].tolist(), strict=True):
+        in_basin = labels[:count] == label
+        table.loc[row, ["share", "low", "high"]] = [in_basin.mean(), *bounds_of(in_basin, starts)]
 
 
 def _segments(
@@ -124,14 +124,14 @@ def _segments(
         name = names[chain.start]
         if name not in first:
             first[name], count = count, count + 1
-        here, last = first[name], None
+        segment, previous = first[name], None
         for i in chain:
             if not failed[i] and not follows[i]:
-                here, count = count, count + 1
-                if last is not None:
-                    jumps.append((last, i, 1 if values[i] > values[last] else -1))
-            stretch[i] = here
-            last = last if failed[i] else i
+                segment, count = count, count + 1
+                if previous is not None:
+                    jumps.append((previous, i, 1 if values[i] > values[previous] else -1))
+            stretch[i] = segment
+            previous = previous if failed[i] else i
     return stretch, {number: name for name, number in first.items()}, jumps
 
 
@@ -142,16 +142,16 @@ def merge_segments(
 
     First segments of different attractors are never merged, since these attractors are distinct.
     """
-    own: Integers = np.arange(max(stretch.max(), *begun) + 1)
+    branch: Integers = np.arange(max(stretch.max(), *begun) + 1)
     for _, group in rows.groupby(rows.columns[0]):
         labels = rules.labels({name: group[name].to_numpy() for name in group}, {})
         for label in sorted(set(labels.tolist()) - {-1}):
-            same = {int(number) for number in own[stretch[group.index[labels == label]]]}
+            same = {int(number) for number in branch[stretch[group.index[labels == label]]]}
             one, *others = sorted(same, key=lambda number: (number not in begun, number))
             for other in others:
                 if other not in begun:
-                    own[own == other] = one
-    return own
+                    branch[branch == other] = one
+    return branch
 
 
 def _names(
@@ -161,8 +161,8 @@ def _names(
     kinds, names = motions(rows), {}
     for number in dict.fromkeys(branch.tolist()):
         i = int(np.flatnonzero(branch == number)[0])
-        seen = f"{kinds.iloc[i]} at {parameter} = {rows.iloc[i, 0]:g}"
-        names[number] = origins.get(number, seen)
+        description = f"{kinds.iloc[i]} at {parameter} = {rows.iloc[i, 0]:g}"
+        names[number] = origins.get(number, description)
     return dict(zip(names, unique_labels(list(names.values())), strict=True))
 
 
@@ -172,14 +172,14 @@ def _order(column: pd.Series, names: list[str]) -> pd.Series:
 
 def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: str) -> pd.DataFrame:
     kinds = motions(table)
-    found = []
+    entries = []
     for name, rows in table.groupby(ATTRACTOR, sort=False):
         names = dict.fromkeys(kinds[rows.index])
         values = rows[parameter]
         before, after = ends.get((name, -1), ""), ends.get((name, 1), "")
-        found.append((name, values.min(), values.max(), ", ".join(names), before, after))
+        entries.append((name, values.min(), values.max(), ", ".join(names), before, after))
     columns = [ATTRACTOR, f"{parameter} min", f"{parameter} max", "motion", "before", "after"]
-    result = pd.DataFrame(found, columns=columns)
+    result = pd.DataFrame(entries, columns=columns)
     unit = table.attrs.get("units", {}).get(parameter, "")
     units = dict.fromkeys(columns[1:3], unit) if unit else {}
     result.attrs = {**table.attrs, "units": units}
@@ -232,16 +232,16 @@ class AttractorContinuationStudy(Study):
     @property
     def upwards(self) -> tuple[float, ...]:
         """The system's own value and the values above it."""
-        here = self.measuring.system.value(self.over.name)
-        return tuple(value for value in self.over.values if value >= here)
+        current = self.measuring.system.value(self.over.name)
+        return tuple(value for value in self.over.values if value >= current)
 
     @property
     def chains(self) -> tuple[range, ...]:
         """The upward and downward chain of each attractor."""
         count, up = len(self.over.values), len(self.upwards)
         ends = [(i * count, i * count + up, (i + 1) * count) for i in range(len(self.names))]
-        parts = [part for a, b, c in ends for part in (range(a, b), range(b, c))]
-        return tuple(part for part in parts if part)
+        ranges = [part for a, b, c in ends for part in (range(a, b), range(b, c))]
+        return tuple(part for part in ranges if part)
 
     def identity(self) -> Mapping[str, Any]:
         """Return the inputs on which the results depend."""
@@ -284,40 +284,42 @@ class AttractorContinuationStudy(Study):
         for number in range(first, last):
             if watch is not None:
                 watch(float(number - first))
-            here = self._value(number)
+            new = self._value(number)
             with at_study_point(number):
-                found = self._at(here, state, value)
-                back = found.motion != FAILED and self._is_reversible(found, here, before, value)
+                attractor = self._at(new, state, value)
+                back = attractor.motion != FAILED and self._is_reversible(
+                    attractor, new, before, value
+                )
             follows.append(back)
-            rows.append(found)
-            if found.final is not None:
-                state, value, before = found.final, here, found
+            rows.append(attractor)
+            if attractor.final is not None:
+                state, value, before = attractor.final, new, attractor
         columns = {**self.measuring.columns(rows), **self.recognition.columns(rows)}
-        places = self._places(first, last)
-        return {**places, **columns, REVERSIBLE: np.array(follows)}, _kept(state, value)
+        identity = self._identity_columns(first, last)
+        return {**identity, **columns, REVERSIBLE: np.array(follows)}, _carried_state(state, value)
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
-        found = self.measuring.lost(last - first, reason)
-        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
+        attractors = self.measuring.failed_attractors(last - first, reason)
+        columns = {**self.measuring.columns(attractors), **self.recognition.columns(attractors)}
         follows = np.full(last - first, False)
-        return {**self._places(first, last), **columns, REVERSIBLE: follows}
+        return {**self._identity_columns(first, last), **columns, REVERSIBLE: follows}
 
-    def _places(self, first: int, last: int) -> Columns:
+    def _identity_columns(self, first: int, last: int) -> Columns:
         numbers = range(first, last)
         names = [self.names[number // len(self.over.values)] for number in numbers]
         values = np.array([self._value(number) for number in numbers])
         return {self.over.name: values, ATTRACTOR: np.array(names, dtype=object)}
 
-    def place(self, number: int) -> str:
+    def point_label(self, number: int) -> str:
         """Return the name of a point in messages."""
-        return places_of(self._places(number, number + 1))
+        return row_label(self._identity_columns(number, number + 1))
 
     def _value(self, number: int) -> float:
-        place, up = number % len(self.over.values), len(self.upwards)
-        if place < up:
-            return self.upwards[place]
-        return self.over.values[len(self.over.values) - 1 - place]
+        position, up = number % len(self.over.values), len(self.upwards)
+        if position < up:
+            return self.upwards[position]
+        return self.over.values[len(self.over.values) - 1 - position]
 
     def _start(self, number: int) -> tuple[State, float]:
         state = self.states[number // len(self.over.values)]
@@ -330,16 +332,16 @@ class AttractorContinuationStudy(Study):
             system = self.measuring.system.changed(**{self.over.name: value})
             return InitialCondition(system, self._phased(state, before, value))
 
-        return self.measuring.follow_some(range(1), case)[0]
+        return self.measuring.follow_numbered(range(1), case)[0]
 
     def _is_reversible(
-        self, found: Attractor, here: float, before: Attractor, value: float
+        self, attractor: Attractor, target: float, before: Attractor, value: float
     ) -> bool:
         """Return whether the motion returns when the parameter steps back; otherwise it jumped."""
-        assert found.final is not None
-        back = self._at(value, found.final, here)
-        both = [before, back]
-        columns = {**self.measuring.columns(both), **self.recognition.columns(both)}
+        assert attractor.final is not None
+        back = self._at(value, attractor.final, target)
+        pair = [before, back]
+        columns = {**self.measuring.columns(pair), **self.recognition.columns(pair)}
         labels = self.recognition.labels(columns, {})
         return bool(labels[0] == labels[1] >= 0)
 
@@ -507,18 +509,18 @@ def continue_attractors(
                     recognition=study.recognition,
                     initial=basins.initial,
                 )
-                place = None if store is None else os.path.join(store, f"shares-{number}")
+                directory = None if store is None else os.path.join(store, f"shares-{number}")
                 points = run_study(
-                    one, store=place, executor=executor, workers=workers, progress=progress
+                    one, store=directory, executor=executor, workers=workers, progress=progress
                 )
                 count_in(table, value, points, basins.starts, study.recognition)
     return AttractorBranches(system=system, parameter=parameter, table=table, branches=branches)
 
 
-def _kept(state: State, value: float) -> dict[str, Any]:
+def _carried_state(state: State, value: float) -> dict[str, Any]:
     """Return the states from which the next part of a chain continues."""
-    kept = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
-    return {**kept, "value": value}
+    entries = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
+    return {**entries, "value": value}
 
 
 def _restored(carried: Mapping[str, Any]) -> tuple[State, float]:

@@ -95,23 +95,24 @@ class AttractorMatcher:
     @property
     def schema(self) -> dict[str, str]:
         """The columns of the features."""
-        kept = [f"{name} {what}" for name in self.names for what in KEPT_REDUCTIONS]
-        left = [f"{name} {FINAL_SUFFIX}" for name in (*self.system.states, "time")]
-        return {**dict.fromkeys([*kept, *left], "float"), MODE: "str"}
+        reductions = [f"{name} {what}" for name in self.names for what in KEPT_REDUCTIONS]
+        final = [f"{name} {FINAL_SUFFIX}" for name in (*self.system.states, "time")]
+        return {**dict.fromkeys([*reductions, *final], "float"), MODE: "str"}
 
-    def columns(self, found: Sequence[Attractor]) -> Columns:
+    def columns(self, attractors: Sequence[Attractor]) -> Columns:
         """Return the columns of `schema`."""
-        rows = np.array([self._row(each) for each in found])
+        rows = np.array([self._row(each) for each in attractors])
         columns: Columns = dict(zip(self.schema, rows.T, strict=False))
-        modes = ["" if each.final is None else str(each.final.mode or "") for each in found]
+        modes = ["" if each.final is None else str(each.final.mode or "") for each in attractors]
         columns[MODE] = np.array(modes, dtype=object)
         return columns
 
     def perturbed(self, state: State) -> State:
         """Return a state a tenth of the distance away in each component."""
-        least = self.options.atol / self.options.rtol
+        least_size = self.options.atol / self.options.rtol
         sizes = {
-            name: max(abs(state[name]), float(self.system.out(name, least))) for name in self.names
+            name: max(abs(state[name]), float(self.system.out(name, least_size)))
+            for name in self.names
         }
         off = {name: state[name] + 0.1 * self.distance * size for name, size in sizes.items()}
         return state.replace(**off)
@@ -138,51 +139,51 @@ class AttractorMatcher:
         for motion, period, mode in kinds:
             if motion == FAILED:
                 continue
-            here = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
-            kept = {what: self._kept(columns, what)[here] for what in KEPT_REDUCTIONS}
+            selected = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
+            reductions = {what: self._reduced(columns, what)[selected] for what in KEPT_REDUCTIONS}
             if motion == UNSETTLED:
-                own = _intersecting_groups(kept["min"], kept["max"])
+                groups = _intersecting_groups(reductions["min"], reductions["max"])
             else:
-                own = _neighbour_groups(
-                    np.hstack(list(kept.values())) / np.tile(size, len(KEPT_REDUCTIONS))
+                groups = _neighbour_groups(
+                    np.hstack(list(reductions.values())) / np.tile(size, len(KEPT_REDUCTIONS))
                 )
-            labels[here] = own + labels.max() + 1
+            labels[selected] = groups + labels.max() + 1
         return labels
 
-    def _kept(self, columns: Columns, what: str) -> Floats:
-        return np.stack([columns[f"{name} {what}"] for name in self.names], axis=1)
+    def _reduced(self, columns: Columns, reduction: str) -> Floats:
+        return np.stack([columns[f"{name} {reduction}"] for name in self.names], axis=1)
 
     def _sizes(self, columns: Columns, starts: Columns) -> Floats:
         """Return the distance in each component, in its unit."""
-        least = self.options.atol / self.options.rtol
-        sizes = [float(self.system.out(name, least)) for name in self.names]
+        least_size = self.options.atol / self.options.rtol
+        sizes = [float(self.system.out(name, least_size)) for name in self.names]
         for i, name in enumerate(self.names):
             values = [columns[f"{name} min"], columns[f"{name} max"], starts.get(name, np.empty(0))]
-            known = np.abs(np.concatenate(values))
-            sizes[i] = max(sizes[i], np.max(known, initial=0.0, where=~np.isnan(known)))
+            magnitudes = np.abs(np.concatenate(values))
+            sizes[i] = max(sizes[i], np.max(magnitudes, initial=0.0, where=~np.isnan(magnitudes)))
         return self.distance * np.array(sizes)
 
-    def _row(self, found: Attractor) -> list[float]:
+    def _row(self, attractor: Attractor) -> list[float]:
         count = len(self.schema) - 1
-        if found.states is None or found.final is None:
+        if attractor.states is None or attractor.final is None:
             return [np.nan] * count
-        places = [self.system.states.index(name) for name in self.names]
-        seen = found.states[:, places]
-        if not len(seen):  # at rest before the first return
-            seen = np.array([[found.final[name] for name in self.names]])
-        kept = np.stack([seen.mean(axis=0), seen.min(axis=0), seen.max(axis=0)], axis=1)
-        final = found.final
-        return [*kept.ravel(), *(final[name] for name in self.system.states), final.time]
+        indices = [self.system.states.index(name) for name in self.names]
+        states = attractor.states[:, indices]
+        if not len(states):  # at rest before the first return
+            states = np.array([[attractor.final[name] for name in self.names]])
+        reductions = np.stack([states.mean(axis=0), states.min(axis=0), states.max(axis=0)], axis=1)
+        final = attractor.final
+        return [*reductions.ravel(), *(final[name] for name in self.system.states), final.time]
 
 
-def _neighbour_groups(places: Floats) -> Integers:
+def _neighbour_groups(positions: Floats) -> Integers:
     """Return groups of points linked by neighbouring cells of a grid."""
-    cells, which = _distinct_rows(np.rint(places))
+    cells, cell_of_row = _distinct_rows(np.rint(positions))
     pairs = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray")
     ones = np.ones(len(pairs))
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
     _, groups = connected_components(graph, directed=False)
-    return np.asarray(groups[which], dtype=np.int64)
+    return np.asarray(groups[cell_of_row], dtype=np.int64)
 
 
 def _distinct_rows(rows: Floats) -> tuple[Floats, Integers]:
@@ -193,9 +194,9 @@ def _distinct_rows(rows: Floats) -> tuple[Floats, Integers]:
     order = np.lexsort(rows.T[::-1])
     ordered = rows[order]
     starts = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    which: Integers = np.empty(len(rows), dtype=np.int64)
-    which[order] = np.cumsum(starts) - 1
-    return ordered[starts], which
+    numbers: Integers = np.empty(len(rows), dtype=np.int64)
+    numbers[order] = np.cumsum(starts) - 1
+    return ordered[starts], numbers
 
 
 def _intersecting_groups(low: Floats, high: Floats) -> Integers:
@@ -204,11 +205,11 @@ def _intersecting_groups(low: Floats, high: Floats) -> Integers:
     for below, above in zip(low, high, strict=True):
         grown = True
         while grown:  # a larger hull may intersect others
-            met = [hull for hull in hulls if ((hull[0] <= above) & (below <= hull[1])).all()]
-            hulls = [hull for hull in hulls if not any(hull is other for other in met)]
-            below = np.min([below, *(hull[0] for hull in met)], axis=0)
-            above = np.max([above, *(hull[1] for hull in met)], axis=0)
-            grown = bool(met)
+            met_hulls = [hull for hull in hulls if ((hull[0] <= above) & (below <= hull[1])).all()]
+            hulls = [hull for hull in hulls if not any(hull is other for other in met_hulls)]
+            below = np.min([below, *(hull[0] for hull in met_hulls)], axis=0)
+            above = np.max([above, *(hull[1] for hull in met_hulls)], axis=0)
+            grown = bool(met_hulls)
         hulls.append((below, above))
     labels: Integers = np.empty(len(low), dtype=np.int64)
     for number, (below, above) in enumerate(hulls):
@@ -232,9 +233,9 @@ class PartialBasins(NamedTuple):
 
 def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
     """Return the row of the first point of each attractor, in descending order of points."""
-    known, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
+    distinct, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
     order = np.lexsort((firsts, -counts))
-    return table.iloc[firsts[order[known[order] >= 0]]]
+    return table.iloc[firsts[order[distinct[order] >= 0]]]
 
 
 def match_attractors(
@@ -265,21 +266,21 @@ def match_attractors(
     rows = representatives(table, labels)
     few = [bool((labels == labels[i]).sum() <= max(1.0, RARE_SHARE * count)) for i in rows.index]
     rows = rows[rows[MOTION].isin([PERIODIC, OFF]) & np.array(few, dtype=bool)]
-    beside = [
+    perturbed = [
         InitialCondition(system, rules.perturbed(state_of(system, row)))
         for _, row in rows.iterrows()
     ]
-    if not beside:
+    if not perturbed:
         return labels
-    found = measuring.follow(beside)
-    more = {**measuring.columns(found), **rules.columns(found)}
-    both = rules.labels(
+    attractors = measuring.follow(perturbed)
+    more = {**measuring.columns(attractors), **rules.columns(attractors)}
+    labels_of_both = rules.labels(
         {name: np.concatenate([columns[name], values]) for name, values in more.items()}, starts
     )
-    labels, led = both[:count], both[count:]
-    known = set(labels.tolist()) - {-1}
+    labels, led = labels_of_both[:count], labels_of_both[count:]
+    known_labels = set(labels.tolist()) - {-1}
     for i, label in zip(rows.index, led.tolist(), strict=True):
-        if label in known:
+        if label in known_labels:
             labels[labels == labels[i]] = label
     return labels
 
@@ -301,7 +302,7 @@ def continued_motions(rows: pd.DataFrame, measuring: AttractorEvaluator) -> list
 def label_points(
     table: pd.DataFrame,
     labels: NDArray[np.int64],
-    found: Sequence[Attractor],
+    motions: Sequence[Attractor],
     starts: InitialConditions,
     longest: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -312,7 +313,7 @@ def label_points(
     table : DataFrame
     labels : array of int
         Label of each point, from `AttractorMatcher.labels`.
-    found : sequence of Attractor
+    motions : sequence of Attractor
         Results of `continued_motions` for the `representatives`.
     starts : InitialConditions
         The bounds of shares depend on whether they are a grid.
@@ -320,13 +321,13 @@ def label_points(
         Largest detectable number of returns of a periodic motion.
     """
     rows = representatives(table, labels)
-    own = labels[rows.index]
+    distinct = labels[rows.index]
     kinds = [
         _late_recurrence(one, longest) if motion == UNSETTLED else (motion, period)
-        for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
+        for motion, period, one in zip(rows[MOTION], rows[PERIOD], motions, strict=True)
     ]
     names = unique_labels([_kind(*each) for each in kinds])
-    members = [labels == label for label in own]
+    members = [labels == label for label in distinct]
     bounds = [bounds_of(each, starts) for each in members]
     columns = {
         ATTRACTOR: texts(names),
@@ -336,18 +337,18 @@ def label_points(
         "share": np.array([each.mean() for each in members]),
         "low": np.array([low for low, _ in bounds]),
         "high": np.array([high for _, high in bounds]),
-        EXPONENT: np.array([one.exponent for one in found]),
-        ERROR: np.array([one.error for one in found]),
+        EXPONENT: np.array([one.exponent for one in motions]),
+        ERROR: np.array([one.error for one in motions]),
     }
     more = [name for name in rows if name not in (*columns, *starts.names, RETURNS, STATUS)]
     attractors = pd.DataFrame(columns).join(rows[more].reset_index(drop=True))
-    named = table.copy(deep=False)
+    labeled = table.copy(deep=False)
     column = np.full(len(table), FAILED, dtype=object)
     for name, each in zip(names, members, strict=True):
         column[each] = name
-    named.insert(len(starts.names), ATTRACTOR, column)
-    named.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
-    return named, attractors
+    labeled.insert(len(starts.names), ATTRACTOR, column)
+    labeled.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
+    return labeled, attractors
 
 
 def label_partial(table: pd.DataFrame) -> PartialBasins:
@@ -364,9 +365,9 @@ def label_partial(table: pd.DataFrame) -> PartialBasins:
     counts = kinds[kinds != FAILED].value_counts()
     columns = {ATTRACTOR: texts(counts.index), "points": counts.to_numpy()}
     attractors = pd.DataFrame({**columns, "share": columns["points"] / max(1, len(table))})
-    named = table.assign(**{ATTRACTOR: kinds})
-    named.attrs = dict(table.attrs)
-    return PartialBasins(named, attractors, pd.DataFrame({ATTRACTOR: texts([])}))
+    labeled = table.assign(**{ATTRACTOR: kinds})
+    labeled.attrs = dict(table.attrs)
+    return PartialBasins(labeled, attractors, pd.DataFrame({ATTRACTOR: texts([])}))
 
 
 def state_of(system: HybridSystem, row: Any) -> State:
@@ -376,25 +377,25 @@ def state_of(system: HybridSystem, row: Any) -> State:
 
 
 def returns(
-    attractors: pd.DataFrame, found: Sequence[Attractor], system: HybridSystem
+    attractors: pd.DataFrame, motions: Sequence[Attractor], system: HybridSystem
 ) -> pd.DataFrame:
     """Return the table of the states at the returns of attractors."""
-    none = np.empty((0, len(system.states)))
-    seen = [none if one.states is None else one.states for one in found]
-    names = np.repeat(attractors[ATTRACTOR].to_numpy(), [len(states) for states in seen])
-    columns = dict(zip(system.states, np.concatenate([none, *seen]).T, strict=True))
+    empty = np.empty((0, len(system.states)))
+    seen = [empty if one.states is None else one.states for one in motions]
+    names = np.repeat(attractors[ATTRACTOR].to_numpy(), [len(arrays) for arrays in seen])
+    columns = dict(zip(system.states, np.concatenate([empty, *seen]).T, strict=True))
     table = pd.DataFrame({ATTRACTOR: texts(names), **columns})
     table.attrs = dict(attractors.attrs)
     return table
 
 
-def _late_recurrence(found: Attractor, longest: int) -> tuple[str, int]:
+def _late_recurrence(attractor: Attractor, longest: int) -> tuple[str, int]:
     """Return motion and period of an attractor that was unsettled when it was reached.
 
     If it is periodic with a detectable period, it was a transient.
     """
-    if found.motion in (CHAOTIC, QUASI_PERIODIC) or found.period > longest:
-        return found.motion, found.period
+    if attractor.motion in (CHAOTIC, QUASI_PERIODIC) or attractor.period > longest:
+        return attractor.motion, attractor.period
     return UNSETTLED, 0
 
 
@@ -406,10 +407,10 @@ def _kind(motion: str, period: int) -> str:
 
 def unique_labels(kinds: list[str]) -> list[str]:
     """Return a name for each attractor: its kind, with a letter if several have this kind."""
-    names, seen = [], dict.fromkeys(kinds, 0)
+    names, numbers = [], dict.fromkeys(kinds, 0)
     for kind in kinds:
-        names.append(kind if kinds.count(kind) == 1 else f"{kind} {_letters(seen[kind])}")
-        seen[kind] += 1
+        names.append(kind if kinds.count(kind) == 1 else f"{kind} {_letters(numbers[kind])}")
+        numbers[kind] += 1
     return names
 
 
@@ -419,16 +420,16 @@ def _letters(number: int) -> str:
     return (_letters(before - 1) if before else "") + chr(ord("a") + letter)
 
 
-def bounds_of(own: NDArray[np.bool_], starts: InitialConditions) -> tuple[float, float]:
+def bounds_of(in_basin: NDArray[np.bool_], starts: InitialConditions) -> tuple[float, float]:
     """Return the confidence bounds of an attractor's share; see `basins`."""
     if not isinstance(starts, Grid):
-        return wilson(int(own.sum()), len(own))
-    cells = own.reshape(starts.shape)
+        return wilson(int(in_basin.sum()), len(in_basin))
+    cells = in_basin.reshape(starts.shape)
     inner, outer = cells.copy(), cells.copy()
-    for place in range(cells.ndim):
-        ahead = tuple(slice(1, None) if i == place else slice(None) for i in range(cells.ndim))
-        behind = tuple(slice(None, -1) if i == place else slice(None) for i in range(cells.ndim))
-        for here, there in ((ahead, behind), (behind, ahead)):
-            inner[here] &= cells[there]
-            outer[here] |= cells[there]
+    for axis in range(cells.ndim):
+        front = tuple(slice(1, None) if i == axis else slice(None) for i in range(cells.ndim))
+        back = tuple(slice(None, -1) if i == axis else slice(None) for i in range(cells.ndim))
+        for cell, neighbour in ((front, back), (back, front)):
+            inner[cell] &= cells[neighbour]
+            outer[cell] |= cells[neighbour]
     return float(inner.mean()), float(outer.mean())

@@ -24,7 +24,7 @@ from mems_impact.analysis.attractor import (
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
-from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of, schema_of
+from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label, schema_of
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.identity import identity, identity_of_options
 from mems_impact.systems.statistics import (
@@ -74,20 +74,20 @@ def motions(table: pd.DataFrame) -> pd.Series:
 
 def period_of(motion: str) -> int:
     """Return the period in the name of a kind of motion; 0 without one."""
-    found = re.match(r"period (\d+)", motion)
-    return int(found[1]) if found else 0
+    match = re.match(r"period (\d+)", motion)
+    return int(match[1]) if match else 0
 
 
 def in_order(kinds: Iterable[str]) -> list[str]:
     """Return kinds of motions in order of complexity: off, period 1, 2, …, chaotic."""
-    known = (*STATIONARY_STATUSES, PERIODIC, *_IRREGULAR)
+    order = (*STATIONARY_STATUSES, PERIODIC, *_IRREGULAR)
 
-    def place(kind: str) -> tuple[int, int, str]:
+    def rank(kind: str) -> tuple[int, int, str]:
         period = period_of(kind)
         name = PERIODIC if period else kind
-        return known.index(name) if name in known else len(known), period, kind
+        return order.index(name) if name in order else len(order), period, kind
 
-    return sorted(set(kinds), key=place)
+    return sorted(set(kinds), key=rank)
 
 
 def map_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -124,13 +124,13 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
     table = without_units(table)
     x, y = table.columns[:2]
     groups = table.groupby(motions(table).rename(None))
-    ends = {f"{name} {which}": (name, which) for name in (x, y) for which in ("min", "max")}
+    ends = {f"{name} {end}": (name, end) for name in (x, y) for end in ("min", "max")}
     summary = groups.agg(points=(STATUS, "size"), **ends)
     summary = summary.reindex(in_order(summary.index)).rename_axis(MOTION).reset_index()
     summary.insert(2, "share", summary["points"] / len(table))
     units = table.attrs.get("units", {})
-    own = {name: units[source] for name, (source, _) in ends.items() if source in units}
-    summary.attrs = {**table.attrs, "units": own}
+    end_units = {name: units[source] for name, (source, _) in ends.items() if source in units}
+    summary.attrs = {**table.attrs, "units": end_units}
     return summary
 
 
@@ -210,7 +210,7 @@ class AttractorEvaluator:
         """Return the attractors of many points."""
         return map_attractors(cases, self.recurrence, self.options, watch, numbers, self.gpu)
 
-    def follow_some(
+    def follow_numbered(
         self,
         numbers: range,
         case: Callable[[int], InitialCondition],
@@ -234,22 +234,22 @@ class AttractorEvaluator:
             for number in numbers
         ]
 
-    def columns(self, found: Sequence[Attractor]) -> Columns:
+    def columns(self, attractors: Sequence[Attractor]) -> Columns:
         """Return the columns of `schema`."""
         columns: Columns = {
-            MOTION: _text_column([each.motion for each in found]),
-            PERIOD: np.array([each.period for each in found], dtype=np.int64),
+            MOTION: _text_column([each.motion for each in attractors]),
+            PERIOD: np.array([each.period for each in attractors], dtype=np.int64),
         }
         for name in self.system.measure_names:
-            columns[name] = np.array([each.measures.get(name, math.nan) for each in found])
+            columns[name] = np.array([each.measures.get(name, math.nan) for each in attractors])
         if self.recurrence.exponents != "none":
-            columns[EXPONENT] = np.array([each.exponent for each in found])
-            columns[ERROR] = np.array([each.error for each in found])
-        columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
-        columns[STATUS] = _text_column([each.status for each in found])
+            columns[EXPONENT] = np.array([each.exponent for each in attractors])
+            columns[ERROR] = np.array([each.error for each in attractors])
+        columns[RETURNS] = np.array([each.returns for each in attractors], dtype=np.int64)
+        columns[STATUS] = _text_column([each.status for each in attractors])
         return columns
 
-    def lost(self, count: int, reason: str) -> list[Attractor]:
+    def failed_attractors(self, count: int, reason: str) -> list[Attractor]:
         """Return the values that represent failed points."""
         return [Attractor(motion=FAILED, status=reason)] * count
 
@@ -305,26 +305,27 @@ class AttractorStudy(Study):
     ) -> tuple[Columns, Any]:
         """Compute some points; see `Study`."""
         with pause_collection():
-            found = self.measuring.follow_some(range(first, last), self._case, watch)
-            return {**self._places(first, last), **self._attractor_columns(found)}, None
+            attractors = self.measuring.follow_numbered(range(first, last), self._case, watch)
+            identity = self._identity_columns(first, last)
+            return {**identity, **self._attractor_columns(attractors)}, None
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return the rows of points that failed."""
-        found = self.measuring.lost(last - first, reason)
-        return {**self._places(first, last), **self._attractor_columns(found)}
+        attractors = self.measuring.failed_attractors(last - first, reason)
+        return {**self._identity_columns(first, last), **self._attractor_columns(attractors)}
 
     @abstractmethod
     def _case(self, number: int) -> InitialCondition:
         """Return a point; InvalidParameter if it is not allowed."""
 
-    def place(self, number: int) -> str:
+    def point_label(self, number: int) -> str:
         """Return the name of a point in messages."""
-        return places_of(self._places(number, number + 1))
+        return row_label(self._identity_columns(number, number + 1))
 
     @abstractmethod
-    def _places(self, first: int, last: int) -> Columns:
+    def _identity_columns(self, first: int, last: int) -> Columns:
         """Return the columns that identify points."""
 
-    def _attractor_columns(self, found: Sequence[Attractor]) -> Columns:
+    def _attractor_columns(self, attractors: Sequence[Attractor]) -> Columns:
         """Return the columns that describe attractors."""
-        return self.measuring.columns(found)
+        return self.measuring.columns(attractors)

@@ -77,16 +77,16 @@ def basin_entropy(grid: NDArray[Any], box: int) -> BasinEntropy:
     inner = range(1, 2 * len(counts), 2)
     rows = np.moveaxis(whole_boxes.reshape(sides), inner, range(-len(counts), 0))
     rows = rows.reshape(math.prod(counts), box ** len(counts))
-    found = np.stack([(rows == code).sum(axis=1) for code in range(codes.max() + 1)], axis=1)
-    known = found.sum(axis=1)
-    found, known = found[known > 0], known[known > 0]
-    shares = found / known[:, None]
+    points = np.stack([(rows == code).sum(axis=1) for code in range(codes.max() + 1)], axis=1)
+    totals = points.sum(axis=1)
+    points, totals = points[totals > 0], totals[totals > 0]
+    shares = points / totals[:, None]
     entropies = -(shares * np.log(np.where(shares > 0.0, shares, 1.0))).sum(axis=1)
-    mixed = (found > 0).sum(axis=1) > 1
+    mixed = (points > 0).sum(axis=1) > 1
     return BasinEntropy(
-        float(entropies.mean()) if known.size else math.nan,
+        float(entropies.mean()) if totals.size else math.nan,
         float(entropies[mixed].mean()) if mixed.any() else math.nan,
-        known.size,
+        totals.size,
         int(mixed.sum()),
     )
 
@@ -108,10 +108,10 @@ def uncertainty_exponent(grid: NDArray[Any], largest: int | None) -> Uncertainty
     distances = np.unique(np.rint(np.geomspace(1, largest, DISTANCES)).astype(np.int64))
     # The same points at all distances, so that fractions differ by the distance alone.
     inner = (slice(largest, -largest),) * codes.ndim
-    known = codes[inner] >= 0
-    if not known.any():
+    valid = codes[inner] >= 0
+    if not valid.any():
         return UncertaintyExponent(math.nan, math.nan, distances, np.zeros(distances.size))
-    fractions = np.array([_uncertain(codes, k)[inner][known].mean() for k in distances.tolist()])
+    fractions = np.array([_uncertain(codes, k)[inner][valid].mean() for k in distances.tolist()])
     exponent, error = _slope(distances[fractions > 0.0], fractions[fractions > 0.0])
     return UncertaintyExponent(exponent, error, distances, fractions)
 
@@ -119,16 +119,16 @@ def uncertainty_exponent(grid: NDArray[Any], largest: int | None) -> Uncertainty
 def _codes(grid: NDArray[Any]) -> NDArray[np.int64]:
     """Return a number for each attractor, -1 for failed points."""
     names, codes = np.unique(grid, return_inverse=True)
-    kept = names != FAILED
-    numbers = np.where(kept, np.cumsum(kept) - 1, -1)
+    is_attractor = names != FAILED
+    numbers = np.where(is_attractor, np.cumsum(is_attractor) - 1, -1)
     return np.asarray(numbers[codes].reshape(grid.shape), dtype=np.int64)
 
 
 def _uncertain(codes: NDArray[np.int64], distance: int) -> NDArray[np.bool_]:
     """Return whether each point has another attractor within a distance along each axis."""
-    side, none = 2 * distance + 1, codes.max() + 1
+    side, beyond = 2 * distance + 1, codes.max() + 1
     largest = maximum_filter(codes, side)
-    smallest = minimum_filter(np.where(codes < 0, none, codes), side)
+    smallest = minimum_filter(np.where(codes < 0, beyond, codes), side)
     return np.asarray(largest > smallest)
 
 
@@ -139,6 +139,6 @@ def _slope(distances: NDArray[np.int64], fractions: Floats) -> tuple[float, floa
     x, y = np.log(distances), np.log(fractions)
     slope = float(np.polyfit(x, y, 1)[0])
     half = max(2, len(x) // 2)
-    parts = [slice(first, first + half) for first in range(len(x) - half + 1)]
-    slopes = np.array([np.polyfit(x[part], y[part], 1)[0] for part in parts])
+    halves = [slice(first, first + half) for first in range(len(x) - half + 1)]
+    slopes = np.array([np.polyfit(x[part], y[part], 1)[0] for part in halves])
     return slope, float(np.sqrt(np.mean((slopes - slope) ** 2)))

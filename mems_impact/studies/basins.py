@@ -93,14 +93,14 @@ class BasinsStudy(AttractorStudy):
         return {**attrs, "starts": list(self.starts.names)}
 
     def _case(self, number: int) -> InitialCondition:
-        place = self.starts.points[number].tolist()
-        start = self.initial.replace(**dict(zip(self.starts.names, place, strict=True)))
+        values = self.starts.points[number].tolist()
+        start = self.initial.replace(**dict(zip(self.starts.names, values, strict=True)))
         return InitialCondition(self.measuring.system, start)
 
-    def _attractor_columns(self, found: Sequence[Attractor]) -> Columns:
-        return {**self.measuring.columns(found), **self.recognition.columns(found)}
+    def _attractor_columns(self, attractors: Sequence[Attractor]) -> Columns:
+        return {**self.measuring.columns(attractors), **self.recognition.columns(attractors)}
 
-    def _places(self, first: int, last: int) -> Columns:
+    def _identity_columns(self, first: int, last: int) -> Columns:
         return dict(zip(self.starts.names, self.starts.points[first:last].T, strict=True))
 
 
@@ -299,13 +299,13 @@ class Basins(Result):
         return uncertainty_exponent(self.grid(), largest)
 
     def _attractor_summary(self) -> str:
-        found = self.attractors
-        counts = [
+        attractors = self.attractors
+        shares = [
             f"{name} {share:.1%}"
-            for name, share in zip(found[ATTRACTOR], found["share"], strict=True)
+            for name, share in zip(attractors[ATTRACTOR], attractors["share"], strict=True)
         ]
-        lost = int((self.table[ATTRACTOR] == FAILED).sum())
-        return ", ".join([*counts, *([f"{lost} failed"] if lost else [])])
+        failed = int((self.table[ATTRACTOR] == FAILED).sum())
+        return ", ".join([*shares, *([f"{failed} failed"] if failed else [])])
 
 
 @takes_system(start="initial")
@@ -427,11 +427,11 @@ def basins(
         labels = attractor_matching.match_attractors(
             table, starts.names, study.recognition, study.measuring
         )
-        found = attractor_matching.continued_motions(
+        motions = attractor_matching.continued_motions(
             attractor_matching.representatives(table, labels), measuring
         )
         table, attractors = attractor_matching.label_points(
-            table, labels, found, starts, recurrence.longest
+            table, labels, motions, starts, recurrence.longest
         )
         return Basins(
             system=system,
@@ -439,7 +439,7 @@ def basins(
             initial=start,
             table=table,
             attractors=attractors,
-            returns=attractor_matching.returns(attractors, found, system),
+            returns=attractor_matching.returns(attractors, motions, system),
         )
 
 

@@ -213,18 +213,18 @@ class BifurcationDiagram(Result):
     def _line(self, number: int) -> str:
         branch, origin = self.branches[number], self.origins[number]
         values = np.append(_values(branch), [s.value for s in branch.special_points])
-        low, high = _shown(values.min()), _shown(values.max())
-        parts = [_kind(branch), f"{self.parameter} {low} to {high}"]
+        low, high = _value_text(values.min()), _value_text(values.max())
+        phrases = [_kind(branch), f"{self.parameter} {low} to {high}"]
         if branch.ended.endswith(CLOSED):
-            parts.append("closed")
-        parts += [
-            f"{s.label} {_shown(s.value)}"
+            phrases.append("closed")
+        phrases += [
+            f"{s.label} {_value_text(s.value)}"
             for s in branch.special_points
             if origin is None or not _same_point(s, origin)
         ]
         if origin is not None:
-            parts.append(f"from {origin.label} {_shown(origin.value)}")
-        return ", ".join(parts)
+            phrases.append(f"from {origin.label} {_value_text(origin.value)}")
+        return ", ".join(phrases)
 
     @cached_property
     def special_points(self) -> tuple[AnyPoint, ...]:
@@ -233,12 +233,12 @@ class BifurcationDiagram(Result):
 
     @cached_property
     def _distinct(self) -> list[tuple[int, AnyPoint]]:
-        found: list[tuple[int, AnyPoint]] = []
+        points: list[tuple[int, AnyPoint]] = []
         for i, branch in enumerate(self.branches):
             for point in branch.special_points:
-                if not any(_same_point(point, other) for _, other in found):
-                    found.append((i, point))
-        return found
+                if not any(_same_point(point, other) for _, other in points):
+                    points.append((i, point))
+        return points
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -249,28 +249,28 @@ class BifurcationDiagram(Result):
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row per special point, with the number of its branch."""
-        shown = {(i, id(point)) for i, point in self._distinct}
+        displayed = {(i, id(point)) for i, point in self._distinct}
         masks = [
-            np.array([(i, id(s)) in shown for s in branch.special_points], dtype=bool)
+            np.array([(i, id(s)) in displayed for s in branch.special_points], dtype=bool)
             for i, branch in enumerate(self.branches)
         ]
         pairs = zip(self.branches, masks, strict=True)
         tables = [branch.special_table[mask] for branch, mask in pairs]
         like = no_orbits(self.parameter, self.system).drop(columns="piece")
-        none = diagram_tables.special_points(self.parameter, [], self.system, like)
-        return _joined(tables or [none])
+        empty = diagram_tables.special_points(self.parameter, [], self.system, like)
+        return _joined(tables or [empty])
 
 
 def _up_to_cover(branch: AnyBranch) -> AnyBranch:
     """Return a branch up to the point where its orbits become those of a smaller period."""
     if isinstance(branch, EquilibriumBranch):
         return branch
-    found = up_to_cover(branch.found)
-    if found is branch.found:
+    shortened = up_to_cover(branch.found)
+    if shortened is branch.found:
         return branch
-    kept = {id(each) for each in found.special_points}
-    special = tuple(each for each in branch.special_points if id(each.found) in kept)
-    return replace(branch, found=found, special_points=special, ended=found.ended)
+    identities = {id(each) for each in shortened.special_points}
+    special = tuple(each for each in branch.special_points if id(each.found) in identities)
+    return replace(branch, found=shortened, special_points=special, ended=shortened.ended)
 
 
 def _values(branch: AnyBranch) -> Floats:
@@ -278,7 +278,7 @@ def _values(branch: AnyBranch) -> Floats:
     return branch.table.iloc[:, 0].to_numpy()
 
 
-def _shown(value: float) -> str:
+def _value_text(value: float) -> str:
     return f"{value:.6g}" if abs(value) > 1e-12 else "0"
 
 
@@ -383,11 +383,11 @@ class AttractorSearch:
 
         At the values of known ones, no motion starts from states of the box.
         """
-        found: dict[float, list[Motion]] = {value: [] for value in self.grid}
+        motions: dict[float, list[Motion]] = {value: [] for value in self.grid}
         for motion in known:
-            if motion.value in found:
-                found[motion.value].append(motion)
-        begun = {value for value in self.grid if found[value]}
+            if motion.value in motions:
+                motions[motion.value].append(motion)
+        begun = {value for value in self.grid if motions[value]}
         carried: list[State] = []
         for up in (True, False):
             for value in self.grid if up else self.grid[::-1]:
@@ -395,16 +395,18 @@ class AttractorSearch:
                     report(0, f"attractors at {self.parameter} = {value:.6g}")
                 if not (up and value in begun):
                     fresh = [*self.initial, *self.fresh(value)] if up else []
-                    found[value] = self._distinct(value, [*carried, *fresh], found[value])
-                carried = [m.attractor.final for m in found[value] if m.attractor.final is not None]
-                yield [motion for each in self.grid for motion in found[each]]
+                    motions[value] = self._distinct(value, [*carried, *fresh], motions[value])
+                carried = [
+                    m.attractor.final for m in motions[value] if m.attractor.final is not None
+                ]
+                yield [motion for each in self.grid for motion in motions[each]]
 
     def fresh(self, value: float, times: int = 0) -> list[State]:
         """Return states of the box that violate no guard, others for each number of `times`."""
-        found: list[State] = []
+        states: list[State] = []
         first = 4 * self.starts * (self.grid.index(value) + times * len(self.grid))
         for number in range(first, first + 4 * self.starts):
-            if len(found) == self.starts:
+            if len(states) == self.starts:
                 break
             part = _halton(number, len(self.box))
             values = {
@@ -413,8 +415,8 @@ class AttractorSearch:
             }
             state = state_from({**self.system.initial.as_dict(), **values})
             if self._is_inside(self.at(value), state):
-                found.append(state)
-        return found
+                states.append(state)
+        return states
 
     def _is_inside(self, system: HybridSystem, state: State) -> bool:
         """Return whether no impact is behind a state."""
@@ -462,7 +464,7 @@ class AttractorSearch:
         return {states.index(name): max(map(abs, pair)) for name, pair in self.box.items()}
 
     def _distinct(
-        self, value: float, starts: Sequence[State], known: Sequence[Motion]
+        self, value: float, starts: Sequence[State], known_motions: Sequence[Motion]
     ) -> list[Motion]:
         """Return the known attractors at a value with those that are reached from states."""
         system = self.at(value)
@@ -471,7 +473,7 @@ class AttractorSearch:
             InitialCondition(system, state if state.time < period else state.replace(time=0.0))
             for state in starts
         ]
-        found = list(known)
+        motions = list(known_motions)
         guards = system.automaton.guards
         events = any(guard.name != PLACEHOLDER_GUARD for guard in guards if not guard.records)
         returns = system.forced or system.section is not None or events
@@ -482,10 +484,10 @@ class AttractorSearch:
         )
         for each in attractors:
             if each.motion != FAILED and not any(
-                _same_attractor(each, other.attractor, self._sizes) for other in found
+                _same_attractor(each, other.attractor, self._sizes) for other in motions
             ):
-                found.append(Motion(value, each))
-        return found
+                motions.append(Motion(value, each))
+        return motions
 
     def _without_returns(self, case: InitialCondition) -> Attractor:
         """Return the attractor of an autonomous system without guards: at rest, or unsettled."""
@@ -502,9 +504,9 @@ class AttractorSearch:
         late = y[-max(1, round(len(y) * self.recurrence.periods / length)) :]
         free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
         moved = np.ptp(late, axis=0) > REST_RTOL * (np.abs(y).max(axis=0) + REST_RTOL)
-        turns = (np.diff(np.sign(np.diff(late, axis=0)), axis=0) != 0.0).sum(axis=0)
+        extrema = (np.diff(np.sign(np.diff(late, axis=0)), axis=0) != 0.0).sum(axis=0)
         # A monotonic motion approaches rest, however slowly.
-        unsettled = bool((moved & (turns > 1))[free].any())
+        unsettled = bool((moved & (extrema > 1))[free].any())
         return Attractor(
             motion=UNSETTLED if unsettled else RESTING,
             final=run.final,
@@ -540,8 +542,8 @@ def _same_attractor(one: Attractor, other: Attractor, sizes: Mapping[int, float]
     free = list(sizes)
     a, b = one.states[:, free], other.states[:, free]
     if one.motion in kinds:
-        apart = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * np.array(list(sizes.values()))
-        return one.period == other.period and bool((apart <= 0.0).all(axis=1).any())
+        excess = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * np.array(list(sizes.values()))
+        return one.period == other.period and bool((excess <= 0.0).all(axis=1).any())
     return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
 
 
@@ -600,8 +602,8 @@ class DiagramBuilder:
 
     def build(self) -> None:
         """Compute the parts of the diagram that are missing."""
-        parts = (self._find_attractors, self._follow, self._search, self._measure)
-        for name, compute in zip(PARTS, parts, strict=True):
+        stages = (self._find_attractors, self._follow, self._search, self._measure)
+        for name, compute in zip(PARTS, stages, strict=True):
             if name not in self.finished:
                 compute()
                 self.finished += (name,)
@@ -614,8 +616,8 @@ class DiagramBuilder:
             self._saved = time.monotonic()
 
     def _find_attractors(self) -> None:
-        for found in self.search.motions(self.motions, self._tick):
-            self.motions = found
+        for motions in self.search.motions(self.motions, self._tick):
+            self.motions = motions
             self._save_sometimes()
 
     def _follow(self) -> None:
@@ -674,13 +676,13 @@ class DiagramBuilder:
             return self._add_equilibrium(rest)
         return NO_BRANCH
 
-    def _number(self, found: Orbit | Equilibrium) -> int | None:
+    def _number(self, solution: Orbit | Equilibrium) -> int | None:
         """Return the number of the known branch on which an orbit or equilibrium lies."""
         for i, branch in enumerate(self.branches):
-            if isinstance(branch, Branch) and isinstance(found, Orbit):
-                on = orbit_on_branch(branch.found, found.found)
-            elif isinstance(branch, EquilibriumBranch) and isinstance(found, Equilibrium):
-                on = equilibrium_on_branch(branch.found, found.found)
+            if isinstance(branch, Branch) and isinstance(solution, Orbit):
+                on = orbit_on_branch(branch.found, solution.found)
+            elif isinstance(branch, EquilibriumBranch) and isinstance(solution, Equilibrium):
+                on = equilibrium_on_branch(branch.found, solution.found)
             else:
                 continue
             if on:
@@ -692,31 +694,33 @@ class DiagramBuilder:
         point = orbit.found.point
         if (np.asarray(point.ends) - np.asarray(point.starts)).min() < VANISHING_LENGTH:
             return NO_BRANCH  # an orbit whose first segment ends at once, in another mode
-        known = self._number(orbit)
-        return self._add(self._both_ways(orbit)) if known is None else known
+        number = self._number(orbit)
+        return self._add(self._branch_through(orbit)) if number is None else number
 
-    def _add_equilibrium(self, found: Equilibrium) -> int:
-        known = self._number(found)
-        if known is None and (found.neutral or not found.admissible):
+    def _add_equilibrium(self, equilibrium: Equilibrium) -> int:
+        number = self._number(equilibrium)
+        if number is None and (equilibrium.neutral or not equilibrium.admissible):
             return NO_BRANCH
-        return self._add(self._both_ways(found)) if known is None else known
+        return self._add(self._branch_through(equilibrium)) if number is None else number
 
-    def _both_ways(self, start: Any) -> Any:
+    def _branch_through(self, start: Any) -> Any:
         """Return the branch through an orbit or equilibrium."""
-        own = {} if self.steps is None else {"steps": self.steps}
+        options = {} if self.steps is None else {"steps": self.steps}
         verb: Any = continue_orbit if isinstance(start, Orbit) else continue_equilibrium
-        here, (low, high) = start.system.value(self.parameter), self.bounds
-        parts: list[Any] = []
+        current, (low, high) = start.system.value(self.parameter), self.bounds
+        halves: list[Any] = []
         for stop, back in ((high, low), (low, high)):
-            if stop == here:
+            if stop == current:
                 continue
             inside = min(max(back, low), high)
-            through = verb(start, self.parameter, stop, back=inside, progress=self._passed, **own)
-            part: Any = _up_to_cover(through)
-            parts.append(part)
-            if part.ended.endswith(CLOSED):
-                return part
-        return parts[0] if len(parts) == 1 else joined_branch(parts[1], parts[0])
+            through = verb(
+                start, self.parameter, stop, back=inside, progress=self._passed, **options
+            )
+            half: Any = _up_to_cover(through)
+            halves.append(half)
+            if half.ended.endswith(CLOSED):
+                return half
+        return halves[0] if len(halves) == 1 else joined_branch(halves[1], halves[0])
 
     def _passed(self, value: float) -> None:
         self._tick(note=f"branch {len(self.branches)} at {self.parameter} = {value:.6g}")
@@ -777,9 +781,9 @@ class DiagramBuilder:
             probe: Any = switch_branch(
                 special, bounds=bounds, steps=replace(steps, most=min(steps.most, PROBE_POINTS))
             )
-            known = self._known_probe(probe)
-            if known is not None:
-                self._set_parent(known, number, special)
+            child = self._known_probe(probe)
+            if child is not None:
+                self._set_parent(child, number, special)
                 return
             branch = switch_branch(special, bounds=bounds, steps=self.steps, progress=self._passed)
         except MemsImpactError:
@@ -796,17 +800,17 @@ class DiagramBuilder:
 
     def _find_parent(self, number: int, special: SpecialPoint) -> None:
         """Add the branch of half the period at which a branch ends."""
-        found = special.found.orbit
+        orbit = special.found.orbit
         try:
             if special.orbit.system.forced:
-                half = find_periodic_orbit(found.family, found.instant, periods=found.periods // 2)
+                half = find_periodic_orbit(orbit.family, orbit.instant, periods=orbit.periods // 2)
             else:
-                half = find_cycle(found.family, found.instant, period=0.5 * found.point.period)
+                half = find_cycle(orbit.family, orbit.instant, period=0.5 * orbit.point.period)
             parent = self._add_orbit(orbit_of(self.system, half))
         except MemsImpactError:
             return
-        own = self.branches[parent].special_points
-        origin = next((each for each in own if _same_point(each, special)), None)
+        special_points = self.branches[parent].special_points
+        origin = next((each for each in special_points if _same_point(each, special)), None)
         if origin is not None:
             self._set_parent(number, parent, origin)
 
@@ -828,11 +832,11 @@ class DiagramBuilder:
         chosen = np.unique(np.linspace(0, len(grid) - 1, SEARCHED_VALUES).round().astype(int))
         for value in (grid[i] for i in chosen.tolist()):
             self._tick(note=f"other orbits at {self.parameter} = {value:.6g}")
-            for found in self._solutions(value):
-                if isinstance(found, Equilibrium):
-                    self._add_equilibrium(found)
+            for solution in self._solutions(value):
+                if isinstance(solution, Equilibrium):
+                    self._add_equilibrium(solution)
                 else:
-                    self._add_orbit(found)
+                    self._add_orbit(solution)
 
     def _solutions(self, value: float) -> Iterator[Orbit | Equilibrium]:
         """Yield the orbits, or equilibria, that Newton's method finds from states of the box."""
@@ -846,13 +850,13 @@ class DiagramBuilder:
         for periods in range(1, min(self.longest, SEARCHED_PERIODS) + 1):
             for start in starts:
                 with suppress(MemsImpactError):
-                    found = find_orbit(system, guess=start, periods=periods, options=self.options)
-                    covered = covered_period(found.found)
+                    orbit = find_orbit(system, guess=start, periods=periods, options=self.options)
+                    covered = covered_period(orbit.found)
                     if covered:
-                        found = find_orbit(
-                            system, guess=found.state, periods=covered, options=self.options
+                        orbit = find_orbit(
+                            system, guess=orbit.state, periods=covered, options=self.options
                         )
-                    yield found
+                    yield orbit
 
     # The cloud
 
@@ -934,15 +938,15 @@ def attractor_table(
 def motions_of(diagram: BifurcationDiagram) -> list[Motion]:
     """Return the attractors of a diagram."""
     table = diagram_tables.without_units(diagram.attractors)
-    found = []
+    motions = []
     for row in table.to_dict("records"):
         values = {name: row[name] for name in diagram.system.states}
         state = state_from(values, time=row["time"], mode=row["mode"] or None)
         attractor = Attractor(
             motion=row["motion"], period=int(row["period"]), final=state, exponent=row["exponent"]
         )
-        found.append(Motion(float(row[diagram.parameter]), attractor, int(row[BRANCH])))
-    return found
+        motions.append(Motion(float(row[diagram.parameter]), attractor, int(row[BRANCH])))
+    return motions
 
 
 # --- The verb
@@ -1123,14 +1127,14 @@ def _stored(
         raise InvalidParameter("resume", resume, "", problem="is not possible with store=")
     if not os.path.exists(store):
         return None
-    found = load(store, system=None if system.is_data_only else system)
-    if not isinstance(found, BifurcationDiagram):
+    diagram = load(store, system=None if system.is_data_only else system)
+    if not isinstance(diagram, BifurcationDiagram):
         raise InvalidFile(store, "holds no bifurcation diagram", "give another file")
-    differing = difference(found.inputs, inputs)
+    differing = difference(diagram.inputs, inputs)
     if differing:
         problem = f"holds a diagram of other arguments: {differing}"
         raise InvalidFile(store, problem, "give another file for this one")
-    return found
+    return diagram
 
 
 def _check_resumed(

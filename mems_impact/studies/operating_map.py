@@ -27,7 +27,7 @@ from mems_impact.studies.attractor_study import (
 )
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import Columns, schema_of
-from mems_impact.studies.sampling import Axis, axis, check_apart, identity_of_axis
+from mems_impact.studies.sampling import Axis, axis, check_different, identity_of_axis
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
@@ -83,7 +83,7 @@ class MapStudy(AttractorStudy):
     def _case(self, number: int) -> InitialCondition:
         return InitialCondition(self._system(number), self.initial)
 
-    def _places(self, first: int, last: int) -> Columns:
+    def _identity_columns(self, first: int, last: int) -> Columns:
         numbers = np.arange(first, last)
         count = len(self.x.values)
         return {
@@ -176,8 +176,8 @@ class OperatingMap(Result):
         return np.asarray(values).reshape(len(self.y.values), len(self.x.values))
 
     def _counted(self) -> str:
-        counts = motions(self.table).value_counts()
-        return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(counts.index))
+        points = motions(self.table).value_counts()
+        return ", ".join(f"{points[kind]} {kind}" for kind in in_order(points.index))
 
 
 @takes_system(start="initial")
@@ -254,7 +254,7 @@ def operating_map(
     """
     names = tuple(system.parameters)
     across, up = axis("x", x, names, system), axis("y", y, names, system)
-    check_apart(across, up, system)
+    check_different(across, up, system)
     start = None if initial is None else system.state_from(initial)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")

@@ -99,18 +99,20 @@ def limits_of(
         If a quantity is unknown, or a pair does not consist of ascending numbers or None.
     """
     system = orbit.system
-    given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, MAX_MULTIPLIER)}
+    defaults: dict[str, tuple[float | None, float | None]] = {
+        MULTIPLIER.name: (None, MAX_MULTIPLIER)
+    }
     if any(each.name == CLOSEST_APPROACH for each in system.orbit_quantities):
-        given[CLOSEST_APPROACH] = (0.0, None)
-    found = []
-    for name, pair in {**given, **subject_to}.items():
+        defaults[CLOSEST_APPROACH] = (0.0, None)
+    limits = []
+    for name, pair in {**defaults, **subject_to}.items():
         quantity = _quantity(system, name, tolerances)
         unit = quantity.unit if system.units else None
         low, high = _checked_pair(name, quantities(f"subject_to {name}", pair, unit))
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
         size = size or abs(quantity(orbit))
-        found.append(QuantityBounds(quantity, low, high, size if 0.0 < size < math.inf else 1.0))
-    return tuple(found)
+        limits.append(QuantityBounds(quantity, low, high, size if 0.0 < size < math.inf else 1.0))
+    return tuple(limits)
 
 
 def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[float, float]:
@@ -288,29 +290,29 @@ def optimize(
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     aim = Objective.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
-    most = whole("iterations", iterations, 1)
-    taken: list[Iterate[Orbit]] = []
+    max_iterations = whole("iterations", iterations, 1)
+    iterates: list[Iterate[Orbit]] = []
     with progress_bar(progress, "points", work="optimize") as show:
 
-        def report(found: Iterate[Orbit]) -> None:
-            taken.append(found)
+        def report(iterate: Iterate[Orbit]) -> None:
+            iterates.append(iterate)
             if show is not None:
-                show(len(taken))
+                show(len(iterates))
 
         try:
-            found = search(
-                aim.place(orbit), orbit, move=aim.move, look=aim.look, report=report,
-                iterations=most,
+            end = search(
+                aim.position(orbit), orbit, move=aim.move, look=aim.look, report=report,
+                iterations=max_iterations,
             )  # fmt: skip
         except KeyboardInterrupt:
-            if not taken:
+            if not iterates:
                 raise
-            last = taken[-1]
+            last = iterates[-1]
             stopped = Iterate(last.x, last.item, last.local, "interrupted", "")
-            raise OptimizationInterrupted(aim.optimum(stopped, taken), len(taken)) from None
-    best = aim.optimum(found, taken)
-    if found.local.violation > CONSTRAINT_TOLERANCE:
-        missed = ", ".join(aim.violated(found))
+            raise OptimizationInterrupted(aim.optimum(stopped, iterates), len(iterates)) from None
+    best = aim.optimum(end, iterates)
+    if end.local.violation > CONSTRAINT_TOLERANCE:
+        missed = ", ".join(aim.violated(end))
         raise OrbitError(
             f"no orbit of this kind was found that has {missed}",
             "widen the bounds of over, loosen subject_to, or begin with another orbit; the nearest "
@@ -351,9 +353,9 @@ class Objective:
         if not (orbit.stable and orbit.admissible):
             raise InvalidParameter("orbit", orbit, "stable and admissible")
         deviations(tolerances, system)
-        wanted = maximize if maximize is not None else minimize
-        assert wanted is not None
-        first = _quantity(system, wanted, tolerances)
+        objective = maximize if maximize is not None else minimize
+        assert objective is not None
+        first = _quantity(system, objective, tolerances)
         limits = limits_of(orbit, subject_to, tolerances)
         scale = abs(first(orbit))
         if not math.isfinite(scale):
@@ -366,7 +368,7 @@ class Objective:
             limits=limits,
         )
 
-    def place(self, orbit: Orbit) -> Floats:
+    def position(self, orbit: Orbit) -> Floats:
         """Return the position of an orbit in the unit box."""
         return np.array(
             [
@@ -390,47 +392,47 @@ class Objective:
     def look(self, orbit: Orbit) -> LocalModel:
         """Return value, margins and gradients, in units of their scales."""
         quantities = (self.quantity, *self.limited)
-        values, found = derivatives(orbit, quantities, tuple(self.over))
-        gradients = found * np.array([high - low for low, high in self.over.values()])
+        values, by_parameter = derivatives(orbit, quantities, tuple(self.over))
+        gradients = by_parameter * np.array([high - low for low, high in self.over.values()])
         if not math.isfinite(values[0]) or np.isinf(values).any():
             raise OrbitError(f"no {self.quantity.name}, or a grazing", "take a shorter way")
-        parts = [
+        constraints = [
             each.margins(value, gradient)
             for each, value, gradient in zip(self.limits, values[1:], gradients[1:], strict=True)
         ]
         return LocalModel(
             value=self.sign * float(values[0]) / self.scale,
             gradient=self.sign * gradients[0] / self.scale,
-            margins=np.concatenate([margin for margin, _ in parts]),
-            by_margin=np.vstack([rates for _, rates in parts]),
+            margins=np.concatenate([margin for margin, _ in constraints]),
+            by_margin=np.vstack([rates for _, rates in constraints]),
             piece=_piece(orbit),
         )
 
-    def optimum(self, found: Iterate[Orbit], taken: list[Iterate[Orbit]]) -> Optimum:
+    def optimum(self, end: Iterate[Orbit], iterates: list[Iterate[Orbit]]) -> Optimum:
         """Return the result of a search, in the user's terms."""
-        orbit, values = found.item, self.values(found.x)
+        orbit, values = end.item, self.values(end.x)
         return Optimum(
             orbit=orbit,
             quantity=self.quantity.name,
             value=self.quantity(orbit),
             over=dict(self.over),
             values=values,
-            history=self._history(taken, orbit.system),
-            active=(*self._bounds(found), *self.holding(found), *self._end(found)),
-            ended=OPTIMIZATION_ENDINGS[found.ended],
-            converged=found.ended == "converged",
+            history=self._history(iterates, orbit.system),
+            active=(*self._bounds(end), *self.holding(end), *self._end(end)),
+            ended=OPTIMIZATION_ENDINGS[end.ended],
+            converged=end.ended == "converged",
         )
 
-    def violated(self, found: Iterate[Orbit]) -> list[str]:
+    def violated(self, iterate: Iterate[Orbit]) -> list[str]:
         """Return the violated constraints of an orbit, in words."""
-        return self._sentences(found, found.local.margins < -CONSTRAINT_TOLERANCE)
+        return self._sentences(iterate, iterate.local.margins < -CONSTRAINT_TOLERANCE)
 
-    def holding(self, found: Iterate[Orbit]) -> list[str]:
+    def holding(self, iterate: Iterate[Orbit]) -> list[str]:
         """Return the active constraints of an orbit, in words."""
-        return self._sentences(found, np.abs(found.local.margins) <= CONSTRAINT_TOLERANCE)
+        return self._sentences(iterate, np.abs(iterate.local.margins) <= CONSTRAINT_TOLERANCE)
 
-    def _sentences(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
-        system = found.item.system
+    def _sentences(self, iterate: Iterate[Orbit], chosen: Any) -> list[str]:
+        system = iterate.item.system
         sentences = [
             sentence
             for each in self.limits
@@ -438,26 +440,26 @@ class Objective:
         ]
         return [sentence for sentence, yes in zip(sentences, chosen, strict=True) if yes]
 
-    def _bounds(self, found: Iterate[Orbit]) -> list[str]:
+    def _bounds(self, iterate: Iterate[Orbit]) -> list[str]:
         return [
             f"{name} at its {'lowest' if part <= CONSTRAINT_TOLERANCE else 'highest'} value"
-            for name, part in zip(self.over, found.x.tolist(), strict=True)
+            for name, part in zip(self.over, iterate.x.tolist(), strict=True)
             if part <= CONSTRAINT_TOLERANCE or part >= 1.0 - CONSTRAINT_TOLERANCE
         ]
 
-    def _end(self, found: Iterate[Orbit]) -> list[str]:
-        sentences = [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
-        here = _sequence(found.item)
+    def _end(self, iterate: Iterate[Orbit]) -> list[str]:
+        sentences = [f"the orbit ends: {iterate.lost}"] if iterate.ended == "lost" else []
+        events = _sequence(iterate.item)
         return sentences + [
-            f"a corner, beyond which the events are {_sequence(other)} in place of {here}"
-            for other in found.edge
+            f"a corner, beyond which the events are {_sequence(other)} in place of {events}"
+            for other in iterate.edge
         ]
 
-    def _history(self, taken: list[Iterate[Orbit]], system: HybridSystem) -> pd.DataFrame:
+    def _history(self, iterates: list[Iterate[Orbit]], system: HybridSystem) -> pd.DataFrame:
         import pandas as pd
 
         rows = []
-        for each in taken:
+        for each in iterates:
             row = {**self.values(each.x), self.quantity.name: self.quantity(each.item)}
             row |= {other.name: other(each.item) for other in self.limited}
             rows.append(row)
@@ -485,26 +487,26 @@ def _sequence(orbit: Orbit) -> str:
 
 
 def _quantity(
-    system: HybridSystem, wanted: str | Quantity, tolerances: Mapping[str, float | str]
+    system: HybridSystem, quantity: str | Quantity, tolerances: Mapping[str, float | str]
 ) -> Quantity:
     """Return a quantity, or the standard deviation of one with the parameters."""
-    if isinstance(wanted, Quantity) or not wanted.startswith(STANDARD_DEVIATION):
-        return chosen_quantities(system, [wanted])[0]
+    if isinstance(quantity, Quantity) or not quantity.startswith(STANDARD_DEVIATION):
+        return chosen_quantities(system, [quantity])[0]
     if not tolerances:
-        raise InvalidParameter("tolerances", None, f"given for the {wanted}")
-    inner = chosen_quantities(system, [wanted.removeprefix(STANDARD_DEVIATION)])[0]
+        raise InvalidParameter("tolerances", None, f"given for the {quantity}")
+    inner = chosen_quantities(system, [quantity.removeprefix(STANDARD_DEVIATION)])[0]
 
     def deviation(orbit: Orbit) -> float:
         _, gradients = derivatives(orbit, [inner], tuple(tolerances))
         return float(first_order_deviations(gradients, deviations(tolerances, orbit.system))[0])
 
-    return Quantity(wanted, deviation, inner.unit, solved=True)
+    return Quantity(quantity, deviation, inner.unit, solved=True)
 
 
 def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float, float]]:
     if not over:
         raise InvalidParameter("over", over, "one or more parameters with their bounds")
-    found = {}
+    bounds = {}
     for name, pair in over.items():
         system.check_continued(name)
         try:
@@ -513,15 +515,15 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
             raise
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
-        here = system.value(name)
-        if not (is_number(low) and is_number(high) and low < high and low <= here <= high):
-            amount = f"{here:g} {system.unit(name)}".rstrip()
+        value = system.value(name)
+        if not (is_number(low) and is_number(high) and low < high and low <= value <= high):
+            amount = f"{value:g} {system.unit(name)}".rstrip()
             allowed = f"(lowest, highest), with {amount} between them, where the orbit is"
             raise InvalidParameter(f"over {name}", pair, allowed)
         for bound in (low, high):
             system.changed(**{name: float(bound)})
-        found[name] = (float(low), float(high))
-    return found
+        bounds[name] = (float(low), float(high))
+    return bounds
 
 
 # --- Pareto fronts
@@ -666,8 +668,8 @@ def pareto_front(
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     count = whole("points", points, 2)
-    held = dict(subject_to or {})
-    first, second = _checked_objectives(aims, held)
+    constraints = dict(subject_to or {})
+    first, second = _checked_objectives(aims, constraints)
 
     def best(begin: Orbit, name: str, limits: Limits) -> Optimum:
         sought = {str(aims[name]): name}
@@ -676,43 +678,43 @@ def pareto_front(
             **sought,  # type: ignore[arg-type]
         )  # fmt: skip
 
-    found: list[Optimum] = []
+    optima: list[Optimum] = []
     failed: list[str] = []
     with progress_bar(progress, "points", count, "Pareto front") as show:
         try:
             # At each end the other objective is displayed, without a constraint.
             for name, other in ((second, first), (first, second)):
-                found.append(best(orbit, name, {**held, other: (None, None)}))
+                optima.append(best(orbit, name, {**constraints, other: (None, None)}))
                 if show is not None:
-                    show(len(found))
-            low, high = (_value(each, second) for each in found)
-            near, unit = found[0], unit_of(second, orbit.system.units)
+                    show(len(optima))
+            low, high = (_value(each, second) for each in optima)
+            near, unit = optima[0], unit_of(second, orbit.system.units)
             for level in np.linspace(low, high, count)[1:-1].tolist():
                 limit = (level, None) if aims[second] == "maximize" else (None, level)
                 try:
-                    near = best(near.orbit, first, {**held, second: limit})
-                    found.append(near)
+                    near = best(near.orbit, first, {**constraints, second: limit})
+                    optima.append(near)
                 except OrbitError as error:
-                    where = f"{second} {level:.6g} {unit}".rstrip()
-                    failed.append(f"{where}: {error.reason}")
+                    label = f"{second} {level:.6g} {unit}".rstrip()
+                    failed.append(f"{label}: {error.reason}")
                 if show is not None:
-                    show(len(found) + len(failed))
+                    show(len(optima) + len(failed))
         except KeyboardInterrupt:
-            if not found:
+            if not optima:
                 raise
-            front = _front(orbit, aims, found, failed)
-            raise OptimizationInterrupted(front, len(found)) from None
-    return _front(orbit, aims, found, failed)
+            front = _front(orbit, aims, optima, failed)
+            raise OptimizationInterrupted(front, len(optima)) from None
+    return _front(orbit, aims, optima, failed)
 
 
 def _front(
-    orbit: Orbit, aims: Mapping[str, Sense], found: list[Optimum], failed: list[str]
+    orbit: Orbit, aims: Mapping[str, Sense], optima: list[Optimum], failed: list[str]
 ) -> ParetoFront:
     """Return the nondominated points, in descending order of the second objective."""
     signs = [-1.0 if sense == "maximize" else 1.0 for sense in aims.values()]
-    costs = np.array([[_value(each, name) for name in aims] for each in found]) * signs
+    costs = np.array([[_value(each, name) for name in aims] for each in optima]) * signs
     slack = DOMINANCE_RTOL * np.abs(costs).max(axis=0)
-    kept = [
+    nondominated = [
         i
         for i, cost in enumerate(costs)
         if not any(
@@ -720,9 +722,9 @@ def _front(
         )
         and not any((np.abs(other - cost) <= slack).all() for other in costs[:i])
     ]
-    order = sorted(kept, key=lambda i: (costs[i, 1], costs[i, 0]))
+    order = sorted(nondominated, key=lambda i: (costs[i, 1], costs[i, 0]))
     return ParetoFront(
-        aims=dict(aims), optima=tuple(found[i] for i in order), start=orbit, failed=tuple(failed)
+        aims=dict(aims), optima=tuple(optima[i] for i in order), start=orbit, failed=tuple(failed)
     )
 
 
@@ -730,12 +732,12 @@ def _value(optimum: Optimum, name: str) -> float:
     return float(optimum.history[name].iloc[-1])
 
 
-def _checked_objectives(aims: Mapping[str, Sense], held: Limits) -> tuple[str, str]:
+def _checked_objectives(aims: Mapping[str, Sense], limits: Limits) -> tuple[str, str]:
     if not isinstance(aims, Mapping) or len(aims) != 2 or not set(aims.values()) <= set(SENSES):
         allowed = 'two quantities, each with "maximize" or "minimize"'
         raise InvalidParameter("aims", aims, allowed)
     for name in aims:
-        if name in held:
+        if name in limits:
             raise InvalidParameter("subject_to", name, "a quantity other than the objectives")
     first, second = aims
     return first, second

@@ -64,7 +64,7 @@ class Interval(NamedTuple):
 
 def axis(
     field: str,
-    given: tuple[str, ArrayLike | Interval],
+    pair: tuple[str, ArrayLike | Interval],
     names: tuple[str, ...],
     system: HybridSystem,
 ) -> Axis:
@@ -77,9 +77,9 @@ def axis(
     """
     allowed = 'a name and its values: ("amplitude", [0.2, 0.21])'
     try:
-        name, values = given
+        name, values = pair
     except (TypeError, ValueError):
-        raise InvalidParameter(field, given, allowed) from None
+        raise InvalidParameter(field, pair, allowed) from None
     if not isinstance(name, str) or name not in names:
         raise InvalidParameter(field, name, f"one of {', '.join(names)}")
     if isinstance(values, Interval):
@@ -90,19 +90,19 @@ def axis(
     except InvalidParameter:
         raise
     except (TypeError, ValueError):
-        raise InvalidParameter(field, given, allowed) from None
+        raise InvalidParameter(field, pair, allowed) from None
     fine = numbers.ndim == 1 and numbers.size > 0 and bool(np.isfinite(numbers).all())
     if not fine or len(np.unique(numbers)) != numbers.size:
         raise InvalidParameter(field, values, "one or more finite numbers that differ")
     return Axis(name, tuple(numbers.tolist()))
 
 
-def identity_of_axis(given: Axis) -> dict[str, Any]:
+def identity_of_axis(axis: Axis) -> dict[str, Any]:
     """Return the identity of an axis, for comparison."""
-    return {"name": given.name, "values": list(given.values)}
+    return {"name": axis.name, "values": list(axis.values)}
 
 
-def check_apart(x: Axis, y: Axis, system: HybridSystem) -> None:
+def check_different(x: Axis, y: Axis, system: HybridSystem) -> None:
     """Raise InvalidParameter if two axes have the same parameter."""
     if x.name == y.name:
         others = ", ".join(name for name in system.parameters if name != x.name)
@@ -185,20 +185,20 @@ def deviations(
     The default names are the parameters of the system; unknown ones raise InvalidParameter.
     """
     names = tuple(system.parameters) if known is None else known
-    found = {}
-    for name, given in tolerances.items():
+    sizes = {}
+    for name, tolerance in tolerances.items():
         if name not in names:
             raise InvalidParameter("tolerances", name, f"one of {', '.join(names)}")
-        part, field = percentage(given), f"tolerance of {name}"
+        part, field = percentage(tolerance), f"tolerance of {name}"
         if part is None:
-            value = system.without_unit(name, given, field)
+            value = system.without_unit(name, tolerance, field)
         else:
             value = part * _size("tolerance of", name, system)
         if not (is_number(value) and float(value) >= 0.0):
             allowed = 'a finite number >= 0, or a part of the value such as "5%"'
-            raise InvalidParameter(field, given, allowed)
-        found[name] = float(value)
-    return found
+            raise InvalidParameter(field, tolerance, allowed)
+        sizes[name] = float(value)
+    return sizes
 
 
 def distribution_about(name: str, text: Any, system: HybridSystem) -> Any:
@@ -232,28 +232,28 @@ def _parted(text: Any) -> tuple[str, str, Any]:
     return kind, colon, width.strip()
 
 
-def distribution_named(field: str, words: Sequence[Any], convert: Callable[[Any], Any]) -> Any:
+def distribution_named(field: str, entries: Sequence[Any], convert: Callable[[Any], Any]) -> Any:
     """Return the frozen distribution of scipy.stats in a list: its name, then its arguments.
 
     `convert` converts arguments with units.
     """
     from scipy import stats
 
-    kind, *given = words
-    numbers = [convert(each) for each in given]
-    made: Any = getattr(stats, kind, None) if isinstance(kind, str) else None
-    known = isinstance(made, stats.rv_continuous | stats.rv_discrete)
-    if not known or not all(map(is_number, numbers)):
-        raise InvalidParameter(field, words, DISTRIBUTIONS_ALLOWED)
+    kind, *arguments = entries
+    numbers = [convert(each) for each in arguments]
+    family: Any = getattr(stats, kind, None) if isinstance(kind, str) else None
+    is_family = isinstance(family, stats.rv_continuous | stats.rv_discrete)
+    if not is_family or not all(map(is_number, numbers)):
+        raise InvalidParameter(field, entries, DISTRIBUTIONS_ALLOWED)
     try:
-        found = made(*numbers)
+        frozen = family(*numbers)
     except TypeError:
-        shape = ", ".join(filter(None, (made.shapes, "loc")))
-        more = "" if isinstance(made, stats.rv_discrete) else ", scale"
-        raise InvalidParameter(field, words, f"{kind} and its numbers: {shape}{more}") from None
-    if not found.ppf(0.5) == found.ppf(0.5):  # as SciPy marks numbers that are not allowed
-        raise InvalidParameter(field, words, f"{kind} with numbers that it allows")
-    return found
+        shape = ", ".join(filter(None, (family.shapes, "loc")))
+        more = "" if isinstance(family, stats.rv_discrete) else ", scale"
+        raise InvalidParameter(field, entries, f"{kind} and its numbers: {shape}{more}") from None
+    if not frozen.ppf(0.5) == frozen.ppf(0.5):  # as SciPy marks numbers that are not allowed
+        raise InvalidParameter(field, entries, f"{kind} with numbers that it allows")
+    return frozen
 
 
 def _size(field: str, name: str, system: HybridSystem) -> float:
@@ -305,25 +305,25 @@ def distributions(over: Any, system: HybridSystem) -> dict[str, Any]:
     allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02), "d": "5%"}'
     if not isinstance(over, Mapping) or not over:
         raise InvalidParameter("over", over, allowed)
-    found = {name: _distribution(name, given, system) for name, given in over.items()}
-    for name, given in found.items():
-        if not (callable(getattr(given, "ppf", None)) and hasattr(given, "dist")):
+    result = {name: _distribution(name, each, system) for name, each in over.items()}
+    for name, each in result.items():
+        if not (callable(getattr(each, "ppf", None)) and hasattr(each, "dist")):
             frozen = 'a frozen distribution of scipy.stats, such as norm(0.62, 0.02), or "5%"'
-            raise InvalidParameter(f"over.{name}", given, frozen)
-    return found
+            raise InvalidParameter(f"over.{name}", each, frozen)
+    return result
 
 
-def _distribution(name: str, given: Any, system: HybridSystem) -> Any:
+def _distribution(name: str, distribution: Any, system: HybridSystem) -> Any:
     """Return the distribution in words, if it is one; anything else unchanged."""
-    if isinstance(given, str) or has_unit(given):
-        return distribution_about(name, given, system)
-    if isinstance(given, list | tuple) and given:
+    if isinstance(distribution, str) or has_unit(distribution):
+        return distribution_about(name, distribution, system)
+    if isinstance(distribution, list | tuple) and distribution:
         system.check_parameter(name, "over")
         field = f"over.{name}"
         return distribution_named(
-            field, given, lambda number: system.without_unit(name, number, field)
+            field, distribution, lambda number: system.without_unit(name, number, field)
         )
-    return given
+    return distribution
 
 
 def draw(
@@ -359,18 +359,18 @@ def draw(
         np.stack([over[name].ppf(part) for name, part in zip(names, block.T, strict=True)], axis=1)
         for block in np.split(unit, 2 if indices else 1, axis=1)
     ]
-    which: tuple[str, ...] = ("",)
+    labels: tuple[str, ...] = ("",)
     if indices:
         first, second = blocks
         for i in range(count):
             mixed = first.copy()
             mixed[:, i] = second[:, i]
             blocks.append(mixed)
-        which = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
+        labels = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
     values = np.concatenate(blocks)
-    parameters, parameter_values = _made(system, names, values, making)
+    parameters, parameter_values = _system_parameters(system, names, values, making)
     identity = {
-        "over": {name: _result_columns(given) for name, given in over.items()},
+        "over": {name: _distribution_identity(distribution) for name, distribution in over.items()},
         "samples": samples,
         "sampling": sampling,
         "seed": seed,
@@ -382,7 +382,7 @@ def draw(
         values=values,
         parameters=parameters,
         parameter_values=parameter_values,
-        blocks=which,
+        blocks=labels,
         identity=identity,
     )
 
@@ -399,23 +399,23 @@ def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Fl
     return blocks[0], blocks[1], blocks[2:]
 
 
-def _made(
+def _system_parameters(
     system: HybridSystem, names: tuple[str, ...], values: Floats, making: Making | None
 ) -> tuple[tuple[str, ...], Floats]:
     """Return the parameters of the system for a sample."""
-    known = system.parameters
+    allowed = system.parameters
     if making is None:
         for name in names:
             system.check_parameter(name, "over")
         return names, values
-    made = [making(**dict(zip(names, row, strict=True))) for row in values.tolist()]
-    parameters = tuple(made[0]) if isinstance(made[0], Mapping) else ()
-    unknown = [name for name in parameters if name not in known]
+    samples = [making(**dict(zip(names, row, strict=True))) for row in values.tolist()]
+    parameters = tuple(samples[0]) if isinstance(samples[0], Mapping) else ()
+    unknown = [name for name in parameters if name not in allowed]
     if unknown or not parameters:
-        problem = f"must return parameters among {', '.join(known)}"
+        problem = f"must return parameters among {', '.join(allowed)}"
         problem += f", not {unknown[0]}" if unknown else ""
         raise InvalidParameter("parameters", None, "", problem=problem)
-    rows = np.array([[float(row[name]) for name in parameters] for row in made])
+    rows = np.array([[float(row[name]) for name in parameters] for row in samples])
     for name in set(names) & set(parameters):
         if (rows[:, parameters.index(name)] != values[:, names.index(name)]).any():
             problem = f"returns other values for {name} than the sampled ones; rename it in over"
@@ -423,12 +423,16 @@ def _made(
     return parameters, rows
 
 
-def _result_columns(given: Any) -> dict[str, Any]:
+def _distribution_identity(distribution: Any) -> dict[str, Any]:
     """Return the identity of a distribution, which does not include its points."""
-    kind = given.dist
-    content = {"name": getattr(kind, "name", type(kind).__name__), "args": given.args, **given.kwds}
-    found: dict[str, Any] = json.loads(json.dumps(content, default=np.ndarray.tolist))
-    return found
+    kind = distribution.dist
+    content = {
+        "name": getattr(kind, "name", type(kind).__name__),
+        "args": distribution.args,
+        **distribution.kwds,
+    }
+    identity: dict[str, Any] = json.loads(json.dumps(content, default=np.ndarray.tolist))
+    return identity
 
 
 # --- Initial conditions: a grid over components of the state, or a sample
@@ -524,15 +528,15 @@ class Sample:
 
 
 def box_of(
-    given: Mapping[str, tuple[float, float]], system: HybridSystem
+    bounds: Mapping[str, tuple[float, float]], system: HybridSystem
 ) -> tuple[tuple[str, float, float], ...]:
     """Return the bounds of a box; InvalidParameter unless it has bounds for some states."""
     names = system.states
     allowed = f'ends of some components, {{"{names[0]}": (low, high)}}'
-    if not isinstance(given, Mapping) or not given:
-        raise InvalidParameter("box", given, allowed)
+    if not isinstance(bounds, Mapping) or not bounds:
+        raise InvalidParameter("box", bounds, allowed)
     box = []
-    for name, ends in given.items():
+    for name, ends in bounds.items():
         if name not in names:
             raise InvalidParameter("box", name, f"of components among {', '.join(names)}")
         try:

@@ -77,7 +77,7 @@ class TangentOrbit:
                 "move a parameter away from the fold",
             )
         self._rate = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])
-        self._by_both = np.append(self._rate, 1.0)
+        self._direction = np.append(self._rate, 1.0)
         self._arcs = [self._arc_rates(i) for i in range(len(shooting.segments))]
 
     def to_first_order(self, step: float) -> PeriodicOrbit:
@@ -125,7 +125,8 @@ class TangentOrbit:
     def _arc_rates(self, i: int) -> tuple[Floats, Floats, Floats, float]:
         """Return the derivatives for arc `i`: of its end, the state after it, minima, and rate."""
         shooting, point = self._shooting, self._point
-        arc, event, own = point.arcs[i], point.events[i], shooting.segments[i].guard(shooting.m)
+        arc, event = point.arcs[i], point.events[i]
+        guard_number = shooting.segments[i].guard(shooting.m)
         layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
         _, _, start_rates, end_rates = layout.instants(point.parameter_point, times)
         end = point.end_by_unknown[i] @ self._rate + point.end_by_parameter[i, :, 0]
@@ -135,15 +136,15 @@ class TangentOrbit:
         end[cyclic] -= begins * arc.slope_start[cyclic]
         minima = np.zeros(shooting.m)
         for guard in np.flatnonzero(np.isfinite(arc.minima)).tolist():
-            minima[guard] = touch_gradient(shooting, point, i, guard) @ self._by_both
+            minima[guard] = touch_gradient(shooting, point, i, guard) @ self._direction
         if event is None:
             return end, end, minima, 0.0
         instant = layout.by_end[i] @ self._rate + end_rates[i, 0]
         after = event.jump_by_state @ end + event.jump_by_time * instant
         after = after + event.jump_by_parameter[:, 0] * point.parameter_point.scales[0]
         rate = 0.0
-        if own >= 0 and i in shooting.events:
-            rate = float(rate_gradient(shooting, point, i, own) @ self._by_both)
+        if guard_number >= 0 and i in shooting.events:
+            rate = float(rate_gradient(shooting, point, i, guard_number) @ self._direction)
         return end, after, minima, rate
 
     def _moved(self, i: int, step: float) -> tuple[Arc, Event | None]:
@@ -152,9 +153,9 @@ class TangentOrbit:
         arc = arc._replace(end=arc.end + step * end, minima=arc.minima + step * minima)
         if event is None:
             return arc, None
-        rates, own = event.rates.copy(), self._shooting.segments[i].guard(self._shooting.m)
-        if own >= 0:
-            rates[own] += step * rate
+        rates, guard_number = event.rates.copy(), self._shooting.segments[i].guard(self._shooting.m)
+        if guard_number >= 0:
+            rates[guard_number] += step * rate
         return arc, event._replace(after=event.after + step * after, rates=rates)
 
 
@@ -196,39 +197,39 @@ def derivatives(
         If the orbit is at a fold, or no neighbouring orbits are found.
     """
     values = np.array([each(orbit) for each in quantities])
-    found = np.zeros((len(quantities), len(parameters)))
+    result = np.zeros((len(quantities), len(parameters)))
     of_solved = np.array([each.solved for each in quantities])
     for column, name in enumerate(parameters):
-        beside = TangentOrbit(orbit.found, name)
+        tangent = TangentOrbit(orbit.found, name)
         inner = orbit.found.family.value(name)
         size = abs(inner) if inner != 0.0 else 1.0
         for kind in (False, True):
             rows = np.flatnonzero(of_solved == kind)
-            wanted = [quantities[row] for row in rows.tolist()]
-            if wanted and kind:
-                found[rows, column] = _along_solved(orbit.system, wanted, beside, size)
-            elif wanted:
-                found[rows, column] = _derivatives(
-                    orbit.system, wanted, beside.to_first_order, DERIVATIVE_STEP * size
+            chosen = [quantities[row] for row in rows.tolist()]
+            if chosen and kind:
+                result[rows, column] = _along_solved(orbit.system, chosen, tangent, size)
+            elif chosen:
+                result[rows, column] = _derivatives(
+                    orbit.system, chosen, tangent.to_first_order, DERIVATIVE_STEP * size
                 )
         # A parameter without effect has the derivative zero.
-        nothing = np.abs(found[:, column]) * size <= DERIVATIVE_ROUNDING[
+        nothing = np.abs(result[:, column]) * size <= DERIVATIVE_ROUNDING[
             of_solved.astype(int)
         ] * np.abs(values)
-        found[nothing, column] = 0.0
-        found[:, column] /= float(orbit.system.out(name, 1.0))
-    return values, found
+        result[nothing, column] = 0.0
+        result[:, column] /= float(orbit.system.out(name, 1.0))
+    return values, result
 
 
 def _along_solved(
-    system: HybridSystem, quantities: Sequence[Quantity], beside: TangentOrbit, size: float
+    system: HybridSystem, quantities: Sequence[Quantity], tangent: TangentOrbit, size: float
 ) -> Floats:
     for part in SOLVED_STEPS[:-1]:
         try:
-            return _derivatives(system, quantities, beside.solved, part * size)
+            return _derivatives(system, quantities, tangent.solved, part * size)
         except OrbitError:
             continue
-    return _derivatives(system, quantities, beside.solved, SOLVED_STEPS[-1] * size)
+    return _derivatives(system, quantities, tangent.solved, SOLVED_STEPS[-1] * size)
 
 
 def _derivatives(
@@ -238,14 +239,14 @@ def _derivatives(
     step: float,
 ) -> Floats:
     def values(distance: float) -> Floats:
-        there = orbit_of(system, at(distance))
-        return np.array([each(there) for each in quantities])
+        orbit = orbit_of(system, at(distance))
+        return np.array([each(orbit) for each in quantities])
 
     return sixth_order_difference(values, step)
 
 
 def chosen_quantities(
-    system: HybridSystem, wanted: Sequence[str | Quantity] | None
+    system: HybridSystem, selection: Sequence[str | Quantity] | None
 ) -> tuple[Quantity, ...]:
     """Return the quantities of a system by name; all but costly ones by default.
 
@@ -254,18 +255,20 @@ def chosen_quantities(
     InvalidParameter
         If a name is unknown or repeated.
     """
-    known = {each.name: each for each in system.orbit_quantities}
-    if wanted is None:
-        return tuple(each for each in known.values() if not each.costly)
-    found = []
-    for each in wanted:
-        if not isinstance(each, Quantity) and each not in known:
-            raise InvalidParameter("quantity", each, f"one of {', '.join(known)}, or a Quantity")
-        found.append(each if isinstance(each, Quantity) else known[each])
-    names = [each.name for each in found]
+    available = {each.name: each for each in system.orbit_quantities}
+    if selection is None:
+        return tuple(each for each in available.values() if not each.costly)
+    chosen = []
+    for each in selection:
+        if not isinstance(each, Quantity) and each not in available:
+            raise InvalidParameter(
+                "quantity", each, f"one of {', '.join(available)}, or a Quantity"
+            )
+        chosen.append(each if isinstance(each, Quantity) else available[each])
+    names = [each.name for each in chosen]
     if not names or len(set(names)) != len(names):
         raise InvalidParameter("quantities", names, "one or more different quantities")
-    return tuple(found)
+    return tuple(chosen)
 
 
 # --- Continuation of an orbit to other parameters
@@ -289,13 +292,13 @@ class LineFamily(Family):
         return self.family.automaton
 
     def problem(self) -> Problem:
-        return self._there(self.values).problem()
+        return self._family_at(self.values).problem()
 
     def with_method(self, method: str) -> LineFamily:
         return replace(self, family=self.family.with_method(method))
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
-        return self._there({**self.values, **changes}).numbers()
+        return self._family_at({**self.values, **changes}).numbers()
 
     def amount(self, heading: str, value: float) -> str:
         return self.family.amount(heading, value)
@@ -303,10 +306,12 @@ class LineFamily(Family):
     def convert(self, error: RunError) -> None:
         self.family.convert(error)
 
-    def _there(self, values: Mapping[str, float]) -> Family:
+    def _family_at(self, values: Mapping[str, float]) -> Family:
         part, start = values[LINE_PARAMETER], self.family.values
-        way = {name: start[name] + part * (end - start[name]) for name, end in self.target.items()}
-        return self.family.at(**way)
+        inner = {
+            name: start[name] + part * (end - start[name]) for name, end in self.target.items()
+        }
+        return self.family.at(**inner)
 
 
 def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
@@ -326,40 +331,40 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
     OrbitError
         If the continuation ends before; `reason` names the bifurcation.
     """
-    system, found = orbit.system, orbit.found
+    system, start = orbit.system, orbit.found
     target = {name: system.into(name, value) for name, value in values.items()}
     try:
-        there = _solved(found, target, found)
-        if there.admissible and _is_near(found, there):
-            return orbit_of(system, there)
+        end = _solved(start, target, start)
+        if end.admissible and _is_near(start, end):
+            return orbit_of(system, end)
     except OrbitError:
         pass
-    return orbit_of(system, _solved(_continued(orbit, target), target, found))
+    return orbit_of(system, _solved(_continued(orbit, target), target, start))
 
 
 def _solved(
-    near: PeriodicOrbit, target: Mapping[str, float], found: PeriodicOrbit
+    near: PeriodicOrbit, target: Mapping[str, float], start: PeriodicOrbit
 ) -> PeriodicOrbit:
-    """Return the orbit of the signature of `near`, in the family of `found`."""
+    """Return the orbit of the signature of `near`, in the family of `start`."""
     shooting = Shooting(
-        found.family.at(**target), near.segments, (), near.shooting.pinned, near.shooting.phase
+        start.family.at(**target), near.segments, (), near.shooting.pinned, near.shooting.phase
     )
     return make_orbit(shooting, solve(shooting, near.point.unknowns, np.zeros(0)))
 
 
 def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     """Return whether the states of two orbits differ by a small part of their size."""
-    here, there = (each.shooting.unpack(each.point.unknowns)[0] for each in (one, other))
-    return bool(np.abs(there - here).max() < MAX_STATE_CHANGE * np.abs(here).max())
+    states, other_states = (each.shooting.unpack(each.point.unknowns)[0] for each in (one, other))
+    return bool(np.abs(other_states - states).max() < MAX_STATE_CHANGE * np.abs(states).max())
 
 
 def _continued(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at the end of a straight line, in the family of the line."""
-    found = orbit.found
-    line = LineFamily({LINE_PARAMETER: 0.0}, found.family, dict(target))
-    shooting = Shooting(line, found.segments, (), found.shooting.pinned, found.shooting.phase)
+    start = orbit.found
+    line = LineFamily({LINE_PARAMETER: 0.0}, start.family, dict(target))
+    shooting = Shooting(line, start.segments, (), start.shooting.pinned, start.shooting.phase)
     branch = OrbitBranch(LINE_PARAMETER)
-    begin = replace(found, family=line, shooting=shooting)
+    begin = replace(start, family=line, shooting=shooting)
     for point in points_of(branch, begin, low=0.0, high=1.0):
         passed = [each for each in branch.special_points if each.label in BIFURCATION_LABELS]
         if passed:
@@ -427,14 +432,14 @@ def bifurcation_margins(
     system, rows = orbit.system, []
     for name in parameters:
         system.check_continued(name)
-        here = system.value(name)
-        if here == 0.0:
-            raise InvalidParameter(name, here, "nonzero, since reach is relative to it")
+        value = system.value(name)
+        if value == 0.0:
+            raise InvalidParameter(name, value, "nonzero, since reach is relative to it")
         for direction, sign in (("down", -1.0), ("up", 1.0)):
-            stop = _allowed(orbit, name, here + sign * reach * abs(here))
+            stop = _allowed(orbit, name, value + sign * reach * abs(value))
             end = _next(orbit, name, stop)
-            margin = abs(end.at - here)
-            rows.append((name, here, direction, end.at, margin, margin / abs(here), end.what))
+            margin = abs(end.at - value)
+            rows.append((name, value, direction, end.at, margin, margin / abs(value), end.what))
     headings = ["parameter", "value", "direction", "at", "margin", "relative", "what"]
     table = pd.DataFrame(rows, columns=headings)
     table.attrs = {"system": repr(system)}
@@ -443,24 +448,24 @@ def bifurcation_margins(
 
 def _allowed(orbit: Orbit, name: str, stop: float) -> float:
     """Return `stop`, or the nearest allowed value of the parameter."""
-    here = orbit.system.value(name)
+    value = orbit.system.value(name)
     for part in (1.0, 0.9, 0.75, 0.5, 0.25, 0.1, 0.01):
         try:
-            orbit.system.changed(**{name: here + part * (stop - here)})
+            orbit.system.changed(**{name: value + part * (stop - value)})
         except (InvalidParameter, FunctionError):
             continue
-        return here + part * (stop - here)
-    return here
+        return value + part * (stop - value)
+    return value
 
 
 def _next(orbit: Orbit, name: str, stop: float) -> _End:
-    system, here = orbit.system, orbit.found.family.value(name)
+    system, value = orbit.system, orbit.found.family.value(name)
     end = system.into(name, stop)
-    if end == here:
+    if end == value:
         return _End(stop, "the end of its range")
-    branch, last = OrbitBranch(name), here
-    low, high = min(here, end), max(here, end)
-    sign = math.copysign(1.0, end - here)
+    branch, last = OrbitBranch(name), value
+    low, high = min(value, end), max(value, end)
+    sign = math.copysign(1.0, end - value)
     steps = StepControl(largest=0.02)
     for point in points_of(branch, orbit.found, low=low, high=high, direction=sign, steps=steps):
         for each in branch.special_points:
@@ -542,9 +547,9 @@ class Sensitivity(Result):
         }
         if self.system.units:
             columns["unit"] = np.repeat(self.units, p)
-        found = pd.DataFrame(columns)
-        found.attrs = {"system": repr(self.system)}
-        return found
+        table = pd.DataFrame(columns)
+        table.attrs = {"system": repr(self.system)}
+        return table
 
     def gradient(self, quantity: str) -> pd.Series:
         """Return the derivatives of a quantity, by parameter.
@@ -595,30 +600,30 @@ class Sensitivity(Result):
         import pandas as pd
 
         sizes = deviations(tolerances, self.system, self.parameters)
-        places = [self.parameters.index(name) for name in sizes]
-        parts = (self.derivatives[:, places] * np.array(list(sizes.values()))) ** 2
-        deviation = first_order_deviations(self.derivatives[:, places], sizes)
+        indices = [self.parameters.index(name) for name in sizes]
+        variances = (self.derivatives[:, indices] * np.array(list(sizes.values()))) ** 2
+        deviation = first_order_deviations(self.derivatives[:, indices], sizes)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = parts / parts.sum(axis=1, keepdims=True)
+            shares = variances / variances.sum(axis=1, keepdims=True)
             relative = deviation / np.abs(self.values)
         columns = {"standard deviation": deviation, "relative": relative}
         columns |= {f"share {name}": shares[:, i] for i, name in enumerate(tolerances)}
-        found = pd.DataFrame({"quantity": self.quantities, "value": self.values, **columns})
-        found.attrs = {"system": repr(self.system)}
-        return found
+        table = pd.DataFrame({"quantity": self.quantities, "value": self.values, **columns})
+        table.attrs = {"system": repr(self.system)}
+        return table
 
     def summary(self) -> dict[str, Any]:
         """Return the value of each quantity, and the parameter with the largest influence."""
         table = self.table
-        shown: dict[str, Any] = {"system": repr(self.system)}
+        lines: dict[str, Any] = {"system": repr(self.system)}
         for name, unit in zip(self.quantities, self.units, strict=True):
             rows = table[table["quantity"] == name].dropna(subset=["per cent"])
             if len(rows):
-                most = rows.loc[rows["per cent"].abs().idxmax()]
-                shown[self.system.scales.label(name, unit)] = (
-                    f"{most['value']:.6g}; {most['parameter']} + 1 %: {most['per cent']:+.3g}"
+                row = rows.loc[rows["per cent"].abs().idxmax()]
+                lines[self.system.scales.label(name, unit)] = (
+                    f"{row['value']:.6g}; {row['parameter']} + 1 %: {row['per cent']:+.3g}"
                 )
-        return shown
+        return lines
 
 
 def sensitivity(
@@ -680,14 +685,14 @@ def sensitivity(
     if not names or len(set(names)) != len(names):
         raise InvalidParameter("parameters", names, "one or more different parameters")
     chosen = chosen_quantities(system, quantities)
-    values, found = derivatives(orbit, chosen, names)
+    values, rates = derivatives(orbit, chosen, names)
     return Sensitivity(
         orbit=orbit,
         quantities=tuple(each.name for each in chosen),
         parameters=names,
         units=tuple(each.unit for each in chosen),
         values=values,
-        derivatives=found,
+        derivatives=rates,
     )
 
 

@@ -168,12 +168,12 @@ class SweepStudy(Study):
             try:
                 with at_study_point(number):
                     case = self.case(number)
-                own = _period_of(case)
+                new_period = _period_of(case)
             except (InvalidParameter, FunctionError) as error:
                 point["status"] = str(error)
                 continue
-            if own != period:
-                state, period = _at_same_phase(state, period, own), own
+            if new_period != period:
+                state, period = _at_same_phase(state, period, new_period), new_period
             if not case.forced:
                 state = state.replace(time=0.0)  # the system is autonomous
             with at_study_point(number):
@@ -186,7 +186,7 @@ class SweepStudy(Study):
         }
         return sweep_tables.sweep_columns(self.parameter, points, *self._table_columns), carried
 
-    def place(self, number: int) -> str:
+    def point_label(self, number: int) -> str:
         """Return the name of a point in messages."""
         return f"{self.parameter} = {self._value(number):.6g}"
 
@@ -210,8 +210,8 @@ class SweepStudy(Study):
         return list(self.starts)[number // len(self.values)]
 
     def _value(self, number: int) -> float:
-        place = number % len(self.values)
-        return self.values[place if self._direction(number) == "up" else -1 - place]
+        index = number % len(self.values)
+        return self.values[index if self._direction(number) == "up" else -1 - index]
 
     def _empty(self, number: int) -> Point:
         return {
@@ -224,13 +224,13 @@ class SweepStudy(Study):
 
     def _run(self, system: HybridSystem, point: Point, start: State, watch: Watch | None) -> State:
         """Compute one value into its part of the table; return the last good state."""
-        first, whole = self.transient, self.transient + self.length
+        first, length = self.transient, self.transient + self.length
         if system.forced:
             first += start.time / _period_of(system)
         try:
             run = simulate(
                 system,
-                **self._run_length(whole),
+                **self._run_length(length),
                 initial=start,
                 window=(first, first + self.length),
                 options=self.options,
@@ -464,9 +464,9 @@ def _spans(
         )
         missing = "duration" if duration is None else "transient"
         raise InvalidParameter(missing, None, "", problem=problem)
-    for name, value, least in (("transient", transient, ">= 0"), ("duration", duration, "> 0")):
+    for name, value, allowed in (("transient", transient, ">= 0"), ("duration", duration, "> 0")):
         if not is_number(value) or value < 0.0 or (value == 0.0 and name == "duration"):
-            raise InvalidParameter(name, value, f"a finite number {least}")
+            raise InvalidParameter(name, value, f"a finite number {allowed}")
     return float(transient), float(duration)
 
 

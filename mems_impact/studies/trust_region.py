@@ -98,32 +98,33 @@ class Iterate(Generic[T]):
 class _PieceModel(Generic[T]):
     """The model of another piece: the nearest point on it, and its curvature."""
 
-    there: Iterate[T]
+    nearest: Iterate[T]
     curvature: Floats
 
     def at(self, x: Floats) -> tuple[float, Floats]:
         """Return value and gradient at a point."""
-        way, local = x - self.there.x, self.there.local
-        bent = self.curvature @ way
-        return float(local.value + local.gradient @ way + 0.5 * way @ bent), local.gradient + bent
+        direction, local = x - self.nearest.x, self.nearest.local
+        bending = self.curvature @ direction
+        change = local.gradient @ direction + 0.5 * direction @ bending
+        return float(local.value + change), local.gradient + bending
 
-    def excess(self, here: Iterate[T]) -> float:
+    def excess(self, current: Iterate[T]) -> float:
         """Return the excess of the model over the value at a point of another piece."""
-        return max(0.0, self.at(here.x)[0] - here.local.value)
+        return max(0.0, self.at(current.x)[0] - current.local.value)
 
-    def across(self, here: Iterate[T]) -> Iterator[Floats]:
-        """Yield points from `here` across the edge, at increasing distances.
+    def across(self, current: Iterate[T]) -> Iterator[Floats]:
+        """Yield points from `current` across the edge, at increasing distances.
 
         Values of both pieces are equal along an edge, so that the difference of their gradients is
         normal to it. The error of its predicted position is quadratic in the distance.
         """
-        value, gradient = self.at(here.x)
-        turn = gradient - here.local.gradient
+        value, gradient = self.at(current.x)
+        turn = gradient - current.local.gradient
         steep = float(np.linalg.norm(turn))
-        away = float(np.abs(self.there.x - here.x).max())
-        length = max(2.0 * (here.local.value - value) / steep, away**2)
+        away = float(np.abs(self.nearest.x - current.x).max())
+        length = max(2.0 * (current.local.value - value) / steep, away**2)
         while length < away:
-            yield _clipped(here.x + length / steep * turn)
+            yield _clipped(current.x + length / steep * turn)
             length *= 4.0
 
 
@@ -156,43 +157,43 @@ def search(
     -------
     Iterate
     """
-    here = Iterate(start, item, look(item))
-    report(here)
+    current = Iterate(start, item, look(item))
+    report(current)
     flat = np.zeros((start.size, start.size))
     curvatures: dict[Hashable, Floats] = {}
     others: dict[Hashable, Iterate[T]] = {}
-    seen = {here.local.piece: here}  # last point of every piece, for its curvature
+    last_points = {current.local.piece: current}  # last point of every piece, for its curvature
     radius, lost, penalty = INITIAL_RADIUS, "", 0.0
 
-    def keep(there: Iterate[T]) -> None:
-        piece = there.local.piece
-        if piece in seen:
-            curvatures[piece] = _updated(curvatures.get(piece, flat), seen[piece], there)
-        seen[piece] = there
-        if piece != here.local.piece:
-            others[piece] = there
+    def keep(trial: Iterate[T]) -> None:
+        piece = trial.local.piece
+        if piece in last_points:
+            curvatures[piece] = _updated(curvatures.get(piece, flat), last_points[piece], trial)
+        last_points[piece] = trial
+        if piece != current.local.piece:
+            others[piece] = trial
 
     for _ in range(iterations):
-        penalty = max(penalty, PENALTY_RATIO * float(_multipliers(here.local).max(initial=0.0)))
-        curvature = curvatures.get(here.local.piece, flat)
+        penalty = max(penalty, PENALTY_RATIO * float(_multipliers(current.local).max(initial=0.0)))
+        curvature = curvatures.get(current.local.piece, flat)
         beyond = [
             _PieceModel(other, curvatures.get(piece, flat))
             for piece, other in others.items()
-            if _is_edge(here, other)
+            if _is_edge(current, other)
         ]
-        step, gained, met, edge = _model_step(here, curvature, radius, beyond)
-        least = MIN_PREDICTED_REDUCTION * max(1.0, abs(here.local.merit(penalty)))
-        if met > 0.0:
-            penalty = max(penalty, -gained / ((1.0 - MIN_OBJECTIVE_SHARE) * met))
-        promised = gained + penalty * met
+        step, gained, regained, edge = _model_step(current, curvature, radius, beyond)
+        min_reduction = MIN_PREDICTED_REDUCTION * max(1.0, abs(current.local.merit(penalty)))
+        if regained > 0.0:
+            penalty = max(penalty, -gained / ((1.0 - MIN_OBJECTIVE_SHARE) * regained))
+        promised = gained + penalty * regained
         length = float(np.abs(step).max())
-        away = max((float(np.abs(each.there.x - here.x).max()) for each in edge), default=0.0)
-        if promised < least and away > EDGE_DISTANCE:
+        away = max((float(np.abs(each.nearest.x - current.x).max()) for each in edge), default=0.0)
+        if promised < min_reduction and away > EDGE_DISTANCE:
             # These points are too far from the edge to determine it: repeat with closer ones.
             others.clear()
-            for place in (place for each in edge for place in each.across(here)):
+            for x in (x for each in edge for x in each.across(current)):
                 try:
-                    keep(_at(here, place, move, look))
+                    keep(_at(current, x, move, look))
                 except OrbitError as error:
                     lost = error.reason
                 if others:
@@ -200,21 +201,21 @@ def search(
             if not others:
                 radius = 0.25 * min(radius, away)
             continue
-        if promised < least or length < MIN_RADIUS:
-            held = length > 0.99 * radius  # the shrunken region alone limits the step
-            ended = ("lost" if lost else "small") if held else "converged"
-            met_there = tuple(each.there.item for each in edge)
-            return replace(here, ended=ended, lost=lost if held else "", edge=met_there)
+        if promised < min_reduction or length < MIN_RADIUS:
+            limited = length > 0.99 * radius  # the shrunken region alone limits the step
+            ended = ("lost" if lost else "small") if limited else "converged"
+            edge_items = tuple(each.nearest.item for each in edge)
+            return replace(current, ended=ended, lost=lost if limited else "", edge=edge_items)
         try:
-            there = _at(here, _clipped(here.x + step), move, look)
-            ratio = (here.local.merit(penalty) - there.local.merit(penalty)) / promised
-            keep(there)
-            if ratio < REDUCTION_RATIO and there.local.violation > here.local.violation:
+            trial = _at(current, _clipped(current.x + step), move, look)
+            ratio = (current.local.merit(penalty) - trial.local.merit(penalty)) / promised
+            keep(trial)
+            if ratio < REDUCTION_RATIO and trial.local.violation > current.local.violation:
                 # Second-order correction for the curvature of the constraints.
-                back = _clipped(there.x + _restoration_step(here.local, there.local))
-                nearer = _at(here, back, move, look)
-                better = (here.local.merit(penalty) - nearer.local.merit(penalty)) / promised
-                there, ratio = (nearer, better) if better > ratio else (there, ratio)
+                back = _clipped(trial.x + _restoration_step(current.local, trial.local))
+                nearer = _at(current, back, move, look)
+                better = (current.local.merit(penalty) - nearer.local.merit(penalty)) / promised
+                trial, ratio = (nearer, better) if better > ratio else (trial, ratio)
         except OrbitError as error:
             lost, radius = error.reason, 0.25 * length
             continue
@@ -223,20 +224,20 @@ def search(
         elif ratio < REDUCTION_RATIO:
             radius = 0.25 * length
         if ratio > 1e-4:
-            if there.local.piece != here.local.piece:
-                others[here.local.piece] = here
-                others.pop(there.local.piece, None)
-            here, lost = there, ""
-            report(here)
-    return replace(here, ended="spent", lost=lost)
+            if trial.local.piece != current.local.piece:
+                others[current.local.piece] = current
+                others.pop(trial.local.piece, None)
+            current, lost = trial, ""
+            report(current)
+    return replace(current, ended="spent", lost=lost)
 
 
-def _is_edge(here: Iterate[T], other: Iterate[T]) -> bool:
+def _is_edge(current: Iterate[T], other: Iterate[T]) -> bool:
     """Return whether values increase on both sides of an edge between two points."""
-    way = other.x - here.x
-    bends = float((other.local.gradient - here.local.gradient) @ way)
-    seen = other.local.value - float(other.local.gradient @ way) - here.local.value
-    return bends > 0.0 and seen < 0.1 * bends
+    direction = other.x - current.x
+    bends = float((other.local.gradient - current.local.gradient) @ direction)
+    difference = other.local.value - float(other.local.gradient @ direction) - current.local.value
+    return bends > 0.0 and difference < 0.1 * bends
 
 
 def _clipped(x: Floats) -> Floats:
@@ -245,21 +246,21 @@ def _clipped(x: Floats) -> Floats:
     return np.asarray(np.where(x < BOX_TOLERANCE, 0.0, x))
 
 
-def _restoration_step(here: LocalModel, there: LocalModel) -> Floats:
+def _restoration_step(current: LocalModel, trial: LocalModel) -> Floats:
     """Return the shortest step that satisfies violated constraints to first order."""
-    missed = there.margins < 0.0
-    return np.asarray(np.linalg.lstsq(here.by_margin[missed], -there.margins[missed])[0])
+    missed = trial.margins < 0.0
+    return np.asarray(np.linalg.lstsq(current.by_margin[missed], -trial.margins[missed])[0])
 
 
 def _at(
-    here: Iterate[T], x: Floats, move: Callable[[T, Floats], T], look: Callable[[T], LocalModel]
+    current: Iterate[T], x: Floats, move: Callable[[T, Floats], T], look: Callable[[T], LocalModel]
 ) -> Iterate[T]:
-    item = move(here.item, x)
+    item = move(current.item, x)
     return Iterate(x, item, look(item))
 
 
 def _model_step(
-    here: Iterate[T], curvature: Floats, radius: float, beyond: Sequence[_PieceModel[T]]
+    current: Iterate[T], curvature: Floats, radius: float, beyond: Sequence[_PieceModel[T]]
 ) -> tuple[Floats, float, float, list[_PieceModel[T]]]:
     """Return the step that minimizes the model in the trust region.
 
@@ -269,37 +270,37 @@ def _model_step(
     """
     from scipy.optimize import minimize  # imported on first use
 
-    local, n = here.local, here.x.size
+    local, n = current.local, current.x.size
     # Scaled by the region and by the largest predicted reduction, so that small steps are accurate.
     unit = radius * max(float(np.abs(local.gradient).max()), 1e-30)
     slope, bend = local.gradient * radius / unit, curvature * radius**2 / unit
     rows = local.by_margin * radius
     box = np.column_stack(
-        [np.maximum(-1.0, -here.x / radius), np.minimum(1.0, (1.0 - here.x) / radius)]
+        [np.maximum(-1.0, -current.x / radius), np.minimum(1.0, (1.0 - current.x) / radius)]
     )
     first = _towards_constraints(local.margins, rows, box)
     allowed = local.margins + np.maximum(0.0, -(local.margins + rows @ first))
 
-    def own(z: Floats) -> tuple[float, Floats]:
+    def objective(z: Floats) -> tuple[float, Floats]:
         return float(slope @ z + 0.5 * z @ bend @ z), slope + bend @ z
 
     def of(piece: _PieceModel[T]) -> Callable[[Floats], tuple[float, Floats]]:
-        excess = piece.excess(here)
+        excess = piece.excess(current)
 
         def model(z: Floats) -> tuple[float, Floats]:
-            value, gradient = piece.at(here.x + radius * z)
+            value, gradient = piece.at(current.x + radius * z)
             return (value - excess - local.value) / unit, gradient * radius / unit
 
         return model
 
-    pieces = [own, *map(of, beyond)]
+    pieces = [objective, *map(of, beyond)]
     held = [
         {"type": "ineq", "fun": lambda z: allowed + rows @ z[:n], "jac": lambda z: _padded(rows, z)}
     ]
     ends = {"ftol": 1e-12, "maxiter": 200}
     if not beyond:
         solved = minimize(
-            lambda z: own(z)[0], first, jac=lambda z: own(z)[1], bounds=box,
+            lambda z: objective(z)[0], first, jac=lambda z: objective(z)[1], bounds=box,
             constraints=held if local.margins.size else [], method="SLSQP", options=ends,
         )  # fmt: skip
     else:
@@ -321,11 +322,11 @@ def _model_step(
     part = np.clip(solved.x[:n], box[:, 0], box[:, 1])
     values = np.array([model(part)[0] for model in pieces])
     gained = -unit * float(values.max())
-    met = local.merit(1.0) - local.value
-    met -= float(np.maximum(0.0, -(local.margins + rows @ part)).sum())
+    regained = local.merit(1.0) - local.value
+    regained -= float(np.maximum(0.0, -(local.margins + rows @ part)).sum())
     at = values[1:] > values.max() - EQUAL_PIECES_RATIO
     edge = [piece for piece, yes in zip(beyond, at.tolist(), strict=True) if yes]
-    return radius * part, gained, met, edge
+    return radius * part, gained, regained, edge
 
 
 def _padded(rows: Floats, z: Floats) -> Floats:
@@ -349,12 +350,12 @@ def _towards_constraints(margins: Floats, rows: Floats, box: Floats) -> Floats:
     return np.clip(solved.x[:n], box[:, 0], box[:, 1])
 
 
-def _updated(curvature: Floats, here: Iterate[T], there: Iterate[T]) -> Floats:
+def _updated(curvature: Floats, current: Iterate[T], trial: Iterate[T]) -> Floats:
     """Return the curvature of the Lagrangian after another step (symmetric rank one)."""
-    weights = _multipliers(there.local)
-    step = there.x - here.x
-    turned = [each.gradient - weights @ each.by_margin for each in (here.local, there.local)]
-    left = turned[1] - turned[0] - curvature @ step
+    weights = _multipliers(trial.local)
+    step = trial.x - current.x
+    gradients = [each.gradient - weights @ each.by_margin for each in (current.local, trial.local)]
+    left = gradients[1] - gradients[0] - curvature @ step
     along = float(left @ step)
     if abs(along) < 1e-8 * float(np.linalg.norm(step) * np.linalg.norm(left)) or along == 0.0:
         return curvature

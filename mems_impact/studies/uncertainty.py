@@ -78,42 +78,42 @@ def indices_table(
         See `mems_impact.tolerance_analysis`.
     """
     missing = np.isnan(values).sum(axis=0)
-    whole = missing == 0
+    complete = missing == 0
     spread = np.ptp(values, axis=0)
-    varies = whole & (spread > MIN_SPREAD * np.abs(values).max(axis=0))
+    varies = complete & (spread > MIN_SPREAD * np.abs(values).max(axis=0))
     shape = (len(quantities), len(draws.names))
-    found = np.full((6, *shape), np.nan)  # first-order and total, each with interval bounds
-    found[:, whole] = 0.0
+    indices = np.full((6, *shape), np.nan)  # first-order and total, each with interval bounds
+    indices[:, complete] = 0.0
     if varies.any():
-        found[:, varies] = _estimated(matrices(draws, values[:, varies]), seed)
+        indices[:, varies] = _estimated(matrices(draws, values[:, varies]), seed)
     columns = ("first", "first low", "first high", "total", "total low", "total high")
     return pd.DataFrame(
         {
             "quantity": np.repeat(np.array(quantities, dtype=object), shape[1]),
             "parameter": np.tile(np.array(draws.names, dtype=object), shape[0]),
-            **{name: part.ravel() for name, part in zip(columns, found, strict=True)},
+            **{name: part.ravel() for name, part in zip(columns, indices, strict=True)},
             "missing": np.repeat(missing, shape[1]),
         }
     )
 
 
-def _estimated(parts: tuple[Floats, Floats, Floats], seed: int) -> Floats:
+def _estimated(samples: tuple[Floats, Floats, Floats], seed: int) -> Floats:
     """Return indices and bounds of their intervals, by resampling rows."""
-    n = parts[0].shape[1]
+    n = samples[0].shape[1]
     rows = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
-    resampled = np.array([_indices([part[..., chosen] for part in parts]) for chosen in rows])
+    resampled = np.array([_indices([part[..., chosen] for part in samples]) for chosen in rows])
     outside = (1.0 - LEVEL) / 2.0
     low, high = np.quantile(resampled, [outside, 1.0 - outside], axis=0)
-    first, total = _indices(parts)
+    first, total = _indices(samples)
     return np.stack([first, low[0], high[0], total, low[1], high[1]])
 
 
-def _indices(parts: Sequence[Floats]) -> Floats:
+def _indices(samples: Sequence[Floats]) -> Floats:
     """Return first-order and total indices, shape (2, quantities, drawn)."""
-    first, second, between = parts
-    found = sobol_indices(func={"f_A": first, "f_B": second, "f_AB": between}, n=first.shape[1])
+    first, second, between = samples
+    indices = sobol_indices(func={"f_A": first, "f_B": second, "f_AB": between}, n=first.shape[1])
     shape = (len(first), len(between))
-    return np.stack([found.first_order.reshape(shape), found.total_order.reshape(shape)])
+    return np.stack([indices.first_order.reshape(shape), indices.total_order.reshape(shape)])
 
 
 # --- Spread of quantities, and yield
@@ -172,12 +172,12 @@ class Spread:
             good = good & fine
             rows.append((name, low, high, fine))
         rows.append((ALL, math.nan, math.nan, good))
-        found = []
+        entries = []
         for name, low, high, fine in rows:
             count = int(fine.sum())
-            found.append((name, low, high, count, count / len(fine), *wilson(count, len(fine))))
+            entries.append((name, low, high, count, count / len(fine), *wilson(count, len(fine))))
         headings = ["quantity", "from", "to", "points", "share", "low", "high"]
-        return pd.DataFrame(found, columns=headings)
+        return pd.DataFrame(entries, columns=headings)
 
     def quantiles(self, q: Sequence[float] = (0.05, 0.5, 0.95)) -> pd.DataFrame:
         """Return quantiles of the measured quantities, over the points with a value.
@@ -196,10 +196,10 @@ class Spread:
         if not ((values >= 0.0) & (values <= 1.0)).all():
             raise InvalidParameter("q", q, "between 0 and 1")
         points = self.points[self.quantities]
-        found = points.quantile(values.tolist()).T
-        found["points"] = points.notna().sum()
-        found.attrs = dict(self.table.attrs)
-        return found
+        table = points.quantile(values.tolist()).T
+        table["points"] = points.notna().sum()
+        table.attrs = dict(self.table.attrs)
+        return table
 
     def _counted(self) -> str:
         kinds = motions(self.points)
@@ -237,8 +237,8 @@ class ToleranceStudy(AttractorStudy):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        drawn = dict.fromkeys((*self.draws.names, *self.draws.parameters), "float")
-        return schema_of(drawn, {SAMPLE: "str"}, self.measuring.schema)
+        columns = dict.fromkeys((*self.draws.names, *self.draws.parameters), "float")
+        return schema_of(columns, {SAMPLE: "str"}, self.measuring.schema)
 
     @property
     def attrs(self) -> Mapping[str, Any]:
@@ -251,12 +251,12 @@ class ToleranceStudy(AttractorStudy):
         values = dict(zip(self.draws.parameters, row, strict=True))
         return InitialCondition(self.measuring.system.changed(**values), self.initial)
 
-    def _places(self, first: int, last: int) -> Columns:
+    def _identity_columns(self, first: int, last: int) -> Columns:
         draws, block = self.draws, self.points // len(self.draws.blocks)
-        made = dict(zip(draws.parameters, draws.parameter_values[first:last].T, strict=True))
-        drawn = dict(zip(draws.names, draws.values[first:last].T, strict=True))
-        which = [draws.blocks[number // block] for number in range(first, last)]
-        return {**made, **drawn, SAMPLE: np.array(which, dtype=object)}
+        parameters = dict(zip(draws.parameters, draws.parameter_values[first:last].T, strict=True))
+        quantities = dict(zip(draws.names, draws.values[first:last].T, strict=True))
+        labels = [draws.blocks[number // block] for number in range(first, last)]
+        return {**parameters, **quantities, SAMPLE: np.array(labels, dtype=object)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -308,8 +308,8 @@ class ToleranceAnalysis(Spread, Result):
         return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
-        drawn, counted = ", ".join(self.drawn), self._counted()
-        text = f"ToleranceAnalysis({drawn}: {len(self.points)} points, {counted}"
+        names, counted = ", ".join(self.drawn), self._counted()
+        text = f"ToleranceAnalysis({names}: {len(self.points)} points, {counted}"
         if self.specification:
             text += f", yield {self.yields['share'].iloc[-1]:.1%}"
         return text + ")"
@@ -427,7 +427,7 @@ def tolerance_analysis(
     >>> found.yields["share"].tolist()
     [1.0, 1.0]
     """
-    given = distributions(over, system)
+    sampled = distributions(over, system)
     count = check_sample(samples, sampling, seed)
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
@@ -441,7 +441,7 @@ def tolerance_analysis(
         raise InvalidParameter("parameters", parameters, allowed)
     draws = draw(
         system,
-        given,
+        sampled,
         parameters,
         samples=count,
         sampling=sampling,
@@ -453,32 +453,34 @@ def tolerance_analysis(
         measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
         initial=start,
     )
-    wanted = _specification(specification or {}, study.schema, system)
+    bounds = _specification(specification or {}, study.schema, system)
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    found = ToleranceAnalysis(system=system, drawn=draws.names, specification=wanted, table=table)
+    analysis = ToleranceAnalysis(
+        system=system, drawn=draws.names, specification=bounds, table=table
+    )
     if not indices:
-        return found
+        return analysis
 
-    names = found.quantities
+    names = analysis.quantities
     with completed_study(table, study.points):
         effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
     effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(
-        system=system, drawn=draws.names, specification=wanted, table=table, indices=effects
+        system=system, drawn=draws.names, specification=bounds, table=table, indices=effects
     )
 
 
 def _specification(
-    given: Specification, schema: Mapping[str, str], system: HybridSystem
+    specification: Specification, schema: Mapping[str, str], system: HybridSystem
 ) -> dict[str, tuple[float, float]]:
     """Return the specification without None; InvalidParameter unless it has columns and bounds."""
-    known = [name for name, kind in schema.items() if kind in ("float", "int")]
-    if not isinstance(given, Mapping):
-        raise InvalidParameter("specification", given, "columns with their bounds")
-    found = {}
-    for name, ends in given.items():
-        if name not in known:
-            raise InvalidParameter("specification", name, f"one of the columns {', '.join(known)}")
+    names = [name for name, kind in schema.items() if kind in ("float", "int")]
+    if not isinstance(specification, Mapping):
+        raise InvalidParameter("specification", specification, "columns with their bounds")
+    bounds = {}
+    for name, ends in specification.items():
+        if name not in names:
+            raise InvalidParameter("specification", name, f"one of the columns {', '.join(names)}")
         field, allowed = f"specification.{name}", "two numbers, low and high, or None for either"
         try:
             low, high = system.without_unit(name, ends, field)
@@ -489,5 +491,5 @@ def _specification(
         low, high = -math.inf if low is None else low, math.inf if high is None else high
         if not all(is_number(end) or abs(end) == math.inf for end in (low, high)) or low > high:
             raise InvalidParameter(field, ends, allowed)
-        found[name] = (float(low), float(high))
-    return found
+        bounds[name] = (float(low), float(high))
+    return bounds

@@ -111,11 +111,11 @@ def optimize_from(
     aims: dict[str, Any] = dict.fromkeys(_several(maximize), "maximize")
     aims |= dict.fromkeys(_several(minimize), "minimize")
     orbit = _orbit(system, initial, transient, periods, options)
-    given: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
+    arguments: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
     if len(aims) == 2:
-        return pareto_front(orbit, aims, points=points, progress=progress, **given)
-    given[aims[names[0]]] = names[0]
-    return optimize(orbit, progress=progress, **given)
+        return pareto_front(orbit, aims, points=points, progress=progress, **arguments)
+    arguments[aims[names[0]]] = names[0]
+    return optimize(orbit, progress=progress, **arguments)
 
 
 def _several(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -173,28 +173,28 @@ def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[st
     InvalidParameter
         If an argument is unknown, missing or of the wrong kind.
     """
-    known = {
+    defaults = {
         name: parameter.default
         for name, parameter in inspect.signature(verb_of(kind)).parameters.items()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }
     for name in table:
-        if name not in known:
-            raise _unknown(name, table[name], known)
-    for name, default in known.items():
+        if name not in defaults:
+            raise _unknown(name, table[name], defaults)
+    for name, default in defaults.items():
         if default is inspect.Parameter.empty and name not in table:
             allowed = _AXIS if _READERS.get(name) is _axis else "given"
             raise InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
     readers = {**_READERS, **_OF_KIND.get(kind, {})}
-    given = {
-        name: _argument(name, value, known[name], readers.get(name))
+    arguments = {
+        name: _argument(name, value, defaults[name], readers.get(name))
         for name, value in table.items()
     }
-    if "store" in given:
-        given["store"] = folder / given["store"]
-    if "executor" in given:
-        given["executor"] = executor_named(given["executor"], given.get("workers"))
-    return given
+    if "store" in arguments:
+        arguments["store"] = folder / arguments["store"]
+    if "executor" in arguments:
+        arguments["executor"] = executor_named(arguments["executor"], arguments.get("workers"))
+    return arguments
 
 
 def range_axis(
@@ -240,17 +240,17 @@ def distributions(name: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, DISTRIBUTIONS_ALLOWED)
     return {
-        parameter: _distribution(f"{name}.{parameter}", words) for parameter, words in value.items()
+        parameter: _distribution(f"{name}.{parameter}", entry) for parameter, entry in value.items()
     }
 
 
-def _distribution(field: str, words: Any) -> Any:
+def _distribution(field: str, entry: Any) -> Any:
     """Return a distribution; words with units, or relative to a parameter's value, unchanged."""
-    if isinstance(words, str) or (isinstance(words, list) and any(map(has_unit, words))):
-        return words
-    if not (isinstance(words, list) and words):
-        raise InvalidParameter(field, words, DISTRIBUTIONS_ALLOWED)
-    return distribution_named(field, words, lambda number: number)
+    if isinstance(entry, str) or (isinstance(entry, list) and any(map(has_unit, entry))):
+        return entry
+    if not (isinstance(entry, list) and entry):
+        raise InvalidParameter(field, entry, DISTRIBUTIONS_ALLOWED)
+    return distribution_named(field, entry, lambda number: number)
 
 
 def _state(name: str, value: Any) -> State | dict[str, Any]:
@@ -267,20 +267,20 @@ def _text(name: str, value: Any) -> str:
 
 
 def _options(name: str, value: Any, default: Any) -> Any:
-    known = [each.name for each in fields(default)]
+    names = [each.name for each in fields(default)]
     if not isinstance(value, dict):
-        raise InvalidParameter(name, value, f"a table of some of {', '.join(known)}")
+        raise InvalidParameter(name, value, f"a table of some of {', '.join(names)}")
     for word in value:
-        if word not in known:
-            raise _unknown(f"{name}.{word}", value[word], known)
+        if word not in names:
+            raise _unknown(f"{name}.{word}", value[word], names)
     try:
         return replace(default, **value)
     except InvalidParameter as error:
         raise error.located(owner=name) from None
 
 
-def _unknown(name: str, value: Any, known: Any) -> InvalidParameter:
-    allowed = f"one of {', '.join(known)}"
+def _unknown(name: str, value: Any, names: Any) -> InvalidParameter:
+    allowed = f"one of {', '.join(names)}"
     return InvalidParameter(name, value, allowed, problem=f"unknown name, must be {allowed}")
 
 
@@ -289,14 +289,14 @@ def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None
     allowed = "pairs of numbers by name: {amplitude = [0.2, 0.3]}, one of which may be inf"
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, allowed)
-    found = {}
+    ranges = {}
     for word, pair in value.items():
         two = isinstance(pair, list) and len(pair) == 2
         if not (two and all(_is_real(end) or has_unit(end) for end in pair)):
             raise InvalidParameter(f"{name}.{word}", pair, allowed)
         low, high = (_bound(end) for end in pair)
-        found[word] = low, high
-    return found
+        ranges[word] = low, high
+    return ranges
 
 
 def _bound(end: Any) -> Any:

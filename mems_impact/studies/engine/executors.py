@@ -137,13 +137,13 @@ class WorkerPool:
             raise InvalidParameter("executor", executor, allowed)
         self._executor: Any = None if callable(executor) else executor
         self._stop = threading.Event()
-        self._asked = (-QUERY_INTERVAL_SECONDS, 0)
+        self._cluster_threads = (-QUERY_INTERVAL_SECONDS, 0)
         self._check_time = math.inf  # time of the check for workers that have not started
         self._calls = count()
 
     def __enter__(self) -> Self:
         if self._make is not None:
-            self._executor = self._made(self._make)
+            self._executor = self._created(self._make)
         if self.is_local:
             with collected_warnings():  # discards warnings of the compilation run
                 self.study.prepare()
@@ -168,28 +168,28 @@ class WorkerPool:
     @property
     def window(self) -> int:
         """Number of parts to submit at a time, so that no worker is idle."""
-        known = self.workers or getattr(self._executor, "_max_workers", None)
-        if known is None:
-            now, known = time.monotonic(), self._asked[1]
-            if now - self._asked[0] >= QUERY_INTERVAL_SECONDS:
-                known = _threads_of_cluster(self._executor)
-                self._asked = now, known
-            return max(MIN_PENDING_CHUNKS, 2 * known + 1)
-        return int(2 * known + 1)
+        threads = self.workers or getattr(self._executor, "_max_workers", None)
+        if threads is None:
+            now, threads = time.monotonic(), self._cluster_threads[1]
+            if now - self._cluster_threads[0] >= QUERY_INTERVAL_SECONDS:
+                threads = _threads_of_cluster(self._executor)
+                self._cluster_threads = now, threads
+            return max(MIN_PENDING_CHUNKS, 2 * threads + 1)
+        return int(2 * threads + 1)
 
     def submit(self, number: int, part: Chunk, carried: Any) -> Future[Result]:
         """Submit a part; `ExecutorLost` if the executor does not accept it."""
-        where = part.first, part.last, carried
+        location = part.first, part.last, carried
         try:
             with deferring_ctrl_c():
                 if self.is_local:
                     return self._executor.submit(
-                        _compute_in_thread, self.study, *where, self._watch(number)
+                        _compute_in_thread, self.study, *location, self._watch(number)
                     )
                 with ignoring_ctrl_c():  # submission may start processes
                     # Numbered, since Dask identifies calls with equal arguments.
                     return self._executor.submit(
-                        _compute_in_process, self._packed, *where, next(self._calls)
+                        _compute_in_process, self._packed, *location, next(self._calls)
                     )
         except (RuntimeError, OSError) as error:
             # RuntimeError: the executor is broken or was shut down. OSError: the queue is closed,
@@ -225,7 +225,7 @@ class WorkerPool:
         if self._make is None:
             raise ExecutorLost(reason)
         _end(self._executor, at_once=True)
-        self._executor = self._made(self._make)
+        self._executor = self._created(self._make)
         try:
             if self.is_local:
                 self._executor.submit(int).result()
@@ -245,7 +245,7 @@ class WorkerPool:
             raise InvalidParameter("executor", None, "", problem=problem) from error
         return packed
 
-    def _made(self, make: Maker) -> Executor:
+    def _created(self, make: Maker) -> Executor:
         executor = make()
         if not isinstance(executor, Executor):
             allowed = "a function that returns a concurrent.futures.Executor"
@@ -292,7 +292,7 @@ def deferring_ctrl_c() -> Iterator[None]:
         return
     received: list[tuple[int, FrameType | None]] = []
     try:
-        signal.signal(signal.SIGINT, lambda *given: received.append(given))
+        signal.signal(signal.SIGINT, lambda *arguments: received.append(arguments))
         yield
     finally:
         signal.signal(signal.SIGINT, before)

@@ -101,10 +101,10 @@ def run_study(
         chunk = study.chunk if chunk is None else chunk
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
-    with _keeping(study, store, size) as kept:
-        if kept.done < study.points:
-            _compute(study, kept, crew, progress)
-        return kept.table()
+    with _keeping(study, store, size) as chunks:
+        if chunks.done < study.points:
+            _compute(study, chunks, crew, progress)
+        return chunks.table()
 
 
 @contextmanager
@@ -133,23 +133,23 @@ def _default(study: Study, workers: int | None) -> int:
     return max(1, min(study.chunk, share))
 
 
-def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progress) -> None:
+def _compute(study: Study, chunks: ChunkStore, crew: WorkerPool, progress: Progress) -> None:
     """Compute the missing parts; an exception holds the completed table."""
     try:
         with (
             warned(study) as caught,
             crew,
-            progress_bar(progress, "points", study.points, study.kind, kept.done) as notice,
+            progress_bar(progress, "points", study.points, study.kind, chunks.done) as notice,
         ):
-            Scheduler(study, kept, crew, notice, caught).run()
+            Scheduler(study, chunks, crew, notice, caught).run()
     except KeyboardInterrupt:
-        kept.scan_completed()
-        raise StudyInterrupted(kept.table(), kept.done, study.points) from None
+        chunks.scan_completed()
+        raise StudyInterrupted(chunks.table(), chunks.done, study.points) from None
     except ExecutorLost as error:
-        raise WorkersLost(str(error), kept.table(), kept.done, study.points) from None
+        raise WorkersLost(str(error), chunks.table(), chunks.done, study.points) from None
     except Exception as error:
-        error.table = kept.table()  # type: ignore[attr-defined]
-        error.add_note(f"{kept.done} of {study.points} points are done")
+        error.table = chunks.table()  # type: ignore[attr-defined]
+        error.add_note(f"{chunks.done} of {study.points} points are done")
         raise
 
 
@@ -164,11 +164,11 @@ def warned(study: Study) -> Iterator[list[CollectedWarning]]:
         for first in first_of_each(caught):
             alike = (first.category, first.subject)
             points = {each.point for each in caught if (each.category, each.subject) == alike}
-            where = study.place(first.point)
+            label = study.point_label(first.point)
             if first.category is StartWarning:  # all starts are checked, jumps only occasionally
                 count = f"{len(points)} of {study.points} points"
-                where = f"{count}, first {where}" if len(points) > 1 else f"{count}, {where}"
-            message = f"{study.kind} ({where}): {first.message}"
+                label = f"{count}, first {label}" if len(points) > 1 else f"{count}, {label}"
+            message = f"{study.kind} ({label}): {first.message}"
             warn(message, first.category, first.subject)
 
 
@@ -183,14 +183,14 @@ class Scheduler:
     def __init__(
         self,
         study: Study,
-        kept: ChunkStore,
+        chunks: ChunkStore,
         crew: WorkerPool,
         notice: Report | None,
         caught: list[CollectedWarning],
     ) -> None:
-        self.study, self.kept, self.crew, self.notice = study, kept, crew, notice
+        self.study, self.chunks, self.crew, self.notice = study, chunks, crew, notice
         self.caught = caught
-        self.ready = deque(number for number in kept.missing if kept.is_ready(number))
+        self.ready = deque(number for number in chunks.missing if chunks.is_ready(number))
         self.quarantined: deque[int] = deque()
         self.trial: int | None = None  # the suspect that is computed alone
         self.worker_deaths: Counter[int] = Counter()
@@ -208,8 +208,8 @@ class Scheduler:
                     self.recover()
                 self.crew.warn_of_missing_workers()
                 if self.notice is not None:
-                    done = self.kept.done + self.crew.part_done
-                    self.notice(done, f"{self.kept.failed} failed")
+                    done = self.chunks.done + self.crew.part_done
+                    self.notice(done, f"{self.chunks.failed} failed")
         finally:
             with deferring_ctrl_c():
                 for future in self.pending:
@@ -226,7 +226,7 @@ class Scheduler:
                 return
             try:
                 future = self.crew.submit(
-                    number, self.kept.parts[number], self.kept.carried(number)
+                    number, self.chunks.parts[number], self.chunks.carried(number)
                 )
             except ExecutorLost as error:
                 self.again(number)
@@ -255,9 +255,9 @@ class Scheduler:
 
     def keep(self, number: int, columns: Columns, carried: Any) -> None:
         """Store a part; the next one of its chain becomes ready."""
-        self.kept.put(number, columns, carried)
+        self.chunks.put(number, columns, carried)
         after = number + 1
-        if self.kept.is_missing(after) and self.kept.parts[after].follows:
+        if self.chunks.is_missing(after) and self.chunks.parts[after].follows:
             self.ready.appendleft(after)
 
     def handle_worker_loss(self, number: int, error: BaseException) -> None:
@@ -269,7 +269,7 @@ class Scheduler:
             self.broken = _one_line(error)
         if alone and self.worker_deaths[number] >= MAX_WORKER_DEATHS:
             self.trial = None
-            part, carried = self.kept.parts[number], self.kept.carried(number)
+            part, carried = self.chunks.parts[number], self.chunks.carried(number)
             reason = f"its chunk killed {MAX_WORKER_DEATHS} workers ({_one_line(error)})"
             self.keep(number, self.study.failed(part.first, part.last, reason), carried)
         else:

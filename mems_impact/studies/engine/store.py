@@ -41,8 +41,8 @@ from mems_impact.studies.engine.study import (
     arranged,
     failures,
     frame,
+    json_value,
     layout,
-    plain,
 )
 from mems_impact.systems.result import SummaryRepr
 from mems_impact.systems.serialization.archive import check_format, versions
@@ -66,34 +66,42 @@ def difference(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     there, here : mapping of str to JSON value
         The stored and the requested description.
     """
-    there, here = plain(dict(there)), plain(dict(here))
+    there, here = json_value(dict(there)), json_value(dict(here))
     names = _differing(there, here)
     if not names:
         return ""
-    place, its, mine = _first(names[0], there, here)
+    path, stored, requested = _first(names[0], there, here)
     more = f" (and {', '.join(map(label, names[1:]))} differ)" if len(names) > 1 else ""
-    return f"{place} is {shown(its)} there, {shown(mine)} here{more}"
+    return f"{path} is {shown(stored)} there, {shown(requested)} here{more}"
 
 
-def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    names = {**here, **there}
-    return [name for name in names if _text(there.get(name)) != _text(here.get(name))]
+def _differing(stored: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
+    names = {**requested, **stored}
+    return [name for name in names if _text(stored.get(name)) != _text(requested.get(name))]
 
 
-def _first(name: str, there: Any, here: Any) -> tuple[str, Any, Any]:
+def _first(name: str, stored_values: Any, requested_values: Any) -> tuple[str, Any, Any]:
     """Return the innermost path at which values differ, within lists and tables."""
-    place, its, mine = label(name), there.get(name, _NONE), here.get(name, _NONE)
+    path, stored, requested = (
+        label(name),
+        stored_values.get(name, _NONE),
+        requested_values.get(name, _NONE),
+    )
     while True:
-        if isinstance(its, dict) and isinstance(mine, dict):
-            inner = _differing(its, mine)[0]
+        if isinstance(stored, dict) and isinstance(requested, dict):
+            inner = _differing(stored, requested)[0]
             if inner not in CONTAINER_KINDS:
-                place = f"{place}.{label(inner)}"
-            its, mine = its.get(inner, _NONE), mine.get(inner, _NONE)
-        elif isinstance(its, list) and isinstance(mine, list) and len(its) == len(mine):
-            i = next(i for i in range(len(its)) if _text(its[i]) != _text(mine[i]))
-            place, its, mine = f"{place}[{i}]", its[i], mine[i]
+                path = f"{path}.{label(inner)}"
+            stored, requested = stored.get(inner, _NONE), requested.get(inner, _NONE)
+        elif (
+            isinstance(stored, list)
+            and isinstance(requested, list)
+            and len(stored) == len(requested)
+        ):
+            i = next(i for i in range(len(stored)) if _text(stored[i]) != _text(requested[i]))
+            path, stored, requested = f"{path}[{i}]", stored[i], requested[i]
         else:
-            return place, its, mine
+            return path, stored, requested
 
 
 def _text(value: Any) -> str:
@@ -144,7 +152,7 @@ class ChunkStore(ABC):
 
     def put(self, number: int, columns: Columns, carried: Any) -> None:
         """Store the columns of a part, and the initial data of the next part of its chain."""
-        columns, carried = arranged(columns, self.schema), plain(carried)
+        columns, carried = arranged(columns, self.schema), json_value(carried)
         bad = failures(columns)
         self.keep(number, columns, carried, bad)
         self.count(number, bad)
@@ -207,7 +215,9 @@ class MemoryStore(ChunkStore):
 
 def attributes(study: Study) -> dict[str, Any]:
     """Return ``attrs`` of the table of a study: its own, and the provenance."""
-    attrs: dict[str, Any] = plain({**study.attrs, "study": study.kind, "versions": provenance()})
+    attrs: dict[str, Any] = json_value(
+        {**study.attrs, "study": study.kind, "versions": provenance()}
+    )
     return attrs
 
 
@@ -329,10 +339,10 @@ def read_footer(path: Path) -> dict[str, Any] | None:
     import pyarrow.parquet as pq
 
     try:
-        found = pq.read_metadata(path).metadata
-        if found[CHECKSUM] != b"%08x" % crc32(found[KEY]):
+        metadata_of_file = pq.read_metadata(path).metadata
+        if metadata_of_file[CHECKSUM] != b"%08x" % crc32(metadata_of_file[KEY]):
             return None
-        metadata: dict[str, Any] = json.loads(found[KEY])
+        metadata: dict[str, Any] = json.loads(metadata_of_file[KEY])
     except (FileNotFoundError, pa.ArrowException, LookupError, TypeError):
         return None
     except OSError as error:
@@ -394,17 +404,17 @@ def open_store(
         If it cannot be written for another reason: the disk is full, for example.
     """
     check()
-    place = Path(directory)
-    _make(place)
-    with locked(place / LOCK) as alone:
-        if (place / MANIFEST).exists():
-            manifest = manifest_of(place, DIRECTORY_REMEDY)
-            _check_same(place, manifest, study)
+    folder = Path(directory)
+    _make(folder)
+    with locked(folder / LOCK) as alone:
+        if (folder / MANIFEST).exists():
+            manifest = manifest_of(folder, DIRECTORY_REMEDY)
+            _check_same(folder, manifest, study)
         else:
-            _check_empty(place)
+            _check_empty(folder)
             manifest = _described(study, chunk)
-            _write(place / MANIFEST, json.dumps(manifest, indent=1).encode(), lasting=True)
-        yield DirectoryStore(place, study, manifest, alone=alone)
+            _write(folder / MANIFEST, json.dumps(manifest, indent=1).encode(), lasting=True)
+        yield DirectoryStore(folder, study, manifest, alone=alone)
 
 
 class DirectoryStore(ChunkStore):
@@ -426,9 +436,9 @@ class DirectoryStore(ChunkStore):
         super().__init__(study, manifest["chunk"])
         self.directory = directory
         self.attrs = manifest["attrs"]
-        made = provenance()
-        self._metadata = {"study": study.kind, "versions": made, "identity": _brief(study)}
-        _warn_of_versions(directory, manifest["versions"], made)
+        versions = provenance()
+        self._metadata = {"study": study.kind, "versions": versions, "identity": _brief(study)}
+        _warn_of_versions(directory, manifest["versions"], versions)
         if alone:
             _tidy(directory)
         self.scan_completed()
@@ -436,8 +446,8 @@ class DirectoryStore(ChunkStore):
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Write the file of a part."""
         part = self.parts[number]
-        own = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
-        content = packed(columns, self.schema, {**self._metadata, **own})
+        entries = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
+        content = packed(columns, self.schema, {**self._metadata, **entries})
         _write(path_of(self.directory, part), content)
 
     def failed_in(self, number: int) -> int | None:
@@ -457,8 +467,8 @@ class DirectoryStore(ChunkStore):
 
     def table(self) -> pd.DataFrame:
         """Return the table of all stored parts; InvalidFile if a file is damaged."""
-        kept = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
-        chunks = [columns(path_of(self.directory, part), self.schema) for part in kept]
+        stored = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
+        chunks = [columns(path_of(self.directory, part), self.schema) for part in stored]
         return frame(chunks, self.schema, self.attrs)
 
 
@@ -474,15 +484,15 @@ def manifest_of(
     """
     path = directory / MANIFEST
     try:
-        found = json.loads(path.read_bytes())
-        number, made = found["format"], found["versions"]["mems_impact"]
+        content = json.loads(path.read_bytes())
+        number, version = content["format"], content["versions"]["mems_impact"]
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InvalidFile(directory, f"holds no study ({MANIFEST}: {reason})", remedy) from None
     except (ValueError, TypeError, LookupError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
-    check_format(directory, number, STORE_FORMAT, made, "run the study again in a new directory")
-    manifest: dict[str, Any] = found
+    check_format(directory, number, STORE_FORMAT, version, "run the study again in a new directory")
+    manifest: dict[str, Any] = content
     return manifest
 
 
@@ -515,7 +525,7 @@ def _form(study: Study) -> dict[str, Any]:
     return {"points": study.points, "chains": chains, "schema": dict(study.schema)}
 
 
-def _check_same(place: Path, manifest: Mapping[str, Any], study: Study) -> None:
+def _check_same(directory: Path, manifest: Mapping[str, Any], study: Study) -> None:
     """Raise InvalidFile if the directory holds another study."""
     form = _form(study)
     differing = (
@@ -524,16 +534,16 @@ def _check_same(place: Path, manifest: Mapping[str, Any], study: Study) -> None:
         or difference({name: manifest[name] for name in form}, form)
     )
     if differing:
-        raise InvalidFile(place, f"holds another study: {differing}", DIRECTORY_REMEDY)
+        raise InvalidFile(directory, f"holds another study: {differing}", DIRECTORY_REMEDY)
 
 
-def _check_empty(place: Path) -> None:
+def _check_empty(directory: Path) -> None:
     """Raise InvalidFile if the directory holds other files, or chunks of an unknown study."""
-    strange = [each.name for each in place.iterdir() if not _is_ours(each.name)]
-    strange += [f"{POINTS}/{each.name}" for each in (place / POINTS).iterdir()]
+    strange = [each.name for each in directory.iterdir() if not _is_ours(each.name)]
+    strange += [f"{POINTS}/{each.name}" for each in (directory / POINTS).iterdir()]
     if strange:
         reason = f"holds no study, but {', '.join(sorted(strange)[:3])}"
-        raise InvalidFile(place, reason, "give a new directory, or an empty one")
+        raise InvalidFile(directory, reason, "give a new directory, or an empty one")
 
 
 def _is_ours(name: str) -> bool:
@@ -541,10 +551,10 @@ def _is_ours(name: str) -> bool:
     return name in (LOCK, POINTS) or name.startswith(f".{Path(MANIFEST).stem}-")
 
 
-def _warn_of_versions(place: Path, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
-    differing = difference(there, here)
+def _warn_of_versions(path: Path, stored: Mapping[str, Any], present: Mapping[str, Any]) -> None:
+    differing = difference(stored, present)
     if differing:
-        _log.warning("%s: %s; last bits may differ between old and new points", place, differing)
+        _log.warning("%s: %s; last bits may differ between old and new points", path, differing)
 
 
 def _brief(study: Study) -> dict[str, Any]:
@@ -557,11 +567,11 @@ def _brief(study: Study) -> dict[str, Any]:
     }
 
 
-def _make(place: Path) -> None:
+def _make(directory: Path) -> None:
     try:
-        (place / POINTS).mkdir(parents=True, exist_ok=True)
+        (directory / POINTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise unwritable(place, error) from None
+        raise unwritable(directory, error) from None
 
 
 def _write(path: Path, content: bytes, lasting: bool = False) -> None:
@@ -575,8 +585,8 @@ def _write(path: Path, content: bytes, lasting: bool = False) -> None:
 
 def _tidy(directory: Path) -> None:
     """Remove the temporary files of processes that were killed."""
-    for left in (*directory.glob(".*"), *(directory / POINTS).glob(".*")):
-        left.unlink(missing_ok=True)
+    for path in (*directory.glob(".*"), *(directory / POINTS).glob(".*")):
+        path.unlink(missing_ok=True)
 
 
 # --- Reading of a store, also while the study runs
@@ -744,16 +754,16 @@ def read_study(path: str | os.PathLike[str]) -> StoredStudy:
     check()
     directory = Path(path)
     manifest = manifest_of(directory)
-    found = {part: read_footer(path_of(directory, part)) for part in chunks_of(manifest)}
-    kept = {part: footer for part, footer in found.items() if footer is not None}
+    footers = {part: read_footer(path_of(directory, part)) for part in chunks_of(manifest)}
+    stored = {part: footer for part, footer in footers.items() if footer is not None}
     return StoredStudy(
         path=os.fspath(path),
         kind=manifest["kind"],
-        done=sum(part.points for part in kept),
+        done=sum(part.points for part in stored),
         total=manifest["points"],
-        failed=sum(footer["failed"] for footer in kept.values()),
+        failed=sum(footer["failed"] for footer in stored.values()),
         identity=manifest["identity"],
         attrs=manifest["attrs"],
         _schema=manifest["schema"],
-        _parts=tuple(kept),
+        _parts=tuple(stored),
     )

@@ -22,9 +22,9 @@ __all__ = [
     "arranged",
     "failures",
     "frame",
+    "json_value",
     "layout",
-    "places_of",
-    "plain",
+    "row_label",
     "schema_of",
 ]
 
@@ -128,7 +128,7 @@ class Study(ABC):
             Data for the next part of the chain; None without chains.
         """
 
-    def place(self, number: int) -> str:
+    def point_label(self, number: int) -> str:
         """Return the name of a point in messages."""
         return f"point {number}"
 
@@ -137,7 +137,7 @@ class Study(ABC):
         """Return one row per point that could not be computed, with `reason` in `STATUS`."""
 
 
-def places_of(columns: Columns) -> str:
+def row_label(columns: Columns) -> str:
     """Return the identifying columns of one row, as text for a message."""
     numbers = {name: values[0] for name, values in columns.items() if values.dtype != object}
     return ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())
@@ -186,7 +186,7 @@ def frame(
     return table
 
 
-def plain(value: Any) -> Any:
+def json_value(value: Any) -> Any:
     """Return a value after a JSON round trip, so that it equals a stored one."""
     return json.loads(json.dumps(value))
 
