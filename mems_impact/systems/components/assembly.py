@@ -124,8 +124,8 @@ class FlowWriter:
         """Return the modes of the parts by name, as functions of the user read them."""
         signs = []
         for i, part in enumerate(self.parts):
-            *some, last = part.signs
-            tests = (f"{sign} if m{i} == {mode} else " for mode, sign in enumerate(some))
+            *others, last = part.signs
+            tests = (f"{sign} if m{i} == {mode} else " for mode, sign in enumerate(others))
             signs.append(f"({''.join(tests)}{last})")
         return f"Modes({', '.join(signs)})"
 
@@ -134,19 +134,21 @@ class FlowWriter:
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
-        for names, part, both in self.contacts:
+        for names, part, sides in self.contacts:
             for mode, force in part.law(names).items():
                 lines += [f"if {names.mode} == {mode}:", f"    force = {force}"]
-                lines.append(f"    d{both.on} += force * (1.0 / {both.mass})")
-                if both.other is not None:
-                    lines.append(f"    d{both.against} -= force * (1.0 / {both.other})")
+                lines.append(f"    d{sides.on} += force * (1.0 / {sides.mass})")
+                if sides.other is not None:
+                    lines.append(f"    d{sides.against} -= force * (1.0 / {sides.other})")
         lines += self.holding.field()
         results = [*(f"d{j}" for j in range(n)), *self.holding.forces()]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
 
     def alike(self) -> str:
         """Return the source that makes velocities of bodies that move together exactly equal."""
-        new = (f"v{j}" if j in self.holding.place else f"y[{j}]" for j in range(len(self.states)))
+        new = (
+            f"v{j}" if j in self.holding.force_index else f"y[{j}]" for j in range(len(self.states))
+        )
         lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
         return function("alike(mode, fired, t, y, p)", lines)
 
@@ -156,46 +158,46 @@ class FlowWriter:
         ``projection(mode, t, y, p)`` returns the mode and the closest state that satisfies all
         constraints of the mode.
         """
-        held = [
-            (names.place, constraint)
+        constraints = [
+            (names.number, constraint)
             for names in self.names
             for constraint in names.part.constraints(names)
         ]
-        if not held:
+        if not constraints:
             return (), []
         modes = tuple(
             mode
             for mode in range(self.count)
             if any(
                 mode // self.strides[i] % self.counts[i] == constraint.mode
-                for i, constraint in held
+                for i, constraint in constraints
             )
         )
         moved = [f"y[{j}]" for j in range(len(self.states))]
         lines = self.digits()
-        for i, (place, constraint) in enumerate(held):
-            lines.append(f"holds{i} = m{place} == {constraint.mode}")
+        for i, (number, constraint) in enumerate(constraints):
+            lines.append(f"holds{i} = m{number} == {constraint.mode}")
             lines.append(f"r{i} = -{constraint.value} if holds{i} else 0.0")
             lines += [f"a{i}_{s} = {slope}" for s, slope in constraint.slopes.items()]
-            for j, (_, other) in enumerate(held[: i + 1]):
+            for j, (_, other) in enumerate(constraints[: i + 1]):
                 shared = [f"a{j}_{s} * a{i}_{s}" for s in constraint.slopes if s in other.slopes]
                 gain = " + ".join(shared) or "0.0"
                 lines.append(f"g{j}_{i} = {gain} if holds{i} and holds{j} else 0.0")
             for s in constraint.slopes:
                 moved[s] += f" + a{i}_{s} * f{i}"
-        lines += [*elimination(len(held)), f"return State({', '.join(moved)})"]
-        steps = 1 if all(constraint.linear for _, constraint in held) else PROJECTION_STEPS
-        whole = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
+        lines += [*elimination(len(constraints)), f"return State({', '.join(moved)})"]
+        steps = 1 if all(constraint.linear for _, constraint in constraints) else PROJECTION_STEPS
+        iteration = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
         return modes, [
             function("nearer(mode, t, y, p)", lines),
-            function("projection(mode, t, y, p)", whole),
+            function("projection(mode, t, y, p)", iteration),
         ]
 
     def slopes(self) -> str:
         """Return the source of the flow in every mode, with Filippov's flow on surfaces."""
         lines = [*self.digits()]
         for names, surface in self.surfaces:
-            size = len(self.states) + len(self.holding.place)
+            size = len(self.states) + len(self.holding.force_index)
             mixed = (f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(size))
             sliding = [
                 *self.both_sides(names, surface, "mode", SLIDING),
@@ -208,12 +210,12 @@ class FlowWriter:
         return function("slopes(mode, t, y, p)", lines)
 
     def both_sides(
-        self, names: CodeNames, surface: SwitchingSurface, mode: str, own: int | str
+        self, names: CodeNames, surface: SwitchingSurface, mode: str, current: int | str
     ) -> list[str]:
         """Return the lines of the flow on both sides, and of its rates away from the surface."""
-        stride, lines = self.strides[names.place], []
+        stride, lines = self.strides[names.number], []
         for side, name, rate in ((ABOVE, "up", names.upper), (BELOW, "down", names.lower)):
-            step = f"{mode} + ({side} - {own}) * {stride}"
+            step = f"{mode} + ({side} - {current}) * {stride}"
             lines += [f"{name} = field({step}, t, y, p)", f"{rate} = {surface.along(names, name)}"]
         return lines
 
@@ -226,15 +228,15 @@ class FlowWriter:
         lines += self.holding.blocked()
         lines.append("x = slopes(mode, t, y, p)")
         for names, part in zip(self.names, self.parts, strict=True):
-            own: list[str] = []
+            tests: list[str] = []
             if isinstance(part, SwitchingSurface):
-                own += self.both_sides(names, part, "mode", names.mode)
+                tests += self.both_sides(names, part, "mode", names.mode)
             if isinstance(part, Contact):
-                own += self.holding.room(names)
+                tests += self.holding.room(names)
             for mode, condition in enumerate(part.mode_conditions(names)):
                 test = f"if {names.mode} == {mode} and not ({condition}):"
-                own += [test, "    return False"]
-            lines += [f"if given != {names.place}:", *indented(own)]
+                tests += [test, "    return False"]
+            lines += [f"if given != {names.number}:", *indented(tests)]
         return function(
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
@@ -245,18 +247,18 @@ class FlowWriter:
         Contacts that share a load reach their limits together, and the order of parts decides which
         of their events is located.
         """
-        lines = [f"slips{names.place} = fired == {names.place}" for names, _ in self.frictions]
+        lines = [f"slips{names.number} = fired == {names.number}" for names, _ in self.frictions]
         lines.append("together = 0")
         if len(self.frictions) < 2:
             return lines
         limits = [*self.digits(), "x = slopes(mode, t, y, p)", "reached = 0.0"]
         for names, part in self.frictions:
-            limits += [*self.holding.room(names), f"room{names.place} = {part.room(names)}"]
-            limits += [f"if {names.fired}:", f"    reached = room{names.place}"]
+            limits += [*self.holding.room(names), f"room{names.number} = {part.room(names)}"]
+            limits += [f"if {names.fired}:", f"    reached = room{names.number}"]
         for names, part in self.frictions:
-            near = f"room{names.place} <= reached + {part.rounding(names)}"
-            limits.append(f"slips{names.place} = {names.last} == {part.holding_mode} and {near}")
-            limits.append(f"together += slips{names.place}")
+            near = f"room{names.number} <= reached + {part.rounding(names)}"
+            limits.append(f"slips{names.number} = {names.last} == {part.holding_mode} and {near}")
+            limits.append(f"together += slips{names.number}")
         fired = " or ".join(names.fired for names, _ in self.frictions)
         return [*lines, f"if own >= 0 and ({fired}):", *indented(limits)]
 
@@ -267,7 +269,7 @@ class FlowWriter:
         (-1 for none), the mode of that part after it (-1 for any), and 1 if the state may have
         changed.
         """
-        parts = range(len(self.parts))
+        numbers = range(len(self.parts))
         # Parts that leave their mode count most, then those that could come to rest but do not.
         # Whether stops bear a force follows from the others.
         many = len(self.parts) + 1
@@ -278,26 +280,26 @@ class FlowWriter:
             moved.append(f"{weight} * (not ({own_event}) and m{i} != stays{i})")
             if weight > 1:
                 moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
-        taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
+        conditions = [f"(fired != {i} or own < 0 or m{i} == led)" for i in numbers]
         # Where a contact reaches its limit, a stop may take over the load.
-        rubs = [names.place for names, part in self.frictions]
-        taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
+        rubs = [names.number for names, part in self.frictions]
+        conditions += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
         # Of several contacts that reach their limits together one may stay, relieved by the slip of
         # another.
         for i in rubs:
-            taken[i] = f"({taken[i]} or (turn == 1 and together > 1 and m{i} == last{i}))"
+            conditions[i] = f"({conditions[i]} or (turn == 1 and together > 1 and m{i} == last{i}))"
         if rubs:
-            left = " or ".join(f"(slips{i} and m{i} != last{i})" for i in rubs)
-            taken.append(f"(turn != 1 or together <= 1 or {left})")
+            slipped = " or ".join(f"(slips{i} and m{i} != last{i})" for i in rubs)
+            conditions.append(f"(turn != 1 or together <= 1 or {slipped})")
         slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
         motion = [
-            f"if {both.near}:\n    motion += abs({both.relative('x[{}]')})".splitlines()
-            for _, _, both in self.contacts
+            f"if {sides.near}:\n    motion += abs({sides.relative('x[{}]')})".splitlines()
+            for _, _, sides in self.contacts
         ]
         search = [
             *self.digits("candidate"),
             f"moved = {' + '.join(moved)}",
-            f"if moved <= most and {' and '.join(taken)}:",
+            f"if moved <= most and {' and '.join(conditions)}:",
             "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
             "        if moved == 0 and together <= 1:",
             "            return candidate",
@@ -309,7 +311,7 @@ class FlowWriter:
         ]
         lines = [*self.digits("mode", "last")]
         lines += [
-            f"stays{names.place} = {part.preferred_mode(names)}"
+            f"stays{names.number} = {part.preferred_mode(names)}"
             for names, part in zip(self.names, self.parts, strict=True)
         ]
         lines += self.together()
@@ -351,11 +353,11 @@ class FlowWriter:
             jumped = int(spec.rest is not None)
             new = (changes.get(j, f"y[{j}]") for j in range(len(self.states)))
             lines = [
-                f"y = alike(mode, {names.place if spec.rests else -1}, t, y, p)",
+                f"y = alike(mode, {names.number if spec.rests else -1}, t, y, p)",
                 *self.head(names, spec.leads),
                 f"new = State({', '.join(new)})",
                 f"own = {spec.leads}",
-                f"return settled(mode, {names.place}, own, {jumped}, t, new, p), new",
+                f"return settled(mode, {names.number}, own, {jumped}, t, new, p), new",
             ]
             text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
         return "\n\n".join(text)
@@ -364,10 +366,10 @@ class FlowWriter:
         """Return the source of a guard of the user, which reads the modes of the parts by name."""
         text = []
         for role in ("margin", "rate", "transition", "rest"):
-            given = getattr(guard, role)
-            if given is None:
+            user_function = getattr(guard, role)
+            if user_function is None:
                 continue
-            call = self.names[0].call(given, f"{self.own_modes()}, t, y, p")
+            call = self.names[0].call(user_function, f"{self.own_modes()}, t, y, p")
             lines = [*self.digits()]
             if role in ("margin", "rate"):
                 lines.append(f"return {call}")
@@ -478,10 +480,10 @@ def assemble(
     """
     check(parts, flow, states, masses, guards)
     text = FlowWriter(parts, states, parameters, masses, flow)
-    driven = {both.on for _, _, both in text.contacts}
-    for names, _, both in text.contacts:
-        if both.against in driven and both.other is None:
-            velocity = states[both.against]
+    driven = {sides.on for _, _, sides in text.contacts}
+    for names, _, sides in text.contacts:
+        if sides.against in driven and sides.other is None:
+            velocity = states[sides.against]
             allowed = f"given for {velocity!r}, on which {names.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)
@@ -512,11 +514,11 @@ def assemble(
     exec(compile(space["SOURCE"], GENERATED, "exec"), space)
     # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
-    made = []
+    assembled = []
     for i, (names, spec) in enumerate(specs):
         kind = Guard if spec.rest is None else Impact
-        place, stride = names.place, text.strides[names.place]
-        made.append(
+        number, stride = names.number, text.strides[names.number]
+        assembled.append(
             kind(
                 spec.name,
                 space[f"margin_{i}"],
@@ -524,24 +526,24 @@ def assemble(
                 modes=tuple(
                     mode
                     for mode in range(text.count)
-                    if mode // stride % text.counts[place] in spec.modes
+                    if mode // stride % text.counts[number] in spec.modes
                 ),
                 rate=space.get(f"rate_{i}"),
                 rest=space.get(f"rest_{i}"),
             )
         )
     for i, guard in enumerate(guards):
-        found: dict[str, Any] = {
+        functions: dict[str, Any] = {
             role: space.get(f"users_{role}_{i}")
             for role in ("margin", "transition", "rate", "rest")
         }
-        made.append(replace(guard, **found))
+        assembled.append(replace(guard, **functions))
     combinations = itertools.product(*(part.modes for part in reversed(parts)))
     modes = tuple("-".join(reversed(each)) for each in combinations)
     return AssembledSystem(
         space["flow"],
         space["switch_transition"],
-        tuple(made),
+        tuple(assembled),
         modes,
         space["begin"],
         constrained,

@@ -99,7 +99,7 @@ class CodeNames:
     Attributes
     ----------
     part : Part
-    place : int
+    number : int
         Index of the part.
     states, parameters : tuple of str
     masses : mapping of str to Quantity
@@ -111,7 +111,7 @@ class CodeNames:
     """
 
     part: Part
-    place: int
+    number: int
     states: tuple[str, ...]
     parameters: tuple[str, ...]
     masses: Mapping[str, Quantity]
@@ -121,47 +121,47 @@ class CodeNames:
     @property
     def mode(self) -> str:
         """The mode of the part."""
-        return f"m{self.place}"
+        return f"m{self.number}"
 
     @property
     def last(self) -> str:
         """The mode of the part before an event."""
-        return f"last{self.place}"
+        return f"last{self.number}"
 
     @property
     def fired(self) -> str:
         """Whether the event belongs to the part."""
-        return f"fired == {self.place}"
+        return f"fired == {self.number}"
 
     @property
     def upper(self) -> str:
         """The derivative of a surface's height along the flow above it."""
-        return f"up{self.place}"
+        return f"up{self.number}"
 
     @property
     def lower(self) -> str:
         """The derivative of a surface's height along the flow below it."""
-        return f"down{self.place}"
+        return f"down{self.number}"
 
     @property
     def back(self) -> str:
         """Distance of the force of a holding contact from its lower limit."""
-        return f"back{self.place}"
+        return f"back{self.number}"
 
     @property
     def front(self) -> str:
         """Distance of the force of a holding contact from its upper limit."""
-        return f"front{self.place}"
+        return f"front{self.number}"
 
     @property
     def needed(self) -> str:
         """Part of the force of a holding stop that other contacts cannot bear."""
-        return f"needed{self.place}"
+        return f"needed{self.number}"
 
     @property
     def size(self) -> str:
         """Sum of the magnitudes of the forces on all bodies connected with a contact."""
-        return f"size{self.place}"
+        return f"size{self.number}"
 
     def index(self, field: str, state: str) -> int:
         """Return the number of a state."""
@@ -176,8 +176,8 @@ class CodeNames:
             return self.call(quantity, arguments)
         if isinstance(quantity, str):
             if quantity not in self.parameters:
-                known = ", ".join(self.parameters) or "but the system has none"
-                allowed = f"a number, a function, or one of the parameters, {known}"
+                parameters = ", ".join(self.parameters) or "but the system has none"
+                allowed = f"a number, a function, or one of the parameters, {parameters}"
                 raise InvalidParameter(self.label(field), quantity, allowed)
             return f"p.{quantity}"
         if not is_number(quantity):
@@ -187,8 +187,8 @@ class CodeNames:
 
     def call(self, function: Callable[..., Any], arguments: str) -> str:
         """Return the call of a function of the user as an expression."""
-        known = (name for name, value in self.space.items() if value is function)
-        name = next(known, f"given_{len(self.space)}")
+        existing = (name for name, value in self.space.items() if value is function)
+        name = next(existing, f"given_{len(self.space)}")
         self.space[name] = function
         return f"{name}({arguments})"
 
@@ -342,11 +342,11 @@ class Contact(Part):
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint of zero relative speed where it holds."""
-        both = self.sides(names)
+        sides = self.sides(names)
         slopes = (
-            {both.on: "1.0"} if both.against is None else {both.on: "1.0", both.against: "-1.0"}
+            {sides.on: "1.0"} if sides.against is None else {sides.on: "1.0", sides.against: "-1.0"}
         )
-        return [Constraint(mode=self.holding_mode, value=both.slip, slopes=slopes)]
+        return [Constraint(mode=self.holding_mode, value=sides.slip, slopes=slopes)]
 
     @abstractmethod
     def force_limits(self, names: CodeNames) -> tuple[str, str]:

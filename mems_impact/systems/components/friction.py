@@ -164,15 +164,15 @@ class Friction(Contact):
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of sticking, sliding forward and sliding backward."""
-        both, holding = self.sides(names), self.holding_condition(names)
-        gain, rounding = both.relative("x[{}]"), self.rounding(names)
-        room = f"({NEAR_LIMIT} * ({self.limit(names)}) * {both.share} + {both.drift})"
+        sides, holding = self.sides(names), self.holding_condition(names)
+        gain, rounding = sides.relative("x[{}]"), self.rounding(names)
+        room = f"({NEAR_LIMIT} * ({self.limit(names)}) * {sides.share} + {sides.drift})"
         # At its limit a contact stays only if others have taken over the load.
-        least = f"({rounding} if {names.fired} and {names.last} == {STUCK} else -{rounding})"
+        threshold = f"({rounding} if {names.fired} and {names.last} == {STUCK} else -{rounding})"
         # If no event has changed the state, it keeps its direction of sliding despite rounding.
-        slides = f"{names.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
+        slides = f"{names.last} == {{}} if jumped == 0 else {sides.slip} {{}} 0.0"
         return [
-            f"{holding} and {self.room(names)} >= {least}",
+            f"{holding} and {self.room(names)} >= {threshold}",
             f"{gain} >= -{room} if {holding} else ({slides.format(FORWARD, '>')})",
             f"{gain} <= {room} if {holding} else ({slides.format(BACKWARD, '<')})",
         ]
@@ -183,15 +183,15 @@ class Friction(Contact):
 
     def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of the end of a slip and of break-away."""
-        both = self.sides(names)
+        sides = self.sides(names)
         sign = f"(1.0 if {names.mode} == {FORWARD} else -1.0)"
         room = self.room(names)
         return [
             GuardSpec(
                 name=f"{self.name} sticks",
                 modes=(FORWARD, BACKWARD),
-                margin=f"{sign} * {both.slip}",
-                rate=f"{sign} * {both.relative('x[{}]')}",
+                margin=f"{sign} * {sides.slip}",
+                rate=f"{sign} * {sides.relative('x[{}]')}",
                 rests=True,
             ),
             GuardSpec(

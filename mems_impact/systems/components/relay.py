@@ -60,8 +60,8 @@ class Relay(Part):
         lower, upper = names.value("lower", self.lower), names.value("upper", self.upper)
         if callable(self.input):
             return names.call(self.input, "t, y, p"), lower, upper, None
-        place = names.index("input", self.input)
-        return f"y[{place}]", lower, upper, f"x[{place}]"
+        index = names.index("input", self.input)
+        return f"y[{index}]", lower, upper, f"x[{index}]"
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of low and high."""

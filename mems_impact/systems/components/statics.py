@@ -79,33 +79,33 @@ class Group:
 def groups(contacts: Sequence[ContactSides]) -> list[Group]:
     """Return the groups of bodies; only equal contacts depend on the order of contacts."""
     ends: dict[int, tuple[_Node, _Node]] = {
-        i: (both.on, both.against if both.other is not None else None)
-        for i, both in enumerate(contacts)
+        i: (sides.on, sides.against if sides.other is not None else None)
+        for i, sides in enumerate(contacts)
     }
-    left = sorted({end for pair in ends.values() for end in pair if end is not None})
-    found = []
-    while left:
+    remaining = sorted({end for pair in ends.values() for end in pair if end is not None})
+    result = []
+    while remaining:
         # The ground does not connect bodies.
         inner = [pair for pair in ends.values() if None not in pair]
-        bodies = _reached(left[0], left, inner)
-        own = {i: pair for i, pair in ends.items() if pair[0] in bodies}
-        grounds = sorted({contacts[i].speed for i, pair in own.items() if None in pair})
+        bodies = _reached(remaining[0], remaining, inner)
+        inner_ends = {i: pair for i, pair in ends.items() if pair[0] in bodies}
+        grounds = sorted({contacts[i].speed for i, pair in inner_ends.items() if None in pair})
         first: _Node = None if grounds else bodies[0]
-        nodes = _reached(first, [*([None] if grounds else []), *bodies], own.values())
+        nodes = _reached(first, [*([None] if grounds else []), *bodies], inner_ends.values())
         rank = {node: k for k, node in enumerate(nodes)}
-        numbers = sorted(own, key=lambda i: sorted(rank[end] for end in own[i]))
-        found.append(
+        numbers = sorted(inner_ends, key=lambda i: sorted(rank[end] for end in inner_ends[i]))
+        result.append(
             Group(
                 tuple(node for node in nodes if node is not None),
                 tuple(grounds),
                 tuple(numbers),
-                len(own) >= len(nodes),
-                tuple(_cuts(nodes, own)),
+                len(inner_ends) >= len(nodes),
+                tuple(_cuts(nodes, inner_ends)),
                 tuple(_rings({i: contacts[i] for i in numbers})),
             )
         )
-        left = [body for body in left if body not in bodies]
-    return found
+        remaining = [body for body in remaining if body not in bodies]
+    return result
 
 
 def _reached(
@@ -131,13 +131,13 @@ def _cuts(nodes: list[_Node], ends: dict[int, tuple[_Node, _Node]]) -> list[Cut]
             near = _reached(outside, nodes, rest)
             sets.append([node for node in others if node not in near])
     else:
-        some = itertools.product((False, True), repeat=len(others))
-        sets = [[node for node, on in zip(others, each, strict=True) if on] for each in some]
+        choices = itertools.product((False, True), repeat=len(others))
+        sets = [[node for node, on in zip(others, each, strict=True) if on] for each in choices]
     cuts = []
     for inside in sets:
         beyond = [node for node in nodes if node not in inside]
-        whole = inside and len(_reached(inside[0], inside, ends.values())) == len(inside)
-        if not whole or len(_reached(outside, beyond, ends.values())) < len(beyond):
+        connected = inside and len(_reached(inside[0], inside, ends.values())) == len(inside)
+        if not connected or len(_reached(outside, beyond, ends.values())) < len(beyond):
             continue
         across = {
             i: 1 if pair[0] in inside else -1
@@ -154,20 +154,22 @@ def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
     The ground and belts are one node, since a body at rest on two of them has equal speeds there; a
     body with a prescribed motion is a node of its own.
     """
-    ends = {i: (both.on, both.against) for i, both in contacts.items()}
+    ends = {i: (sides.on, sides.against) for i, sides in contacts.items()}
     rings = []
     left = set(ends)
     for i, (on, against) in ends.items():
         left.remove(i)
-        ways: list[tuple[_Node, dict[int, int], frozenset[_Node]]] = [(on, {i: 1}, frozenset({on}))]
-        for node, way, passed in ways:
+        paths: list[tuple[_Node, dict[int, int], frozenset[_Node]]] = [
+            (on, {i: 1}, frozenset({on}))
+        ]
+        for node, path, passed in paths:
             if node == against:
-                rings.append(way)
+                rings.append(path)
                 continue
-            for j in left - set(way):
+            for j in left - set(path):
                 for begin, end, sign in ((ends[j][1], ends[j][0], 1), (*ends[j], -1)):
                     if begin == node and end not in passed:
-                        ways.append((end, {**way, j: sign}, passed | {end}))
+                        paths.append((end, {**path, j: sign}, passed | {end}))
     return rings
 
 
@@ -190,14 +192,14 @@ class Holding:
 
     def __init__(self, contacts: Sequence[_Contact], n: int) -> None:
         self.contacts = contacts
-        self.groups = groups([both for _, _, both in contacts])
+        self.groups = groups([sides for _, _, sides in contacts])
         bodies = [body for group in self.groups for body in group.bodies]
-        self.place = {body: n + k for k, body in enumerate(bodies)}
+        self.force_index = {body: n + k for k, body in enumerate(bodies)}
         self.masses: dict[int, str] = {}
-        for _, _, both in contacts:
-            self.masses[both.on] = both.mass
-            if both.against is not None and both.other is not None:
-                self.masses[both.against] = both.other
+        for _, _, sides in contacts:
+            self.masses[sides.on] = sides.mass
+            if sides.against is not None and sides.other is not None:
+                self.masses[sides.against] = sides.other
 
     def joined(self, group: Group, holds: dict[int, str]) -> list[str]:
         """Return the lines that label bodies: connected bodies have equal labels.
@@ -208,16 +210,16 @@ class Holding:
         lines += [f"holds{i} = {holds[i]}" for i in group.contacts]
         once = []
         for i in group.contacts:
-            both = self.contacts[i][2]
-            if both.other is None:
-                label = -1 - group.grounds.index(both.speed)
-                once += [f"if holds{i}:", f"    label{both.on} = min(label{both.on}, {label})"]
+            sides = self.contacts[i][2]
+            if sides.other is None:
+                label = -1 - group.grounds.index(sides.speed)
+                once += [f"if holds{i}:", f"    label{sides.on} = min(label{sides.on}, {label})"]
             else:
-                pair = f"label{both.on}", f"label{both.against}"
+                pair = f"label{sides.on}", f"label{sides.against}"
                 once += [f"if holds{i}:", f"    {' = '.join(pair)} = min({', '.join(pair)})"]
         return lines + once * (len(group.bodies) if group.ring else 1)
 
-    def choice(self, group: Group, body: int, own: str, of_ground: str) -> str:
+    def choice(self, group: Group, body: int, common: str, of_ground: str) -> str:
         """Return an expression selected by the label of a body."""
         tests = [
             f"{of_ground.format(i)} if label{body} == {-1 - i} else "
@@ -225,9 +227,9 @@ class Holding:
         ]
         before = group.bodies[: group.bodies.index(body)]
         tests += [
-            f"{own.format(other)} if label{body} == {k} else " for k, other in enumerate(before)
+            f"{common.format(other)} if label{body} == {k} else " for k, other in enumerate(before)
         ]
-        return "".join(tests) + own.format(body)
+        return "".join(tests) + common.format(body)
 
     def field(self) -> list[str]:
         """Return the lines that compute the accelerations ``d`` with holding contacts."""
@@ -237,7 +239,7 @@ class Holding:
                 group,
                 {
                     i: f"{names.mode} == {part.holding_mode}"
-                    for i, (names, part, _) in self.own(group)
+                    for i, (names, part, _) in self.contacts_of(group)
                 },
             )
             for body in group.bodies:
@@ -254,9 +256,9 @@ class Holding:
                 lines.append(f"common{body} = free{body} + gain / mass")
             for i, speed in enumerate(group.grounds):
                 prescribed = next(
-                    both.against
-                    for _, _, both in self.contacts
-                    if both.other is None and both.speed == speed
+                    sides.against
+                    for _, _, sides in self.contacts
+                    if sides.other is None and sides.speed == speed
                 )
                 lines.append(f"ground{i} = {'0.0' if prescribed is None else f'd{prescribed}'}")
             for body in group.bodies:
@@ -265,9 +267,9 @@ class Holding:
 
     def forces(self) -> list[str]:
         """Return the holding forces on the bodies, after `field`."""
-        return [f"mass{body} * (d{body} - free{body})" for body in self.place]
+        return [f"mass{body} * (d{body} - free{body})" for body in self.force_index]
 
-    def own(self, group: Group) -> list[tuple[int, _Contact]]:
+    def contacts_of(self, group: Group) -> list[tuple[int, _Contact]]:
         """Return the contacts of a group by number."""
         return [(i, self.contacts[i]) for i in group.contacts]
 
@@ -281,10 +283,10 @@ class Holding:
         lines = []
         for group in self.groups:
             alike = {}
-            for i, (names, part, both) in self.own(group):
-                alike[i] = f"{names.mode} == {part.holding_mode} or fired == {names.place}"
+            for i, (names, part, sides) in self.contacts_of(group):
+                alike[i] = f"{names.mode} == {part.holding_mode} or fired == {names.number}"
                 if not part.force_sign:
-                    alike[i] += f" or {both.near}"
+                    alike[i] += f" or {sides.near}"
             lines += self.joined(group, alike)
             for i, speed in enumerate(group.grounds):
                 lines.append(f"ground{i} = {speed}")
@@ -312,10 +314,14 @@ class Holding:
                 f"    way{i} = {MOVING}",
             ]
         for ring, turn in itertools.product(rings, (1, -1)):
-            ways = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
-            rubs = [way for i, way in ways.items() if not self.contacts[i][1].force_sign]
-            around = " and ".join(f"0 <= {way} <= 1" for way in ways.values())
-            slides = " or ".join(f"{way} == 1" for way in rubs) or "False"
+            directions = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
+            rubs = [
+                direction
+                for i, direction in directions.items()
+                if not self.contacts[i][1].force_sign
+            ]
+            around = " and ".join(f"0 <= {direction} <= 1" for direction in directions.values())
+            slides = " or ".join(f"{direction} == 1" for direction in rubs) or "False"
             lines += [f"if {around} and ({slides}):", "    return False"]
         return lines
 
@@ -333,24 +339,24 @@ class Holding:
         cuts = [cut for cut in group.cuts if number in cut.across]
         for i in sorted({i for cut in cuts for i in cut.across}):
             other, part, _ = self.contacts[i]
-            held = f"{other.mode} == {part.holding_mode}"
+            holding = f"{other.mode} == {part.holding_mode}"
             for side, limit in zip(("back", "front"), part.force_limits(other), strict=True):
                 name = f"{side}_of{i}"
-                lines.append(f"{name} = {f'{limit} if {held} else ' if limit else ''}0.0")
+                lines.append(f"{name} = {f'{limit} if {holding} else ' if limit else ''}0.0")
         backs, fronts, needs = [], [], []
         _, part, _ = self.contacts[number]
         for cut in cuts:
-            force = " + ".join(f"x[{self.place[body]}]" for body in cut.bodies)
+            force = " + ".join(f"x[{self.force_index[body]}]" for body in cut.bodies)
             sign = cut.across[number]
-            least, most = (" + ".join(self.borne(cut, side)) for side in (-1, 1))
-            low, high = f"({force}) + ({least})", f"({most}) - ({force})"
+            lowest, highest = (" + ".join(self.borne(cut, side)) for side in (-1, 1))
+            low, high = f"({force}) + ({lowest})", f"({highest}) - ({force})"
             backs.append(low if sign > 0 else high)
             fronts.append(high if sign > 0 else low)
-            way = sign * part.force_sign
-            others = self.borne(cut, way, number)
+            direction = sign * part.force_sign
+            others = self.borne(cut, direction, number)
             less = f" - ({' + '.join(others)})" if others else ""
-            needs.append(f"{'-' if way < 0 else ''}({force}){less}")
-        sizes = [f"abs(x[{self.place[body]}])" for body in group.bodies]
+            needs.append(f"{'-' if direction < 0 else ''}({force}){less}")
+        sizes = [f"abs(x[{self.force_index[body]}])" for body in group.bodies]
         sizes += [f"abs({self.masses[body]} * x[{body}])" for body in group.bodies]
         lines.append(f"{names.size} = {' + '.join(sizes)}")
         if part.force_sign:
@@ -360,10 +366,10 @@ class Holding:
             lines.append(f"{names.front} = {_of('min', fronts)}")
         return lines
 
-    def borne(self, cut: Cut, way: int, without: int | None = None) -> list[str]:
+    def borne(self, cut: Cut, side: int, without: int | None = None) -> list[str]:
         """Return the limits of the contacts across a cut, backward or forward."""
         return [
-            f"{'front' if sign == way else 'back'}_of{i}"
+            f"{'front' if sign == side else 'back'}_of{i}"
             for i, sign in cut.across.items()
             if i != without
         ]

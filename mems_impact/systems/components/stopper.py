@@ -80,9 +80,9 @@ class Stopper(Contact):
 
     def __post_init__(self) -> None:
         if (self.upper is None) == (self.lower is None):
-            given = (self.upper, self.lower)
+            bounds = (self.upper, self.lower)
             raise InvalidParameter(
-                f"upper, lower of {self.name!r}", given, "exactly one of the two"
+                f"upper, lower of {self.name!r}", bounds, "exactly one of the two"
             )
 
     def sides(self, names: CodeNames) -> ContactSides:
@@ -96,17 +96,17 @@ class Stopper(Contact):
         """Return an expression along the position with its sign positive away from the stop."""
         return f"-{expression}" if self.upper is not None else expression
 
-    def places(self, names: CodeNames) -> tuple[int, str, str]:
+    def geometry(self, names: CodeNames) -> tuple[int, str, str]:
         """Return the number of the position, the position of the stop, and the terms of the gap."""
-        place = names.index("position", self.position)
+        position = names.index("position", self.position)
         level = self.upper if self.upper is not None else self.lower
         assert level is not None
         at = names.value("upper" if self.upper is not None else "lower", level)
-        size = f"abs(y[{place}]) + abs({at})"
+        size = f"abs(y[{position}]) + abs({at})"
         if isinstance(self.against, tuple):
             other = names.index("against", self.against[0])
             at, size = f"({at} + y[{other}])", f"{size} + abs(y[{other}])"
-        return place, at, size
+        return position, at, size
 
     @property
     def force_sign(self) -> int:
@@ -124,18 +124,18 @@ class Stopper(Contact):
 
     def holding_condition(self, names: CodeNames) -> str:
         """Return whether the gap is closed and the relative speed is zero."""
-        both = self.sides(names)
-        place, at, size = self.places(names)
-        gap = self.inwards(f"(y[{place}] - {at})")
+        sides = self.sides(names)
+        position, at, size = self.geometry(names)
+        gap = self.inwards(f"(y[{position}] - {at})")
         touches = f"{gap} <= {TOUCHES} * ({size})"
         closed = f"({names.fired} or {names.last} == {HELD} or {touches})"
-        still = f"({both.near} or (jumped == 0 and {names.last} == {HELD}))"
+        still = f"({sides.near} or (jumped == 0 and {names.last} == {HELD}))"
         return f"({still} and {closed})"
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of free and held."""
-        both, holding = self.sides(names), self.holding_condition(names)
-        leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
+        sides, holding = self.sides(names), self.holding_condition(names)
+        leaves = f"{self.inwards(sides.relative('x[{}]'))} >= -{sides.drift}"
         return [
             f"{leaves} or not {holding}",
             f"{holding} and {names.needed} >= -{ZERO_FORCE_RATIO} * {names.size}",
@@ -143,14 +143,14 @@ class Stopper(Contact):
 
     def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of impact and release."""
-        both = self.sides(names)
-        place, at, _ = self.places(names)
+        sides = self.sides(names)
+        position, at, _ = self.geometry(names)
         return [
             GuardSpec(
                 name=self.name,
                 modes=(FREE,),
-                margin=self.inwards(f"(y[{place}] - {at})"),
-                rate=self.inwards(both.slip),
+                margin=self.inwards(f"(y[{position}] - {at})"),
+                rate=self.inwards(sides.slip),
                 changes=self.after(names, names.value("restitution", self.restitution)),
                 rest=self.after(names, "0.0"),
             ),
@@ -164,25 +164,25 @@ class Stopper(Contact):
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints of a closed gap and zero relative speed where it holds."""
-        place, at, _ = self.places(names)
-        slopes = {place: "1.0"}
+        position, at, _ = self.geometry(names)
+        slopes = {position: "1.0"}
         if isinstance(self.against, tuple):
             slopes[names.index("against", self.against[0])] = "-1.0"
-        closed = Constraint(mode=HELD, value=f"(y[{place}] - {at})", slopes=slopes)
+        closed = Constraint(mode=HELD, value=f"(y[{position}] - {at})", slopes=slopes)
         return [closed, *super().constraints(names)]
 
     def after(self, names: CodeNames, restitution: str) -> dict[int, str]:
         """Return positions and velocities after an impact."""
-        both = self.sides(names)
-        place, at, _ = self.places(names)
-        if both.against is None:
-            return {place: at, both.on: f"-{restitution} * {both.slip}"}
-        speed = both.speed
-        if both.other is not None:
+        sides = self.sides(names)
+        position, at, _ = self.geometry(names)
+        if sides.against is None:
+            return {position: at, sides.on: f"-{restitution} * {sides.slip}"}
+        speed = sides.speed
+        if sides.other is not None:
             # The other body's share of the impulse (1 + e) u/(1/m + 1/M).
-            share = f"(1.0 / {both.other}) / {both.share}"
-            speed = f"({speed} + (1.0 + {restitution}) * {both.slip} * {share})"
-        changes = {both.on: f"{speed} - {restitution} * {both.slip}", both.against: speed}
+            share = f"(1.0 / {sides.other}) / {sides.share}"
+            speed = f"({speed} + (1.0 + {restitution}) * {sides.slip} * {share})"
+        changes = {sides.on: f"{speed} - {restitution} * {sides.slip}", sides.against: speed}
         # Two positions are left unchanged, as either of them could be corrected.
-        apart = isinstance(self.against, tuple) and both.other is not None
-        return changes if apart else {place: at, **changes}
+        two_positions = isinstance(self.against, tuple) and sides.other is not None
+        return changes if two_positions else {position: at, **changes}

@@ -87,7 +87,7 @@ class SwitchingSurface(Part):
         if self.rate is not None:
             return self.rate_of(names, [f"{slopes}[{j}]" for j in range(len(names.states))])
         terms = self.terms(names)
-        return " + ".join(f"{factor} * {slopes}[{place}]" for place, factor in terms)
+        return " + ".join(f"{factor} * {slopes}[{index}]" for index, factor in terms)
 
     def terms(self, names: CodeNames) -> list[tuple[int, str]]:
         """Return the components of the state in a linear h, each with its coefficient."""
@@ -107,8 +107,8 @@ class SwitchingSurface(Part):
         height = self.height(names)
         if self.rate is None:
             slopes: dict[int, str] = {}
-            for place, factor in self.terms(names):
-                slopes[place] = f"{slopes[place]} + {factor}" if place in slopes else factor
+            for index, factor in self.terms(names):
+                slopes[index] = f"{slopes[index]} + {factor}" if index in slopes else factor
             return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
         n = len(names.states)
         # The rate is affine in the derivatives of the states, as h may depend on time.
