@@ -43,22 +43,22 @@ ARGUMENTS = ("mode", "t", "y", "p")
 RUN_COLUMNS = ("period", "time", "t", "mode")  # in tables of runs, beside the states
 
 
-def states(given: Sequence[str] | int) -> tuple[str, ...]:
+def states(names_or_count: Sequence[str] | int) -> tuple[str, ...]:
     """Return the names of the states; u0, u1, … for a number of states."""
-    count: Any = given
-    if _is_whole(count) and count > 0:
+    count: Any = names_or_count
+    if _is_integer(count) and count > 0:
         return tuple(f"u{i}" for i in range(count))
-    found = as_tuple("states", given, "names of the states, or their number")
-    if not found:
-        raise InvalidParameter("states", given, "one or more")
-    for name in found:
+    names = as_tuple("states", names_or_count, "names of the states, or their number")
+    if not names:
+        raise InvalidParameter("states", names_or_count, "one or more")
+    for name in names:
         if not isinstance(name, str):
             raise InvalidParameter("states", name, "each a name")
         if name in RUN_COLUMNS:
             allowed = f"names other than {', '.join(RUN_COLUMNS)}, which are columns of runs"
             raise InvalidParameter("states", name, allowed)
-    named_tuple("State", found)
-    return found
+    named_tuple("State", names)
+    return names
 
 
 def numbers(values: Mapping[str, float]) -> dict[str, float]:
@@ -100,13 +100,13 @@ def check_optional(field: str, value: Any, *arguments: str) -> Any:
     return None if value is None else function(field, value, *arguments)
 
 
-def guards(given: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]:
+def guards(values: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]:
     """Return guards with unique names, and functions with the right arguments.
 
     `changing` are the arguments of transitions.
     """
-    found = as_tuple("guards", given, "a list of Guard and Impact")
-    for guard in found:
+    result = as_tuple("guards", values, "a list of Guard and Impact")
+    for guard in result:
         if not isinstance(guard, Guard):
             raise InvalidParameter("guards", guard, "each a Guard or an Impact")
         if not (isinstance(guard.name, str) and guard.name):
@@ -118,23 +118,25 @@ def guards(given: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]
                 function(f"{kind} of {guard.name!r}", value, *arguments)
         if guard.rest is not None and not guard.impact:
             raise InvalidParameter(f"rest of {guard.name!r}", guard.rest, "of an Impact")
-        if guard.order is not None and not _is_whole(guard.order):
+        if guard.order is not None and not _is_integer(guard.order):
             raise InvalidParameter(f"order of {guard.name!r}", guard.order, "a whole number")
-    names = [guard.name for guard in found]
+    names = [guard.name for guard in result]
     if len(set(names)) != len(names):
         raise InvalidParameter("guards", names, "unique names")
-    return found
+    return result
 
 
 def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
     """Return the names of all modes, as given or as named by guards."""
     if given is None:
         watched = [(guard, _modes_of(guard)) for guard in guards]
-        found = {mode.names for _, modes in watched for mode in modes if isinstance(mode, Mode)}
-        if len(found) > 1:
-            known = [", ".join(names) for names in found]
-            raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
-        names = next(iter(found), ("free",))
+        name_tuples = {
+            mode.names for _, modes in watched for mode in modes if isinstance(mode, Mode)
+        }
+        if len(name_tuples) > 1:
+            listed = [", ".join(names) for names in name_tuples]
+            raise InvalidParameter("modes", listed, "those of one call of mems_impact.modes")
+        names = next(iter(name_tuples), ("free",))
     else:
         names = _mode_names(given)
     for guard in guards:
@@ -149,44 +151,44 @@ def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> t
 
 
 def constraints(
-    given: Mapping[Any, Any] | None, flow: Callable[..., Any], modes: tuple[str, ...]
+    by_mode: Mapping[Any, Any] | None, flow: Callable[..., Any], modes: tuple[str, ...]
 ) -> tuple[tuple[int, Callable[..., Any]], ...]:
     """Return the constraints of modes: pairs of a mode and a function."""
-    if not given:
+    if not by_mode:
         return ()
-    if not isinstance(given, Mapping):
-        raise InvalidParameter("constraints", given, "a mapping of modes to functions")
+    if not isinstance(by_mode, Mapping):
+        raise InvalidParameter("constraints", by_mode, "a mapping of modes to functions")
     if writes_into_arrays(flow):
         allowed = "omitted if the flow writes into an array"
-        raise InvalidParameter("constraints", list(given), allowed)
-    found = []
-    for mode, functions in given.items():
+        raise InvalidParameter("constraints", list(by_mode), allowed)
+    result = []
+    for mode, functions in by_mode.items():
         number = modes.index(mode) if mode in modes else mode
-        if not (_is_whole(number) and 0 <= number < len(modes)):
+        if not (_is_integer(number) and 0 <= number < len(modes)):
             raise InvalidParameter("constraints", mode, f"of modes among {', '.join(modes)}")
         several = functions if isinstance(functions, tuple | list) else [functions]
         label = f"constraints of {modes[number]!r}"
-        found += [(int(number), function(label, each, *ARGUMENTS)) for each in several]
-    return tuple(found)
+        result += [(int(number), function(label, each, *ARGUMENTS)) for each in several]
+    return tuple(result)
 
 
-def state_indices(field: str, given: Sequence[str], states: tuple[str, ...]) -> tuple[int, ...]:
+def state_indices(field: str, names: Sequence[str], states: tuple[str, ...]) -> tuple[int, ...]:
     """Return the numbers of states."""
-    found = as_tuple(field, given, f"a list of names among {', '.join(states)}")
-    if len(set(found)) != len(found):
-        raise InvalidParameter(field, list(found), "names that differ")
-    return tuple(_place(field, state, states) for state in found)
+    selected = as_tuple(field, names, f"a list of names among {', '.join(states)}")
+    if len(set(selected)) != len(selected):
+        raise InvalidParameter(field, list(selected), "names that differ")
+    return tuple(_state_index(field, state, states) for state in selected)
 
 
-def sizes(given: Mapping[str, float] | None) -> dict[str, float]:
+def sizes(typical: Mapping[str, float] | None) -> dict[str, float]:
     """Return typical sizes."""
-    if given is not None and not isinstance(given, Mapping):
-        raise InvalidParameter("typical", given, "sizes by the names of states, units, or 'time'")
-    found = dict(given or {})
-    for name, size in found.items():
+    if typical is not None and not isinstance(typical, Mapping):
+        raise InvalidParameter("typical", typical, "sizes by the names of states, units, or 'time'")
+    result = dict(typical or {})
+    for name, size in result.items():
         if not (is_number(size) and size > 0.0):
             raise InvalidParameter(f"typical {name}", size, "a finite number > 0")
-    return found
+    return result
 
 
 def reject_with_components(**others: Any) -> None:
@@ -203,34 +205,34 @@ def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Secti
     pair = isinstance(section, Sequence) and not isinstance(section, str) and len(section) == 2
     if not (pair and is_number(section[1])):
         raise InvalidParameter("section", section, f"a state and its value: ({states[0]!r}, 0.0)")
-    return _place("section", section[0], states), float(section[1]), 0
+    return _state_index("section", section[0], states), float(section[1]), 0
 
 
-def units(given: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
+def units(by_name: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
     """Return units by the names of states and parameters and "time"."""
-    if given is not None and not isinstance(given, Mapping):
-        raise InvalidParameter("units", given, f"units by name: {{{known[0]!r}: 'm'}}")
-    for name, unit in (given or {}).items():
+    if by_name is not None and not isinstance(by_name, Mapping):
+        raise InvalidParameter("units", by_name, f"units by name: {{{known[0]!r}: 'm'}}")
+    for name, unit in (by_name or {}).items():
         if name not in (*known, "time"):
             raise InvalidParameter("units", name, f"names among {', '.join(known)}, time")
         if not isinstance(unit, str):
             raise InvalidParameter(f"unit of {name}", unit, "a text")
-    return dict(given or {})
+    return dict(by_name or {})
 
 
 def observables(
-    given: Sequence[Observable], states: Sequence[str], guards: Sequence[Guard]
+    values: Sequence[Observable], states: Sequence[str], guards: Sequence[Guard]
 ) -> tuple[Observable, ...]:
     """Return observables with unique names, at existing guards."""
-    found = as_tuple("observables", given, "a list of Observable")
-    taken = set(states)
+    result = as_tuple("observables", values, "a list of Observable")
+    used_names = set(states)
     events = [guard.name for guard in guards]
-    for each in found:
+    for each in result:
         if not isinstance(each, Observable):
             raise InvalidParameter("observables", each, "each an Observable")
-        if not isinstance(each.name, str) or each.name in taken:
+        if not isinstance(each.name, str) or each.name in used_names:
             raise InvalidParameter("observables", each.name, "unique names")
-        taken.add(each.name)
+        used_names.add(each.name)
         field = f"at of {each.name!r}"
         for name in as_tuple(field, each.at, "a list of names of guards"):
             if name not in events:
@@ -239,50 +241,50 @@ def observables(
         if not callable(each.function) or not _takes(each.function, len(arguments)):
             allowed = f"a function ({', '.join(arguments)})"
             raise InvalidParameter(f"function of {each.name!r}", each.function, allowed)
-    return found
+    return result
 
 
-def initial(given: Mapping[str, float] | State | None) -> State:
+def initial(state: Mapping[str, float] | State | None) -> State:
     """Return the initial state of runs."""
-    if given is None or isinstance(given, State):
-        return given or state_from({})
-    if not isinstance(given, Mapping):
-        raise InvalidParameter("initial", given, "a State, or numbers by the names of states")
-    return state_from(given)
+    if state is None or isinstance(state, State):
+        return state or state_from({})
+    if not isinstance(state, Mapping):
+        raise InvalidParameter("initial", state, "a State, or numbers by the names of states")
+    return state_from(state)
 
 
-def number(field: str, given: Any, p: Any) -> float | None:
+def number(field: str, quantity: Any, p: Any) -> float | None:
     """Return a number, or the value of a function of the parameters."""
-    value = _called(field, given, p) if callable(given) else given
-    if given is None:
+    value = _evaluated(field, quantity, p) if callable(quantity) else quantity
+    if quantity is None:
         return None
     if not is_number(value):
         raise InvalidParameter(field, value, "a finite number, or a function of the parameters")
     return float(value)
 
 
-def times(field: str, given: Any, p: Any) -> tuple[float, ...]:
+def times(field: str, quantity: Any, p: Any) -> tuple[float, ...]:
     """Return times, or the values of a function of the parameters."""
-    value = _called(field, given, p) if callable(given) else given
+    value = _evaluated(field, quantity, p) if callable(quantity) else quantity
     numbers = isinstance(value, Iterable) and not isinstance(value, str | Mapping)
-    found = tuple(value) if numbers else (None,)
-    if not all(map(is_number, found)):
+    result = tuple(value) if numbers else (None,)
+    if not all(map(is_number, result)):
         raise InvalidParameter(field, value, "times, or a function of the parameters")
-    return tuple(float(time) for time in found)
+    return tuple(float(time) for time in result)
 
 
-def _called(field: str, function: Callable[..., Any], p: Any) -> Any:
+def _evaluated(field: str, function: Callable[..., Any], p: Any) -> Any:
     try:
         return function(p)
     except Exception as error:
         raise UserFunction(field, function).explain_exception(error)[0] from error
 
 
-def as_tuple(field: str, given: Any, allowed: str) -> tuple[Any, ...]:
+def as_tuple(field: str, value: Any, allowed: str) -> tuple[Any, ...]:
     """Return a sequence as a tuple; a string is rejected."""
-    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
-        raise InvalidParameter(field, given, allowed)
-    return tuple(given)
+    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
+        raise InvalidParameter(field, value, allowed)
+    return tuple(value)
 
 
 def _takes(function: Callable[..., Any], count: int) -> bool:
@@ -293,7 +295,7 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
     return True
 
 
-def _is_whole(value: Any) -> bool:
+def _is_integer(value: Any) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -305,27 +307,27 @@ def _modes_of(guard: Guard) -> tuple[Any, ...]:
         f"modes of {guard.name!r}",
         "a tuple of modes as mems_impact.modes gives them, or None for all of them",
     )
-    found = as_tuple(field, guard.modes, allowed)
-    if not found or not all(map(_is_whole, found)) or len(set(found)) != len(found):
+    modes = as_tuple(field, guard.modes, allowed)
+    if not modes or not all(map(_is_integer, modes)) or len(set(modes)) != len(modes):
         raise InvalidParameter(field, guard.modes, allowed)
-    return found
+    return modes
 
 
-def _mode_names(given: Any) -> tuple[str, ...]:
+def _mode_names(modes: Any) -> tuple[str, ...]:
     allowed = "the modes of the system: mems_impact.modes('free', 'held')"
-    found = as_tuple("modes", given, allowed)
-    names = tuple(mode.name if isinstance(mode, Mode) else mode for mode in found)
+    values = as_tuple("modes", modes, allowed)
+    names = tuple(mode.name if isinstance(mode, Mode) else mode for mode in values)
     if not names or not all(isinstance(name, str) and name for name in names):
-        raise InvalidParameter("modes", given, allowed)
+        raise InvalidParameter("modes", modes, allowed)
     if len(set(names)) != len(names):
         raise InvalidParameter("modes", list(names), "unique names")
-    for i, mode in enumerate(found):
+    for i, mode in enumerate(values):
         if isinstance(mode, Mode) and mode != i:
             raise InvalidParameter("modes", list(names), "in the order of their numbers")
     return names
 
 
-def _place(field: str, state: Any, states: tuple[str, ...]) -> int:
+def _state_index(field: str, state: Any, states: tuple[str, ...]) -> int:
     """Return the number of a state."""
     if state not in states:
         raise InvalidParameter(field, state, f"one of {', '.join(states)}")

@@ -368,10 +368,12 @@ class HybridSystem(Result, ABC):
         return {name: self.into(name, value) for name, value in self.parameters.items()}
 
     def parameter_changes(
-        self, inner: Mapping[str, float], here: Mapping[str, float]
+        self, inner: Mapping[str, float], current: Mapping[str, float]
     ) -> dict[str, float]:
         """Return the parameters that differ between two scaled sets, in the system's units."""
-        return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
+        return {
+            name: self.out(name, value) for name, value in inner.items() if value != current[name]
+        }
 
     def hybrid_state(
         self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
@@ -459,8 +461,8 @@ class HybridSystem(Result, ABC):
     def observable_codes(self, observable: Observable) -> tuple[int, ...]:
         """Return the codes of the transitions at which studies evaluate an observable."""
         guards = [guard.name for guard in self.automaton.guards]
-        places = tuple(guards.index(name) for name in observable.at)
-        return (*places, *(len(guards) + place for place in places))
+        numbers = tuple(guards.index(name) for name in observable.at)
+        return (*numbers, *(len(guards) + number for number in numbers))
 
     @property
     def symbols(self) -> Mapping[str, str]:
@@ -501,13 +503,13 @@ class HybridSystem(Result, ABC):
         units, states = self.units, self.states
         cyclic = [states[i] for i in self.automaton.cyclic]
         each = "period" if self.forced else "cycle"
-        found: list[Any] = [
+        quantities: list[Any] = [
             Quantity(
                 f"{state} per {each}", partial(quantity.gain, state=state), unit_of(state, units)
             )
             for state in cyclic
         ]
-        found += [
+        quantities += [
             Quantity(
                 other.name,
                 partial(quantity.observable, name=other.name),
@@ -516,14 +518,14 @@ class HybridSystem(Result, ABC):
             for other in self.observables
         ]
         if not self.forced:
-            found.append(Quantity("period", quantity.period, unit_of("time", units)))
+            quantities.append(Quantity("period", quantity.period, unit_of("time", units)))
         if any(guard.impact for guard in self.automaton.guards):
-            found.append(
+            quantities.append(
                 Quantity("impact speed", quantity.impact_speed, unit_of("impact speed", units))
             )
             closest = "closest approach"
-            found.append(Quantity(closest, quantity.closest_approach, unit_of(closest, units)))
-        return (*found, quantity.MULTIPLIER)
+            quantities.append(Quantity(closest, quantity.closest_approach, unit_of(closest, units)))
+        return (*quantities, quantity.MULTIPLIER)
 
     def changed(self, /, **values: float) -> Self:
         """Return the system with other values of some parameters.
@@ -675,14 +677,14 @@ class HybridSystem(Result, ABC):
             raise InvalidParameter("inputs", inputs, "a sequence of names: ('force',)")
         problem = self.problem(replace(chosen, method="dop853"))
         start = self.hybrid_state(initial, problem)
-        places = self.parameter_places
+        indices = self.parameter_places
         numbers = tuple(
             ExportedNumber(
                 name=name,
                 value=value,
                 unit=self.unit(name),
                 factor=self.factor(name),
-                place=places.get(name),
+                place=indices.get(name),
                 limits=self.limits(name),
             )
             for name, value in self.parameters.items()

@@ -69,27 +69,29 @@ def takes_system(
         first = next(iter(inspect.signature(verb).parameters))
 
         @functools.wraps(verb)
-        def called(*arguments: Any, **named: Any) -> Any:
+        def called(*arguments: Any, **keywords: Any) -> Any:
             rest = list(arguments)
-            typed = "actuator" if "actuator" in named else first
-            model = rest.pop(0) if rest else named.pop(typed, None)
+            typed = "actuator" if "actuator" in keywords else first
+            model = rest.pop(0) if rest else keywords.pop(typed, None)
             if isinstance(getattr(model, "system", None), HybridSystem):
-                here = getattr(model, "final", getattr(model, "state", None))
-                if here is None:
+                current = getattr(model, "final", getattr(model, "state", None))
+                if current is None:
                     allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
                     raise InvalidParameter(typed, model, allowed)
-                system, named = model.system.without_until, {start: here, **named}
+                system, keywords = model.system.without_until, {start: current, **keywords}
             elif isinstance(model, HybridSystem):
                 system = model
             elif hasattr(model, "under"):
-                drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
+                drive = (
+                    keywords.pop("drive") if "drive" in keywords else rest.pop(0) if rest else None
+                )
                 system = model.under(drive)
             else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
             try:
                 with warned_once():
-                    return verb(system, *rest, **named)
+                    return verb(system, *rest, **keywords)
             except RunError as error:
                 system.convert(error)
                 raise

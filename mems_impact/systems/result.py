@@ -31,13 +31,13 @@ class SummaryRepr:
         return {name: each for name, each in values.items() if isinstance(each, Number | str)}
 
     def __repr__(self) -> str:
-        parts = (
+        lines = (
             f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)} "
             f"{self._si_unit(name)}".rstrip()
             for name, value in self.summary().items()
             if name != "si"
         )
-        return f"{type(self).__name__}({', '.join(parts)})"
+        return f"{type(self).__name__}({', '.join(lines)})"
 
     def _si_unit(self, name: str) -> str:
         return self.si_units.get(name, "") if getattr(self, "si", False) else ""

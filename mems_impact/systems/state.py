@@ -124,8 +124,8 @@ class State:
     def __getattr__(self, name: str) -> float:
         if not name.startswith("_") and name in self._values:
             return float(self._values[name])
-        known = ", ".join(self._values) if not name.startswith("_") else ""
-        raise AttributeError(f"the state has no component {name!r}; it has {known or 'none'}")
+        names = ", ".join(self._values) if not name.startswith("_") else ""
+        raise AttributeError(f"the state has no component {name!r}; it has {names or 'none'}")
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a State does not change: state.replace({name}=…) makes another")
@@ -158,11 +158,11 @@ class State:
         yield "time", self.time
 
     def _line(self, numbers: Mapping[str, str]) -> str:
-        parts = [f"{name}={number}" for name, number in numbers.items() if name != "time"]
-        parts += ["…"] if len(self._values) > MAX_DISPLAYED_COMPONENTS else []
-        parts += [f"time={numbers['time']}"] if self.time else []
-        parts += [f"mode={self.mode!r}"] if self.mode is not None else []
-        return f"State({', '.join(parts)})"
+        entries = [f"{name}={number}" for name, number in numbers.items() if name != "time"]
+        entries += ["…"] if len(self._values) > MAX_DISPLAYED_COMPONENTS else []
+        entries += [f"time={numbers['time']}"] if self.time else []
+        entries += [f"mode={self.mode!r}"] if self.mode is not None else []
+        return f"State({', '.join(entries)})"
 
     def __reduce__(self) -> Any:
         return state_from, (self.as_dict(), self.time, self.mode)
@@ -189,8 +189,8 @@ def state_from(
     components: Mapping[str, float], time: float = 0.0, mode: str | int | None = None
 ) -> State:
     """Return the state with components of these names."""
-    given: dict[str, Any] = dict(components)
-    return State(**{"time": time, "mode": mode, **given})
+    values: dict[str, Any] = dict(components)
+    return State(**{"time": time, "mode": mode, **values})
 
 
 def is_number(value: Any) -> bool:

@@ -59,12 +59,12 @@ def largest_values(arc: Trajectory, grid: Samples) -> Floats:
 
     Around the largest sample a state is interpolated by a cubic Hermite polynomial.
     """
-    found = np.maximum(arc.start.y, arc.final.y)
+    largest = np.maximum(arc.start.y, arc.final.y)
     if not len(grid.y):
-        return np.asarray(found)
+        return np.asarray(largest)
     at = grid.cycle * arc.period + grid.time
     for state, i in enumerate(np.argmax(grid.y, axis=0).tolist()):
-        found[state] = max(found[state], grid.y[i, state])
+        largest[state] = max(largest[state], grid.y[i, state])
         for j in (i - 1, i):
             if j >= 0 and j + 1 < len(grid.y):
                 length = float(at[j + 1] - at[j])
@@ -74,8 +74,8 @@ def largest_values(arc: Trajectory, grid: Samples) -> Floats:
                 ]
                 ends = grid.y[j, state], grid.y[j + 1, state]
                 top = _top(*ends, rates[0][state], rates[1][state])
-                found[state] = max(found[state], top)
-    return np.asarray(found)
+                largest[state] = max(largest[state], top)
+    return np.asarray(largest)
 
 
 def maxima(run: Trajectory, first: float) -> list[Floats]:
@@ -97,14 +97,14 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
     log = log[log.cycle * run.period + log.time >= first * run.period]
     instants, sampled = (each.cycle * run.period + each.time for each in (log, grid))
     # A sample at the instant of an event may be the state on either side of it.
-    apart = distance_to_nearest(sampled, instants) > INSTANT_RTOL * run.period
-    at = [instants, instants, sampled[apart]]
+    separate = distance_to_nearest(sampled, instants) > INSTANT_RTOL * run.period
+    at = [instants, instants, sampled[separate]]
     # Order at one instant: state before an event, state after it.
     kinds = np.repeat([0, 1, 2], [each.size for each in at])
     order = np.lexsort((kinds, np.concatenate(at)))
     time, kinds = np.concatenate(at)[order], kinds[order]
-    y = np.concatenate([log.before, log.after, grid.y[apart]])[order]
-    mode = np.concatenate([log.mode_before, log.mode_after, grid.mode[apart]])[order]
+    y = np.concatenate([log.before, log.after, grid.y[separate]])[order]
+    mode = np.concatenate([log.mode_before, log.mode_after, grid.mode[separate]])[order]
     arc = np.cumsum(kinds == 1)
 
     @cache
@@ -129,15 +129,15 @@ def _maxima(
     begins, ends = np.append(0, changes + 1), np.append(changes, y.size - 1)
     values = y[begins]
     peaks = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])) + 1
-    found = []
+    tops = []
     for begin, end in zip(begins[peaks].tolist(), ends[peaks].tolist(), strict=True):
         top = float(y[begin : end + 1].max())
         for j in (begin - 1, end):
             if arc[j] == arc[j + 1]:
                 length = float(time[j + 1] - time[j])
                 top = max(top, _top(y[j], y[j + 1], length * slope(j), length * slope(j + 1)))
-        found.append(top)
-    return np.array(found)
+        tops.append(top)
+    return np.array(tops)
 
 
 def _top(first: float, last: float, rate: float, last_rate: float) -> float:
@@ -145,8 +145,8 @@ def _top(first: float, last: float, rate: float, last_rate: float) -> float:
     rise = last - first
     cubic, square = rate + last_rate - 2.0 * rise, 3.0 * rise - 2.0 * rate - last_rate
     polynomial = np.polynomial.Polynomial([first, rate, square, cubic])
-    turns = polynomial.deriv().roots()
-    inside = turns[np.isreal(turns) & (turns.real > 0.0) & (turns.real < 1.0)].real
+    extrema = polynomial.deriv().roots()
+    inside = extrema[np.isreal(extrema) & (extrema.real > 0.0) & (extrema.real < 1.0)].real
     return float(max(first, last, *polynomial(inside)))
 
 
@@ -254,7 +254,7 @@ def evaluate_observables(
 ) -> dict[str, Floats]:
     """Return the observables of a system at events; NaN where one does not apply."""
     names = [guard.name for guard in system.automaton.guards]
-    found: dict[str, Floats] = {}
+    totals: dict[str, Floats] = {}
     for each in system.observables:
         if each.at:
             values = np.full(len(events), math.nan)
@@ -262,8 +262,8 @@ def evaluate_observables(
             chosen &= np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION))
             for i in np.flatnonzero(chosen):
                 values[i] = system.evaluate_event_observable(each, events, int(i), problem)
-            found[each.name] = values
-    return found
+            totals[each.name] = values
+    return totals
 
 
 def event_rates(system: HybridSystem, totals: MotionTotals) -> dict[str, Any]:
@@ -333,10 +333,10 @@ def measures(
     if any(guard.impact for guard in guards):
         units = np.array([system.margin_unit(guard.name) for guard in guards])
         values["closest approach"] = closest_gap(settled.closest * units, guards)
-    found = {name: out(name, value) for name, value in values.items()}
+    result = {name: out(name, value) for name, value in values.items()}
     if not system.forced:
-        found[RETURN] = out("time", ratio(settled.duration, settled.measured))
-    return found
+        result[RETURN] = out("time", ratio(settled.duration, settled.measured))
+    return result
 
 
 def closest_gap(closest: Floats, guards: Sequence[Guard]) -> Floats:
@@ -345,5 +345,5 @@ def closest_gap(closest: Floats, guards: Sequence[Guard]) -> Floats:
     `closest` has the smallest margin of each guard at closest approaches, by columns.
     """
     impacts = [i for i, guard in enumerate(guards) if guard.impact]
-    least = closest[:, impacts].min(axis=1, initial=math.inf)
-    return np.where(np.isfinite(least), least, math.nan)
+    smallest = closest[:, impacts].min(axis=1, initial=math.inf)
+    return np.where(np.isfinite(smallest), smallest, math.nan)

@@ -193,7 +193,7 @@ class System(HybridSystem):
                 jacobian=jacobian,
                 constraints=constraints,
             )
-            made = assemble(
+            assembled = assemble(
                 parts,
                 flow=flow,
                 states=names,
@@ -203,7 +203,7 @@ class System(HybridSystem):
             )
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
-            flow, switch_transition, guards, modes, self._begin, constrained, projection = made
+            flow, switch_transition, guards, modes, self._begin, constrained, projection = assembled
         called = arguments.mode_names(modes, guards)
         self.definition = Definition(
             states=names,
@@ -229,7 +229,7 @@ class System(HybridSystem):
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
         problem, time = self.problem(Options()), sizes.get("time")
-        checks.dry_run(self, self.definition, problem, time=time, user_given=initial is not None)
+        checks.dry_run(self, self.definition, problem, time=time, initial_given=initial is not None)
         if sizes:
             del self._checked_numbers  # in other units
             self.typical = typical_of(
@@ -279,22 +279,23 @@ class System(HybridSystem):
     def functions(self) -> dict[str, str]:
         """Where its functions are defined, as ``module:name``, for display."""
         definition = self.definition
-        found: dict[str, Any] = {
+        functions: dict[str, Any] = {
             "flow": definition.flow,
             "switch_transition": definition.switch_transition,
         }
-        found |= {"jacobian": definition.jacobian, "period": self._period}
-        found |= {"switches": self._switches, "time_scale": self._time_scale}
+        functions |= {"jacobian": definition.jacobian, "period": self._period}
+        functions |= {"switches": self._switches, "time_scale": self._time_scale}
         for guard in definition.guards:
             for role in ("margin", "transition", "rate", "rest"):
-                found[f"{role} of {guard.name}"] = getattr(guard, role)
+                functions[f"{role} of {guard.name}"] = getattr(guard, role)
         for i, (mode, constraint) in enumerate(definition.constraints):
-            found[f"constraint {i} of {definition.modes[mode]}"] = constraint
-        found |= {f"observable {each.name}": each.function for each in self.observables}
+            functions[f"constraint {i} of {definition.modes[mode]}"] = constraint
+        functions |= {f"observable {each.name}": each.function for each in self.observables}
         return {
-            role: reference(given)
-            for role, given in found.items()
-            if callable(given) and given.__module__ != assembly.__name__  # generated for parts
+            role: reference(function)
+            for role, function in functions.items()
+            if callable(function)
+            and function.__module__ != assembly.__name__  # generated for parts
         }
 
     def ending(self, until: Callable[..., float]) -> System:
@@ -350,9 +351,9 @@ class System(HybridSystem):
         if self.typical is None:
             return super().factor(heading)
         sizes = self.typical
-        found = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
-        found |= zip(self._parameters, sizes.parameters, strict=True)
-        return found.get(name_of(heading, found), 1.0)
+        scales = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
+        scales |= zip(self._parameters, sizes.parameters, strict=True)
+        return scales.get(name_of(heading, scales), 1.0)
 
     def margin_unit(self, guard: str) -> float:
         """Return the scale of the margin of a guard."""
@@ -456,10 +457,10 @@ class System(HybridSystem):
             return int(self._begin(mode, when, state, self._to_user(problem)))
         except ArithmeticError as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
-            place = innermost_user_line(error.__traceback__, self._begin)
-            if place[0]:  # in a function of the user
+            location = innermost_user_line(error.__traceback__, self._begin)
+            if location[0]:  # in a function of the user
                 remedy = "make it return a value for every initial state"
-            raise FunctionError("the flow with its parts", raised, remedy, *place) from error
+            raise FunctionError("the flow with its parts", raised, remedy, *location) from error
 
     def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
         """Return the initial condition of a run from a state whose mode is given.
@@ -571,14 +572,14 @@ def _at_rest(
                     continue  # a transition may be undefined away from its guard
                 size = max(np.abs(onto).max(), np.abs(change).max())
                 far = float(np.abs(onto - y).max())
-                kept = abs(left) <= REST_RTOL * abs(gap) and drift <= REST_RTOL * size
-                if kept and far < distance:
+                consistent = abs(left) <= REST_RTOL * abs(gap) and drift <= REST_RTOL * size
+                if consistent and far < distance:
                     best, distance = onto, far
     return best
 
 
-def _function_or_none(given: Any) -> Any:
-    return given if callable(given) else None
+def _function_or_none(value: Any) -> Any:
+    return value if callable(value) else None
 
 
 def _in_units(value: float | None, unit: float) -> float | None:

@@ -84,14 +84,14 @@ def warn_if_badly_scaled_run(
     step = length / trajectory.steps if trajectory.steps else 1.0
     if small:
         stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
-        what = f"{stay}, poorly resolved by atol = {options.atol:g}"
-        _warn(what, small)
+        problem = f"{stay}, poorly resolved by atol = {options.atol:g}"
+        _warn(problem, small)
     elif not timed and 0.0 < step < MIN_STEP_RATIO:
         step = decade(step)
-        what = (
+        problem = (
             f"steps are below {step:.0e}, although the system is assumed to have a time scale of 1"
         )
-        _warn(what, {"time": 10.0 * step})
+        _warn(problem, {"time": 10.0 * step})
 
 
 def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -> None:
@@ -113,8 +113,8 @@ def between(trajectory: Trajectory) -> Floats:
     length = min(2.0, last - first)
     if length <= 0.0:
         return np.abs(start.y)
-    seen = trajectory.samples(math.ceil(SAMPLES_BETWEEN_EVENTS / length), last=first + length).y
-    return np.abs(seen).max(axis=0, initial=0.0)
+    samples = trajectory.samples(math.ceil(SAMPLES_BETWEEN_EVENTS / length), last=first + length).y
+    return np.abs(samples).max(axis=0, initial=0.0)
 
 
 def decade(size: float) -> float:
@@ -122,10 +122,10 @@ def decade(size: float) -> float:
     return float(10.0 ** math.ceil(math.log10(size)))
 
 
-def _warn(what: str, sizes: Mapping[str, float]) -> None:
+def _warn(problem: str, sizes: Mapping[str, float]) -> None:
     pairs = ", ".join(f"{name!r}: {size:.0e}" for name, size in sizes.items())
-    message = f"{what}; give typical magnitudes, for example System(typical={{{pairs}}})"
-    warn(message, ScaleWarning, what)
+    message = f"{problem}; give typical magnitudes, for example System(typical={{{pairs}}})"
+    warn(message, ScaleWarning, problem)
 
 
 # --- Scales of variables from typical magnitudes by name or unit
@@ -165,15 +165,15 @@ def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
     """
     if unit in sizes:
         return sizes[unit]
-    size, known = 1.0, False
+    size, determined = 1.0, False
     for k, side in enumerate(unit.split("/")):
         for name, exponent in re.findall(r"([A-Za-z]+)(?:\^(-?\d+))?", side):
             power = (1 if k == 0 else -1) * int(exponent or 1)
             base = {name: 1} if name in sizes else DERIVED.get(name, {name: 1})
             for each, times in base.items():
-                known = known or each in sizes
+                determined = determined or each in sizes
                 size *= sizes.get(each, 1.0) ** (power * times)
-    return size if known else None
+    return size if determined else None
 
 
 def typical_of(
@@ -206,8 +206,8 @@ def typical_of(
         If a name or unit is unknown.
     """
     names = {*definition.states, *definition.parameters, "time"}
-    parts = {part for unit in units.values() for part in re.findall(r"[A-Za-z]+", unit)}
-    base = {name for part in parts for name in (part, *DERIVED.get(part, ()))}
+    symbols = {part for unit in units.values() for part in re.findall(r"[A-Za-z]+", unit)}
+    base = {name for part in symbols for name in (part, *DERIVED.get(part, ()))}
     for name in typical:
         if name not in names | base | set(units.values()):
             allowed = f"typical magnitudes of {', '.join(sorted(names))}, or of units"
@@ -216,10 +216,10 @@ def typical_of(
     sizes = {name: size for name, size in typical.items() if name not in names}
 
     def size_of(name: str, otherwise: float) -> float:
-        given = typical.get(name)
-        if given is None and sizes and name in units:
-            given = of_units(units[name], sizes)
-        return power_of_two(otherwise if given is None else given)
+        size = typical.get(name)
+        if size is None and sizes and name in units:
+            size = of_units(units[name], sizes)
+        return power_of_two(otherwise if size is None else size)
 
     result = Typical(
         states=tuple(size_of(name, initial.get(name, 1.0)) for name in definition.states),
@@ -255,12 +255,12 @@ def _size_of_margin(
     mode = int(guard.modes[0]) if guard.modes else 0
     total = 0.0
     for j, size in enumerate(sizes):
-        found = []
+        ends = []
         for sign in (-0.5, 0.5):
             y = [value + sign * size * (i == j) for i, value in enumerate(start)]
             state = y if writes_into_arrays(definition.flow) else None
             try:
-                found.append(
+                ends.append(
                     guard.margin(
                         mode,
                         0.0,
@@ -270,5 +270,5 @@ def _size_of_margin(
                 )
             except (ArithmeticError, ValueError):
                 return 1.0
-        total += abs(found[1] - found[0])
+        total += abs(ends[1] - ends[0])
     return power_of_two(total) if math.isfinite(total) else 1.0

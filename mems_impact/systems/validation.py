@@ -62,15 +62,15 @@ COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them
 def check_effects(definition: Definition) -> None:
     """Raise FunctionError if a function, or one that it calls, changes an outer variable."""
     for function in _functions(definition):
-        for called in _called(function.call, set()):
-            _check(function, called)
+        for inner in _reachable_functions(function.call, set()):
+            _check(function, inner)
 
 
-def _check(function: UserFunction, called: FunctionType) -> None:
-    for name in _changed(called.__code__, set(called.__code__.co_freevars)):
+def _check(function: UserFunction, inner: FunctionType) -> None:
+    for name in _changed(inner.__code__, set(inner.__code__.co_freevars)):
         problem = f"changes {name}, a variable outside the function"
         remedy = "only read outer variables: quantities that change along a run are states"
-        file, line = called.__code__.co_filename, called.__code__.co_firstlineno
+        file, line = inner.__code__.co_filename, inner.__code__.co_firstlineno
         raise FunctionError(function.role, problem, remedy, file, line)
 
 
@@ -87,20 +87,20 @@ def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
         yield from _changed(inner, outside & set(inner.co_freevars))
 
 
-def _called(value: Any, seen: set[FunctionType]) -> Iterator[FunctionType]:
+def _reachable_functions(value: Any, visited: set[FunctionType]) -> Iterator[FunctionType]:
     """Yield a function and those that it may call: globals and closure variables."""
     function = getattr(value, "py_func", value)  # of one that numba compiled
-    if not isinstance(function, FunctionType) or function in seen:
+    if not isinstance(function, FunctionType) or function in visited:
         return
     if (function.__module__ or "").partition(".")[0] in COMPILED_LIBRARIES:
         return
-    seen.add(function)
+    visited.add(function)
     yield function
     for each in _loaded(function.__code__, function.__globals__):
-        yield from _called(each, seen)
+        yield from _reachable_functions(each, visited)
     for cell in function.__closure__ or ():
         try:
-            yield from _called(cell.cell_contents, seen)
+            yield from _reachable_functions(cell.cell_contents, visited)
         except ValueError:  # not set yet
             continue
 
@@ -184,14 +184,14 @@ def warn_of_discontinuity(
     stretches = [each for each in lengths if time + DECLARED_RATIO * each < stop]
     values = zip(system.states, at.y.tolist(), strict=True)
     y = [float(system.out(name, value)) for name, value in values]
-    place = EvaluationPoint(at.mode, float(system.out("time", time)), y)
+    point = EvaluationPoint(at.mode, float(system.out("time", time)), y)
     active_guards = [
         i for i, g in enumerate(definition.guards) if g.modes is None or at.mode in g.modes
     ]
     try:
-        slope = checked.flow(place)
+        slope = checked.flow(point)
         units = [float(system.out("time", stretch)) for stretch in stretches]
-        return warn_of_jump(checked, place, slope, active_guards, units)
+        return warn_of_jump(checked, point, slope, active_guards, units)
     except (FunctionError, DomainError, ArithmeticError):
         return False  # other checks report errors of functions
 
@@ -229,64 +229,64 @@ def warn_of_jump(
             at.mode, at.t + s, [y + s * rate for y, rate in zip(at.y, slope, strict=True)]
         )
 
-    for whole in stretches:
-        end, beyond = ahead(whole), ahead(DECLARED_RATIO * whole)
-        enclosed = _enclosed(checked, ahead, whole)
+    for length in stretches:
+        end, beyond = ahead(length), ahead(DECLARED_RATIO * length)
+        enclosed = _enclosed(checked, ahead, length)
         if enclosed is None:
             continue
         if any(checked.margin(i, at) * checked.margin(i, beyond) <= 0.0 for i in active_guards):
             return False
-        before, after, least = enclosed
-        if min(_rounding(checked, at), _rounding(checked, end)) < JUMP_ROUNDING_RATIO * least:
-            _warn(checked, before, after, least, end)
+        before, after, min_jump = enclosed
+        if min(_rounding(checked, at), _rounding(checked, end)) < JUMP_ROUNDING_RATIO * min_jump:
+            _warn(checked, before, after, min_jump, end)
             return True
     return False
 
 
 def _enclosed(
-    checked: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], whole: float
+    checked: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], length: float
 ) -> tuple[EvaluationPoint, EvaluationPoint, float] | None:
     """Return neighbouring points that enclose a jump of the flow, and its smallest size.
 
     Bisection stops when a half has only its share of the difference, as for a steep flow.
     """
-    low, high = ahead(0.0), ahead(whole)
+    low, high = ahead(0.0), ahead(length)
     before, after = checked.flow(low), checked.flow(high)
-    least = JUMP_REMAINDER * _size(before, after)
-    if least <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
+    min_jump = JUMP_REMAINDER * _size(before, after)
+    if min_jump <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
         return None
-    first, last = 0.0, whole
+    first, last = 0.0, length
     for _ in range(JUMP_BISECTIONS):
         middle = 0.5 * (first + last)
-        there = ahead(middle)
-        if there in (low, high):
+        point = ahead(middle)
+        if point in (low, high):
             break  # no number lies between
-        between = checked.flow(there)
-        parts = _size(before, between), _size(between, after)
-        if max(parts) < least:
+        between = checked.flow(point)
+        differences = _size(before, between), _size(between, after)
+        if max(differences) < min_jump:
             return None
-        if parts[0] >= parts[1]:
-            last, high, after = middle, there, between
+        if differences[0] >= differences[1]:
+            last, high, after = middle, point, between
         else:
-            first, low, before = middle, there, between
-    return low, high, least
+            first, low, before = middle, point, between
+    return low, high, min_jump
 
 
 def _rounding(checked: CheckedFunctions, at: EvaluationPoint) -> float:
     """Return the change of the flow by rounding of state and time."""
-    flow, most = checked.flow(at), 0.0
+    flow, largest = checked.flow(at), 0.0
     for pattern in ((1.0,), (-1.0,), (1.0, -1.0)):
         signs = [pattern[i % len(pattern)] for i in range(checked.n + 1)]
         *y, t = (math.nextafter(a, s * math.inf) for a, s in zip((*at.y, at.t), signs, strict=True))
-        most = max(most, _size(flow, checked.flow(EvaluationPoint(at.mode, t, y))))
-    return most
+        largest = max(largest, _size(flow, checked.flow(EvaluationPoint(at.mode, t, y))))
+    return largest
 
 
 def _warn(
     checked: CheckedFunctions,
     before: EvaluationPoint,
     after: EvaluationPoint,
-    least: float,
+    min_jump: float,
     end: EvaluationPoint,
 ) -> None:
     """Warn about a jump between two points of an interval."""
@@ -294,11 +294,11 @@ def _warn(
     k = max(range(checked.n), key=lambda i: abs(slopes[1][i] - slopes[0][i]))
     jump = f"d{checked.states[k]}/dt jumps from {slopes[0][k]:.6g} to {slopes[1][k]:.6g}"
 
-    def changes(place: EvaluationPoint) -> bool:
-        return _size(slopes[0], checked.flow(place)) >= least
+    def changes(point: EvaluationPoint) -> bool:
+        return _size(slopes[0], checked.flow(point)) >= min_jump
 
-    def by(place: Callable[[int], EvaluationPoint]) -> list[str]:
-        moved = [i for i in range(checked.n) if changes(place(i))]
+    def by(point_of: Callable[[int], EvaluationPoint]) -> list[str]:
+        moved = [i for i in range(checked.n) if changes(point_of(i))]
         # A zero within rounding is the point of the jump.
         at = [0.0 if abs(y) <= abs(y - far) else y for y, far in zip(before.y, end.y, strict=True)]
         return [f"{checked.states[i]} = {at[i]:.6g}" for i in moved]
@@ -308,12 +308,14 @@ def _warn(
         return EvaluationPoint(before.mode, before.t, y)
 
     if changes(EvaluationPoint(before.mode, after.t, before.y)):
-        where = f"t = {before.t:.6g}"
+        location = f"t = {before.t:.6g}"
         remedy = "give the times of the jumps in switches="
     else:
-        where = " or ".join(by(one)) or checked.place(before).removeprefix("at ")
+        location = " or ".join(by(one)) or checked.place(before).removeprefix("at ")
         remedy = "use a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
-    message = f"the flow is discontinuous: {jump} at {where}, where no step is accurate; {remedy}"
+    message = (
+        f"the flow is discontinuous: {jump} at {location}, where no step is accurate; {remedy}"
+    )
     warn(message, DiscontinuityWarning)
 
 
@@ -370,16 +372,16 @@ def check_rate(
 ) -> None:
     """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
     guard = checked.definition.guards[i]
-    given = checked.rate(i, at)
-    found, error = rate_of(checked, i, at, slope, unit)
-    error += DERIVATIVE_RTOL * (abs(found) + abs(given))
-    if not abs(given - found) > error:
+    supplied = checked.rate(i, at)
+    computed, error = rate_of(checked, i, at, slope, unit)
+    error += DERIVATIVE_RTOL * (abs(computed) + abs(supplied))
+    if not abs(supplied - computed) > error:
         return
-    if not abs(given - found) > error + rounding_of(checked, i, at, slope, unit):
+    if not abs(supplied - computed) > error + rounding_of(checked, i, at, slope, unit):
         return
     assert guard.rate is not None
-    where = checked.place(at)
-    problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
+    location = checked.place(at)
+    problem = f"is {supplied:.6g} where the margin changes at {computed:.6g} ({location[3:]})"
     remedy = "return the derivative of the margin along the flow, or omit rate"
     raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
 
@@ -415,18 +417,18 @@ def rounding_of(
 
     A small gap between bodies far from the origin is a difference of large numbers.
     """
-    here, rounding = checked.margin(i, at), 0.0
+    value_here, rounding = checked.margin(i, at), 0.0
     for j, value in enumerate(at.y):
         h = RATE_STEP_RATIO * max(abs(value), abs(slope[j]) * unit, 1e-3)
         y = [*at.y[:j], value + h, *at.y[j + 1 :]]
-        by_state = (checked.margin(i, EvaluationPoint(at.mode, at.t, y)) - here) / h
+        by_state = (checked.margin(i, EvaluationPoint(at.mode, at.t, y)) - value_here) / h
         rounding += abs(by_state * value)
     return 64.0 * sys.float_info.epsilon * rounding / (RATE_STEP_RATIO * unit)
 
 
 def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
     """Raise FunctionError unless the given Jacobian is that of the flow."""
-    given = checked.jacobian(at)
+    supplied = checked.jacobian(at)
     slope = checked.flow(at)
     for j in range(checked.n):
         h = RATE_STEP_RATIO * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
@@ -435,10 +437,12 @@ def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) 
             y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
             columns.append(checked.flow(EvaluationPoint(at.mode, at.t, y)))
         for i in range(checked.n):
-            found, error = derivative([column[i] for column in columns], h)
-            if abs(given[i][j] - found) > error + 1e-3 * (abs(found) + abs(given[i][j])):
+            computed, error = derivative([column[i] for column in columns], h)
+            if abs(supplied[i][j] - computed) > error + 1e-3 * (
+                abs(computed) + abs(supplied[i][j])
+            ):
                 problem = (
-                    f"has J[{i}, {j}] = {given[i][j]:.6g} where the flow's is {found:.6g} "
+                    f"has J[{i}, {j}] = {supplied[i][j]:.6g} where the flow's is {computed:.6g} "
                     f"({checked.place(at)[3:]})"
                 )
                 remedy = (
@@ -592,10 +596,10 @@ class ModeMonitor:
         y[list(self.definition.cyclic)] = 0.0  # the value in functions, which do not depend on them
         time = at.time if self.system.forced else at.cycle * self.problem.period + at.time
         values = zip(self.system.states, y.tolist(), strict=True)
-        place = EvaluationPoint(
+        point = EvaluationPoint(
             at.mode, float(out("time", time)), [float(out(*each)) for each in values]
         )
-        self.points[at.mode].append(place)
+        self.points[at.mode].append(point)
 
     def check(self) -> None:
         """Check the functions at the recorded states.
@@ -628,8 +632,8 @@ class ModeMonitor:
 
 def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
     """Return a monitor of the modes of a run; None for a system without functions."""
-    plain = system.without_until  # an `until` function is only a margin
-    return plain.definition and ModeMonitor(plain, plain.definition, problem)
+    unended = system.without_until  # an `until` function is only a margin
+    return unended.definition and ModeMonitor(unended, unended.definition, problem)
 
 
 # --- Dry run
@@ -676,13 +680,13 @@ class DryRun:
         self.probes = JUMP_PROBES
         self.hits: dict[int, list[float]] = {}
 
-    def go(self, start: EvaluationPoint, *, user_given: bool) -> None:
+    def go(self, start: EvaluationPoint, *, initial_given: bool) -> None:
         """Run from `start`.
 
         Parameters
         ----------
         start : EvaluationPoint
-        user_given : bool
+        initial_given : bool
             Whether the user gave this initial state; otherwise functions may have no value there.
 
         Raises
@@ -698,10 +702,10 @@ class DryRun:
             self.look(start, slope)
             if self.checked.definition.jacobian is not None:
                 check_jacobian(self.checked, start, self.clock.unit)
-            if self.inside(start, slope, now, user_given=user_given):
+            if self.inside(start, slope, now, initial_given=initial_given):
                 return
         except DomainError as found:
-            if user_given:
+            if initial_given:
                 raise found.error from None
             return
         try:
@@ -729,7 +733,7 @@ class DryRun:
         slope: Sequence[float],
         now: dict[int, float],
         *,
-        user_given: bool,
+        initial_given: bool,
     ) -> bool:
         """Return whether the start lies beyond an impact and moves further beyond."""
         for i, margin in now.items():
@@ -738,17 +742,17 @@ class DryRun:
             rate = self.rate(i, start, slope)
             beyond = margin < -1e-6 * (abs(margin - rate * self.clock.unit) + 1e-3)
             if beyond and rate <= 0.0:
-                if not user_given:
+                if not initial_given:
                     return True
-                name, place = self.guards[i].name, self.checked.place(start)
-                problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {place}"
+                name, location = self.guards[i].name, self.checked.place(start)
+                problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {location}"
                 raise InvalidParameter("initial", None, "", problem=problem)
         return False
 
     def look(self, at: EvaluationPoint, slope: Sequence[float]) -> None:
         """Check rates and the dependence on time at the first few points."""
-        seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
-        if seen <= COMPARED_POINTS:
+        visits = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
+        if visits <= COMPARED_POINTS:
             compare(self.checked, self.clock, at, slope)
 
     def follow(self, at: EvaluationPoint, slope: list[float], now: dict[int, float]) -> None:
@@ -768,21 +772,21 @@ class DryRun:
                     if warn_of_jump(self.checked, at, slope, list(now), stretches) or stuck:
                         return
                 continue
-            there, ahead, error = step
-            later = self.margins(there)
+            next_point, ahead, error = step
+            later = self.margins(next_point)
             fallen = [i for i in now if later[i] <= 0.0 and self.above(i, now[i], at, slope)]
             if fallen:
-                i, there = self.crossing(fallen, at, slope, there, ahead)
-                there = self.resolve(i, there)
-            elif there.t >= stop:
-                mode, y = self.checked.transition("switch_transition", None, there)
+                i, next_point = self.crossing(fallen, at, slope, next_point, ahead)
+                next_point = self.resolve(i, next_point)
+            elif next_point.t >= stop:
+                mode, y = self.checked.transition("switch_transition", None, next_point)
                 period = self.clock.period
-                shift = period if period is not None and there.t >= period else 0.0
-                there, end = EvaluationPoint(mode, there.t - shift, y), end - shift
-            if fallen or there.t != at.t + h:
-                ahead = self.checked.flow(there)
-                later = self.margins(there)
-            at, slope, now = there, ahead, later
+                shift = period if period is not None and next_point.t >= period else 0.0
+                next_point, end = EvaluationPoint(mode, next_point.t - shift, y), end - shift
+            if fallen or next_point.t != at.t + h:
+                ahead = self.checked.flow(next_point)
+                later = self.margins(next_point)
+            at, slope, now = next_point, ahead, later
             self.look(at, slope)
             h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
 
@@ -807,7 +811,7 @@ class DryRun:
             k2 = slope_at(0.5, (0.5, k1))
             k3 = slope_at(0.75, (0.75, k2))
             new = moved(y, h, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
-            there = EvaluationPoint(mode, min(t + h, stop), new)
+            end = EvaluationPoint(mode, min(t + h, stop), new)
             k4 = slope_at(1.0, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
         except (DomainError, FunctionError):
             return None
@@ -816,35 +820,35 @@ class DryRun:
         for i, value in enumerate(wrong):
             size = max(abs(h * k1[i]), abs(h * k4[i]), 1e-6 * abs(y[i]))
             error = max(error, abs(value) / (STEP_ERROR_RATIO * size)) if size > 0.0 else error
-        return (there, k4, error) if math.isfinite(error) else None
+        return (end, k4, error) if math.isfinite(error) else None
 
     def crossing(
         self,
         fallen: list[int],
         at: EvaluationPoint,
         slope: list[float],
-        there: EvaluationPoint,
+        end: EvaluationPoint,
         ahead: list[float],
     ) -> tuple[int, EvaluationPoint]:
         """Return the guard whose margin falls through zero first within a step, and where."""
-        h = there.t - at.t
+        h = end.t - at.t
 
         def between(part: float) -> EvaluationPoint:
             # Cubic Hermite interpolation.
             b = part * part * (3.0 - 2.0 * part)
             c, d = part * (1.0 - part) ** 2 * h, part * part * (part - 1.0) * h
-            parts = zip(at.y, slope, there.y, ahead, strict=True)
-            y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in parts]
+            terms = zip(at.y, slope, end.y, ahead, strict=True)
+            y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in terms]
             return EvaluationPoint(at.mode, at.t + part * h, y)
 
         def above(i: int, part: float) -> bool:
             return self.checked.margin(i, between(part)) > 0.0
 
-        found = []
+        candidates = []
         for i in fallen:
             low, _ = bisect(partial(above, i), 0.0, 1.0, EVENT_WIDTH)
-            found.append((low, self.guards[i].order or 0, i))
-        part, _, i = min(found)
+            candidates.append((low, self.guards[i].order or 0, i))
+        part, _, i = min(candidates)
         return i, between(part)
 
     def resolve(self, i: int, at: EvaluationPoint) -> EvaluationPoint:
@@ -921,7 +925,7 @@ def dry_run(
     problem: Problem,
     *,
     time: float | None,
-    user_given: bool,
+    initial_given: bool,
 ) -> None:
     """Check the functions of a system along a short run.
 
@@ -935,7 +939,7 @@ def dry_run(
         Its numbers.
     time : float or None
         Typical time, if the user gave one.
-    user_given : bool
+    initial_given : bool
         Whether the user gave the initial state.
 
     Raises
@@ -949,14 +953,14 @@ def dry_run(
     check_effects(definition)
     checked, start = _checked(definition, problem), _start(system, problem)
     observables = system.observables
-    seen: set[int] = set()
+    measured: set[int] = set()
 
     def noted(i: int, before: EvaluationPoint, after: EvaluationPoint) -> None:
         for each in observables:
-            if definition.guards[i].name in each.at and id(each) not in seen:
-                seen.add(id(each))
-                both = checked.state(before.y), checked.state(after.y)
-                _measured(each, before.mode, before.t, *both, checked.p)
+            if definition.guards[i].name in each.at and id(each) not in measured:
+                measured.add(id(each))
+                states = checked.state(before.y), checked.state(after.y)
+                _measured(each, before.mode, before.t, *states, checked.p)
 
     for each in observables:
         if not each.at:
@@ -964,7 +968,7 @@ def dry_run(
     unit = time or problem.time_scale or problem.period
     clock = TimeGrid(system.forcing_period, unit, problem.switches)
     short = DryRun(checked, clock, noted)
-    short.go(start, user_given=user_given)
+    short.go(start, initial_given=initial_given)
     system.checked_modes.update(short.looked)
 
 
@@ -982,8 +986,8 @@ def _checked(definition: Definition, problem: Problem) -> CheckedFunctions:
 def _start(system: HybridSystem, problem: Problem) -> EvaluationPoint:
     start = system.hybrid_state(None, problem)
     # As given: a run moves it to where the constraints of its mode hold.
-    given = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
-    y = [float(system.into(name, given[name])) for name in system.states]
+    values = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
+    y = [float(system.into(name, values[name])) for name in system.states]
     return EvaluationPoint(start.mode, start.time, y)
 
 
@@ -993,9 +997,9 @@ def _measured(observable: Observable, *arguments: Any) -> None:
     try:
         value = observable.function(*arguments)
     except Exception as error:
-        found, always = function.explain_exception(error)
+        problem, always = function.explain_exception(error)
         if always:
-            raise found from error
+            raise problem from error
         return
     try:
         float(value)
@@ -1060,24 +1064,24 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
     warning.
     """
     automaton, options = problem.automaton, problem.options
-    plain = [
+    numbers = [
         i for i, guard in enumerate(automaton.guards) if not guard.impact and not guard.records
     ]
-    if not plain:
+    if not numbers:
         return
     p = np.array(problem.parameters, dtype=float)
     room = np.zeros(len(automaton.guards))
     sizes = options.rtol * np.abs(start.y) + options.atol
     try:
         margins, _ = automaton.margins_at(start.mode, start.time, start.y, p)
-        if not (margins[plain] < 0.0).any():
+        if not (margins[numbers] < 0.0).any():
             return
         for j, size in enumerate(sizes):
             y = start.y.copy()
             y[j] += size
             aside, _ = automaton.margins_at(start.mode, start.time, y, p)
             room += np.abs(aside - margins)
-        for i in plain:
+        for i in numbers:
             if not margins[i] < -MARGIN_TOLERANCES * room[i]:
                 continue
             _, y = automaton.state_after(start.mode, i, start.time, start.y, p)

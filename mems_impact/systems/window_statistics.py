@@ -32,11 +32,11 @@ def where(condition: Any, value: Any, other: Any) -> Any:
     return value if condition else other
 
 
-def ratio(part: Any, whole: Any) -> Any:
-    """Return part / whole, NaN where `whole` is zero; of numbers or of columns."""
-    if isinstance(whole, np.ndarray):
-        return np.divide(part, whole, out=np.full(whole.shape, math.nan), where=whole > 0)
-    return part / whole if whole > 0 else math.nan
+def ratio(part: Any, total: Any) -> Any:
+    """Return part / total, NaN where `total` is zero; of numbers or of columns."""
+    if isinstance(total, np.ndarray):
+        return np.divide(part, total, out=np.full(total.shape, math.nan), where=total > 0)
+    return part / total if total > 0 else math.nan
 
 
 class Moments:
@@ -77,9 +77,9 @@ class Moments:
         mean = float(values.mean())
         self._squares += float(((values - mean) ** 2).sum())
         if self.count:
-            apart = mean - self.mean
-            whole = self.count + values.size
-            self._squares += apart * apart * self.count * values.size / whole
+            difference = mean - self.mean
+            total = self.count + values.size
+            self._squares += difference * difference * self.count * values.size / total
         self.count += values.size
         self.total += float(values.sum())
         self.low = min(self.low, float(values.min()))
@@ -189,8 +189,8 @@ class TimeWindow:
     def instant(self, border: int) -> tuple[int, float]:
         """Return the start (0) or end (1) as whole periods and the time within the next one."""
         periods = (self.first, self.last)[border]
-        whole = math.floor(periods)
-        return whole, (periods - whole) * self.period
+        cycle = math.floor(periods)
+        return cycle, (periods - cycle) * self.period
 
     def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
         """Return the times since the start (0) or end (1) of the window."""
@@ -256,11 +256,11 @@ class StatisticsAccumulator(ABC):
         self._take_durations(events.cycle, events.time, events.mode_after)
         for border in (0, 1):
             since = self._window.since(border, events.cycle, events.time) / self._window.period
-            places = np.flatnonzero(events.arcs_until(since))
-            if places.size > 0:
-                row = int(places[-1])
-                known = events[:row].remembered(self._remembered)
-                self._anchors[border] = replace(events.instant(row), remembered=known)
+            rows = np.flatnonzero(events.arcs_until(since))
+            if rows.size > 0:
+                row = int(rows[-1])
+                remembered = events[:row].remembered(self._remembered)
+                self._anchors[border] = replace(events.instant(row), remembered=remembered)
         self._last = events.instant(len(events) - 1)
         self._remembered = events.remembered(self._remembered)
         fired = events.guard[inside & (events.kind == workspace.TRANSITION)]

@@ -48,7 +48,9 @@ def save(value: Any, path: str | PathLike[str]) -> None:
         "format": FILE_FORMAT,
         "versions": versions(),
         "result": writer.node(value, "result"),
-        "tables": {name: writer.node(table, name) for name, table in _kept(value).items()},
+        "tables": {
+            name: writer.node(table, name) for name, table in _stored_attributes(value).items()
+        },
     }
     text = json.dumps(header, allow_nan=False)
     with (
@@ -76,18 +78,18 @@ def register_storables() -> None:
         import_module(room)
 
 
-def _kept(value: Any) -> dict[str, Any]:
+def _stored_attributes(value: Any) -> dict[str, Any]:
     """Return the attributes that cannot be computed without the system's functions."""
     system = getattr(value, "system", None)
     if system is None or system.is_data_only:
         return {}
-    found = {}
+    attributes = {}
     for name in value.kept:
         try:
-            found[name] = getattr(value, name)
+            attributes[name] = getattr(value, name)
         except MemsImpactError:  # a run without events has no table of them
             continue
-    return found
+    return attributes
 
 
 def read_archive(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -124,11 +126,13 @@ def _check_header(source: str, header: Any) -> None:
     number = header.get("format") if isinstance(header, dict) else None
     if not isinstance(number, int) or not {"result", "tables"} <= header.keys():
         raise InvalidFile(source, "holds no result", FILE_REMEDY)
-    made = header.get("versions", {}).get("mems_impact", "of an unknown version")
-    check_format(source, number, FILE_FORMAT, made, "save the result again with this version")
+    version = header.get("versions", {}).get("mems_impact", "of an unknown version")
+    check_format(source, number, FILE_FORMAT, version, "save the result again with this version")
 
 
-def check_format(path: str | PathLike[str], number: int, read: int, made: str, again: str) -> None:
+def check_format(
+    path: str | PathLike[str], number: int, read: int, version: str, again: str
+) -> None:
     """Raise InvalidFile for a format that this version does not read.
 
     Parameters
@@ -136,13 +140,13 @@ def check_format(path: str | PathLike[str], number: int, read: int, made: str, a
     path : str or os.PathLike
     number, read : int
         The format of the file, and the format that this version reads.
-    made : str
+    version : str
         The version of mems_impact that wrote it.
     again : str
         What to do if its format is older.
     """
     if number != read:
-        reason = f"has format {number} (mems_impact {made}); this version reads format {read}"
+        reason = f"has format {number} (mems_impact {version}); this version reads format {read}"
         raise InvalidFile(path, reason, "update mems_impact" if number > read else again)
 
 

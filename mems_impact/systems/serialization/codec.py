@@ -87,11 +87,11 @@ class Writer:
         self._known: dict[int, tuple[Any, dict[str, Any]]] = {}
         self._numbers: Iterator[int] = count(1)
 
-    def node(self, value: Any, place: str) -> Any:
-        """Return the JSON representation of `value`; `place` is its path in errors."""
+    def node(self, value: Any, path: str) -> Any:
+        """Return the JSON representation of `value`, which errors name by its path."""
         kind = _by_type.get(type(value))
         if kind is not None:
-            return self._object(kind, value, place)
+            return self._object(kind, value, path)
         if isinstance(value, np.generic):
             value = value.item()
         if value is None or isinstance(value, bool | int | str):
@@ -99,42 +99,42 @@ class Writer:
         if isinstance(value, float):
             return value if math.isfinite(value) else {"float": repr(value)}
         if isinstance(value, np.ndarray):
-            return self._array(value, place)
+            return self._array(value, path)
         if isinstance(value, tuple):
-            return [self.node(part, f"{place}.{i}") for i, part in enumerate(value)]
+            return [self.node(part, f"{path}.{i}") for i, part in enumerate(value)]
         if isinstance(value, list):
-            return {"list": [self.node(part, f"{place}.{i}") for i, part in enumerate(value)]}
+            return {"list": [self.node(part, f"{path}.{i}") for i, part in enumerate(value)]}
         if isinstance(value, Mapping):
-            return {"dict": self._named(value, place)}
+            return {"dict": self._named(value, path)}
         if isinstance(value, pd.DataFrame):
-            return {"table": self._columns(value, place), "attrs": self.node(value.attrs, place)}
+            return {"table": self._columns(value, path), "attrs": self.node(value.attrs, path)}
         allowed = "of a storable class, or numbers, text, arrays and tables"
-        raise InvalidParameter(place, type(value).__name__, allowed)
+        raise InvalidParameter(path, type(value).__name__, allowed)
 
-    def _named(self, parts: Mapping[str, Any], place: str) -> dict[str, Any]:
-        return {str(name): self.node(part, f"{place}.{name}") for name, part in parts.items()}
+    def _named(self, items: Mapping[str, Any], path: str) -> dict[str, Any]:
+        return {str(name): self.node(part, f"{path}.{name}") for name, part in items.items()}
 
-    def _object(self, kind: StorableClass, value: Any, place: str) -> Any:
+    def _object(self, kind: StorableClass, value: Any, path: str) -> Any:
         if id(value) in self._known:
             node = self._known[id(value)][1]
             node.setdefault("#", next(self._numbers))
             return {"same": node["#"]}
         node = {"is": kind.name}
         self._known[id(value)] = value, node  # keep the value alive, so that its id stays unique
-        node.update(self._named(kind.parts(value), place))
+        node.update(self._named(kind.parts(value), path))
         return node
 
-    def _array(self, value: np.ndarray, place: str) -> Any:
+    def _array(self, value: np.ndarray, path: str) -> Any:
         if value.size > MAX_INLINE_NUMBERS:
-            self.members[place] = value
-            return {"array": place}
+            self.members[path] = value
+            return {"array": path}
         numbers = value.ravel()
         if value.dtype.kind == "c":
             numbers = numbers.view(np.float64)
-        listed = [self.node(number, place) for number in numbers.tolist()]
+        listed = [self.node(number, path) for number in numbers.tolist()]
         return {"array": listed, "dtype": value.dtype.name, "shape": list(value.shape)}
 
-    def _columns(self, table: pd.DataFrame, place: str) -> dict[str, Any]:
+    def _columns(self, table: pd.DataFrame, path: str) -> dict[str, Any]:
         columns = {}
         for name, column in table.items():
             if isinstance(column.dtype, pd.CategoricalDtype):
@@ -144,7 +144,7 @@ class Writer:
                 values = column.to_numpy()
             else:
                 values = tuple(column)
-            columns[str(name)] = self.node(values, f"{place}.{name}")
+            columns[str(name)] = self.node(values, f"{path}.{name}")
         return columns
 
 
@@ -189,11 +189,11 @@ class Reader:
     def _object(self, node: dict[str, Any]) -> Any:
         if node["is"] not in _by_name:
             raise CorruptFile(f"it holds an object of unknown class {node['is']!r}")
-        parts = {name: self.value(part) for name, part in node.items() if name not in ("is", "#")}
-        found = _by_name[node["is"]].whole(parts, self)
+        items = {name: self.value(part) for name, part in node.items() if name not in ("is", "#")}
+        value = _by_name[node["is"]].whole(items, self)
         if "#" in node:
-            self._known[node["#"]] = found
-        return found
+            self._known[node["#"]] = value
+        return value
 
     def _array(self, node: dict[str, Any]) -> np.ndarray:
         listed = node["array"]

@@ -69,42 +69,42 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
     }
 
 
-def check_same_system(given: HybridSystem, description: Mapping[str, Any], path: str) -> None:
+def check_same_system(system: HybridSystem, description: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system matches a description."""
-    if _fits(given, description):
-        given = given.restored(
+    if _same_parameters(system, description):
+        system = system.restored(
             description["parameters"], description["scales"], description.get("typical")
         )
-    own = describe(given, {})
-    for what in COMPARED:
-        mine, its = _names(own[what]), _names(description[what])
-        if mine != its:
-            _refuse(what, mine, its, path)
-    for what in ("period", "time_scale", "switches"):
+    present = describe(system, {})
+    for field in COMPARED:
+        values, stored = _names(present[field]), _names(description[field])
+        if values != stored:
+            _refuse(field, values, stored, path)
+    for field in ("period", "time_scale", "switches"):
         times, others = (
-            np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, description)
+            np.atleast_1d(np.array(each[field], dtype=float)) for each in (present, description)
         )
         alike = times.shape == others.shape and np.allclose(
             times, others, TIME_RTOL, 0.0, equal_nan=True
         )
         if not alike:
-            _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)
+            _refuse(field.replace("_", " "), times.tolist(), others.tolist(), path)
 
 
-def _fits(given: HybridSystem, description: Mapping[str, Any]) -> bool:
-    return tuple(given.parameters) == tuple(description["parameters"])
+def _same_parameters(system: HybridSystem, description: Mapping[str, Any]) -> bool:
+    return tuple(system.parameters) == tuple(description["parameters"])
 
 
-def _names(parts: Iterable[Any]) -> list[Any]:
-    return [each["name"] if isinstance(each, Mapping) else each for each in parts]
+def _names(items: Iterable[Any]) -> list[Any]:
+    return [each["name"] if isinstance(each, Mapping) else each for each in items]
 
 
-def _refuse(what: str, mine: list[Any], its: list[Any], path: str) -> NoReturn:
-    listed = [", ".join(map(str, each)) or "none" for each in (mine, its)]
+def _refuse(field: str, values: list[Any], stored: list[Any], path: str) -> NoReturn:
+    listed = [", ".join(map(str, each)) or "none" for each in (values, stored)]
     remedy = "give the system of the result"
-    if its[-1:] == ["until"]:
+    if stored[-1:] == ["until"]:
         remedy += ", as used in its run: system.ending(until)"
-    problem = f"its {what} are {listed[0]}, those of {path} are {listed[1]}; {remedy}"
+    problem = f"its {field} are {listed[0]}, those of {path} are {listed[1]}; {remedy}"
     raise InvalidParameter("system", None, "", problem=problem)
 
 
@@ -146,8 +146,8 @@ class DetachedSystem(HybridSystem):
 
     def summary(self) -> dict[str, Any]:
         """Return names and numbers, and the missing functions."""
-        places = ", ".join(dict.fromkeys(self.functions.values()))
-        return {**super().summary(), "missing functions": places}
+        locations = ", ".join(dict.fromkeys(self.functions.values()))
+        return {**super().summary(), "missing functions": locations}
 
     @property
     def automaton(self) -> Automaton:
