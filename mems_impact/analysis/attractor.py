@@ -212,33 +212,33 @@ def map_attractors(
     list of Attractor
         One per case; each depends on its case alone.
     """
-    found: list[Attractor] = []
+    results: list[Attractor] = []
     batch: list[tuple[InitialCondition, Problem, HybridState]] = []
 
     def follow() -> None:
         if batch:
-            first = len(found)
-            own = None if numbers is None else numbers[first : first + len(batch)]
-            found.extend(_followed(batch, recurrence, options, watch, first, own, gpu))
+            first = len(results)
+            chunk = None if numbers is None else numbers[first : first + len(batch)]
+            results.extend(_followed(batch, recurrence, options, watch, first, chunk, gpu))
             batch.clear()
 
     for case in cases:
         try:
-            known = bool(batch) and case.system is batch[-1][0].system
-            problem = batch[-1][1] if known else case.system.problem(options)
+            same_system = bool(batch) and case.system is batch[-1][0].system
+            problem = batch[-1][1] if same_system else case.system.problem(options)
             start = case.system.hybrid_state(case.initial, problem)
         except (InvalidParameter, FunctionError) as error:
             follow()
-            found.append(Attractor(motion=FAILED, status=str(error)))
+            results.append(Attractor(motion=FAILED, status=str(error)))
             continue
         if batch and not _same_structure(batch[0][1], problem):
             follow()
         if numbers is not None:
-            with at_study_point(numbers[len(found) + len(batch)]):
+            with at_study_point(numbers[len(results) + len(batch)]):
                 check_start_side(case.system, problem, start)
         batch.append((case, problem, start))
     follow()
-    return found
+    return results
 
 
 def maps_in_lanes(system: HybridSystem) -> bool:
@@ -289,10 +289,10 @@ def _followed(
 
     def falls(i: int, at: HybridState, length: float) -> None:
         nonlocal jumps
-        tells = batch[i][1].discontinuity_check
-        if not jumps and tells is not None and numbers is not None:
+        check = batch[i][1].discontinuity_check
+        if not jumps and check is not None and numbers is not None:
             with at_study_point(numbers[i]):
-                jumps = tells(at, length)
+                jumps = check(at, length)
 
     def lanes_of(mapper: AttractorMapper, count: int) -> Sequence[PointMapper]:
         """Return the mapper of some points in lanes, if they are enough."""
@@ -308,11 +308,13 @@ def _followed(
         if gpu:
             from mems_impact.hybrid.attractors.cuda import GpuMapper
 
-            plain = replace(problem.options, engine="interpreted", method="dop853")
-            devices = [GpuMapper(mapper_of(recurrence.longest, replace(problem, options=plain)))]
+            gpu_options = replace(problem.options, engine="interpreted", method="dop853")
+            devices = [
+                GpuMapper(mapper_of(recurrence.longest, replace(problem, options=gpu_options)))
+            ]
         points = [(each.numbers, start) for _, each, start in batch]
         settled = mapper.follow(points, transient, length, report, falls, devices)
-        found = classifier.attractors(range(len(batch)), settled, recurrence)
+        results = classifier.attractors(range(len(batch)), settled, recurrence)
 
         def continued(
             mapper: AttractorMapper, chosen: Sequence[int], transient: float
@@ -332,12 +334,14 @@ def _followed(
             ends = [chosen[row] for row in rows]
             attractors = classifier.attractors(ends, later.take(rows), without)
             for i, after in zip(ends, attractors, strict=True):
-                each = found[i]
+                each = results[i]
                 returns = each.returns + after.returns
-                found[i] = replace(after, returns=returns, exponent=each.exponent, error=each.error)
+                results[i] = replace(
+                    after, returns=returns, exponent=each.exponent, error=each.error
+                )
 
         approaching, lasting = [], []
-        for i, ((case, at, _), each) in enumerate(zip(batch, found, strict=True)):
+        for i, ((case, at, _), each) in enumerate(zip(batch, results, strict=True)):
             if math.isnan(each.exponent):
                 continue
             period = float(case.system.out("time", at.period))
@@ -356,19 +360,19 @@ def _followed(
             attractors = classifier.attractors(lasting, later, recurrence, LONGEST_EXPONENT_PERIODS)
             for i, after in zip(lasting, attractors, strict=True):
                 if after.motion == FAILED:
-                    found[i] = replace(found[i], motion=UNSETTLED)
-                elif not found[i].motion == after.motion == CHAOTIC:
-                    found[i] = replace(after, returns=found[i].returns + after.returns)
+                    results[i] = replace(results[i], motion=UNSETTLED)
+                elif not results[i].motion == after.motion == CHAOTIC:
+                    results[i] = replace(after, returns=results[i].returns + after.returns)
         # An orbit of a longer period, or one that is approached slowly.
         chosen = [
             i
-            for i, each in enumerate(found)
+            for i, each in enumerate(results)
             if each.motion == UNSETTLED and not math.isnan(each.error) and longer > 0.0
         ]
         if chosen:
-            with closing(mapper_of(MAX_PERIOD_FACTOR * recurrence.longest)) as wide:
-                follow_to_orbit(wide, chosen, longer)
-    return found
+            with closing(mapper_of(MAX_PERIOD_FACTOR * recurrence.longest)) as long_mapper:
+                follow_to_orbit(long_mapper, chosen, longer)
+    return results
 
 
 class _Classifier:
@@ -435,12 +439,12 @@ class _Classifier:
         ).tolist()
         rows = zip(*(column.tolist() for column in measures.values()), strict=True)
         times = np.broadcast_to(out("time", periods), periods.shape).tolist()
-        found = []
+        result = []
         for k, (i, motion, row) in enumerate(zip(chosen, motions, rows, strict=True)):
             if motion == FAILED:
                 with self._at_point(i):
                     reason = _reason(self._batch[i][0], recurrence, self._options)
-                found.append(Attractor(motion=FAILED, status=reason))
+                result.append(Attractor(motion=FAILED, status=reason))
                 continue
             exponent, error = math.nan, math.nan
             instant, states = settled.final(k), settled.states(k)
@@ -455,7 +459,7 @@ class _Classifier:
                     )
                 if motion == UNSETTLED:
                     motion = self._by_exponent(exponent, error, length, states, bool(quiet[k]))
-            found.append(
+            result.append(
                 Attractor(
                     motion=motion,
                     period=int(settled.repeats[k]),
@@ -468,7 +472,7 @@ class _Classifier:
                     instant=instant,
                 )
             )
-        return found
+        return result
 
     def _at_point(self, i: int) -> AbstractContextManager[object]:
         """Return the context of warnings of a point."""
@@ -517,8 +521,8 @@ def _is_near_return(system: HybridSystem, states: Floats) -> bool:
     states = states[:, free]
     sizes = np.abs(states).max(axis=0, initial=0.0)
     sizes[sizes == 0.0] = 1.0
-    apart = (np.abs(states[1:] - states[0]) / sizes).max(axis=1, initial=0.0)
-    return bool(apart.min(initial=math.inf) < NEAR_RETURN)
+    distances = (np.abs(states[1:] - states[0]) / sizes).max(axis=1, initial=0.0)
+    return bool(distances.min(initial=math.inf) < NEAR_RETURN)
 
 
 class _Exponents:
@@ -575,8 +579,8 @@ def span_of(system: HybridSystem, length: float, options: Options) -> dict[str, 
 
 def _length_unit(system: HybridSystem, problem: Problem) -> float:
     """Return the unit of lengths in `RecurrenceOptions` in time: period, time scale, or 1."""
-    known = system.forced or problem.time_scale is not None
-    return float(system.out("time", problem.period)) if known else 1.0
+    has_unit = system.forced or problem.time_scale is not None
+    return float(system.out("time", problem.period)) if has_unit else 1.0
 
 
 def _same_structure(one: Problem, other: Problem) -> bool:

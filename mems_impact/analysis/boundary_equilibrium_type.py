@@ -124,17 +124,17 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
     if special.kind != BOUNDARY:
         raise InvalidParameter("special", special.kind, "a boundary equilibrium")
     system, parameter = special.system, special.parameter
-    found = boundary_crossing(special.found, parameter)
+    crossing = boundary_crossing(special.found, parameter)
     guards, unit = system.automaton.guards, system.factor(parameter)
     first, second = (
         slope * system.margin_unit(guards[guard].name) / unit
-        for slope, guard in zip(found.slopes, found.guards, strict=True)
+        for slope, guard in zip(crossing.slopes, crossing.guards, strict=True)
     )
     names = system.modes
     return BoundaryType(
-        found.type,
-        modes=(names[special.found.equilibrium.mode], names[found.other.mode]),
-        other=equilibrium_of(system, found.other),
+        crossing.type,
+        modes=(names[special.found.equilibrium.mode], names[crossing.other.mode]),
+        other=equilibrium_of(system, crossing.other),
         slopes=(first, second),
         criterion=-first / second,
     )

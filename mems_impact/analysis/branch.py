@@ -348,7 +348,7 @@ def continue_orbit(
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = follow(
+        branch = follow(
             orbit.found,
             parameter,
             low=min(low, begin),
@@ -360,7 +360,7 @@ def continue_orbit(
             stop_at=stops,
             progress=report,
         )
-    return _branch(system, found, bounds)
+    return _branch(system, branch, bounds)
 
 
 def _orbit_tests(events: Events | None, orbit: Orbit, parameter: str) -> tuple[FunctionTest, ...]:
@@ -499,8 +499,8 @@ def switch_branch(
     check_value(system, parameter, "bounds", low)
     check_value(system, parameter, "bounds", high)
     if not low < special.value < high:
-        where = _amount(system, parameter, special.value)
-        allowed = f"smallest and largest value, with {where} between them"
+        location = _amount(system, parameter, special.value)
+        allowed = f"smallest and largest value, with {location} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
     if special.kind != BRANCH_POINT:
         if isinstance(special, EquilibriumPoint):
@@ -508,11 +508,11 @@ def switch_branch(
         else:
             orbit, away = switch_at_period_doubling(special.found.orbit, parameter)
     elif isinstance(special, EquilibriumPoint):
-        own = steps or EQUILIBRIUM_STEPS
-        return _crossing_equilibria(special, (low, high), own, events, stop_at, progress)
+        chosen = steps or EQUILIBRIUM_STEPS
+        return _crossing_equilibria(special, (low, high), chosen, events, stop_at, progress)
     else:
-        found = special.found
-        orbit, first = switch_at_branch_point(found.orbit, found.direction, parameter)
+        event = special.found
+        orbit, first = switch_at_branch_point(event.orbit, event.direction, parameter)
     tests = _orbit_tests(events, orbit_of(system, orbit), parameter)
     stops = _orbit_stops(stop_at, system, tests)
     with parameter_progress(
@@ -520,7 +520,7 @@ def switch_branch(
     ) as report:
 
         def followed(side: float | Floats, steps: StepControl) -> Branch:
-            found = follow(
+            branch = follow(
                 orbit,
                 parameter,
                 low=system.into(parameter, low),
@@ -532,7 +532,7 @@ def switch_branch(
                 stop_at=stops,
                 progress=report,
             )
-            return _branch(system, found, (low, high))
+            return _branch(system, branch, (low, high))
 
         steps = steps or BRANCH_STEPS
         if special.kind != BRANCH_POINT:
@@ -549,8 +549,8 @@ def _crossing_equilibria(
     progress: bool | Callable[[float], None],
 ) -> EquilibriumBranch:
     """Return the branch of equilibria that crosses at a branch point."""
-    parameter, system, found = special.parameter, special.system, special.found
-    equilibrium, first = switch_equilibrium(found.equilibrium, found.direction, parameter)
+    parameter, system, event = special.parameter, special.system, special.found
+    equilibrium, first = switch_equilibrium(event.equilibrium, event.direction, parameter)
     tests = _equilibrium_tests(events, equilibrium_of(system, equilibrium), parameter)
     stops = _equilibrium_stops(stop_at, tests)
     with parameter_progress(
@@ -558,7 +558,7 @@ def _crossing_equilibria(
     ) as report:
 
         def followed(side: float, steps: StepControl) -> EquilibriumBranch:
-            found = follow_equilibrium(
+            branch = follow_equilibrium(
                 equilibrium,
                 parameter,
                 low=system.into(parameter, bounds[0]),
@@ -569,7 +569,7 @@ def _crossing_equilibria(
                 stop_at=stops,
                 progress=report,
             )
-            return _equilibrium_branch(system, found, bounds)
+            return _equilibrium_branch(system, branch, bounds)
 
         return _both_sides(followed, first, steps)
 
@@ -601,11 +601,11 @@ def joined_branch(outward: B, inward: B) -> B:
     )
 
 
-def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float]) -> Branch:
-    parameter = found.parameter
+def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, float]) -> Branch:
+    parameter = branch.parameter
     after = {
-        id(here.orbit): there.orbit
-        for here, there in zip(found.points, found.points[1:], strict=False)
+        id(point.orbit): following.orbit
+        for point, following in zip(branch.points, branch.points[1:], strict=False)
     }
     special = tuple(
         SpecialPoint(
@@ -618,53 +618,53 @@ def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float
             found=s,
             beyond=after.get(id(s.orbit)),
         )
-        for s in found.special_points
+        for s in branch.special_points
     )
     return Branch(
         system=system,
         parameter=parameter,
         bounds=bounds,
         special_points=special,
-        ended=found.ended if found.passage is None else _beyond_bounds(system, found),
-        found=found,
+        ended=branch.ended if branch.passage is None else _beyond_bounds(system, branch),
+        found=branch,
     )
 
 
-def _beyond_bounds(system: HybridSystem, found: OrbitBranch) -> str:
+def _beyond_bounds(system: HybridSystem, branch: OrbitBranch) -> str:
     """Return that the period of cycles diverges, and the state at which they are slow."""
-    passage = found.passage
+    passage = branch.passage
     assert passage is not None
     shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
-    where = ", ".join(
+    location = ", ".join(
         f"{system.label(name)} = {system.out(name, value):.4g}"
         for i, (name, value) in enumerate(zip(system.states, passage.state.tolist(), strict=True))
         if i not in system.automaton.cyclic
     )
-    end = _homoclinic_end(system, found)
+    end = _homoclinic_end(system, branch)
     if end is not None:
-        what = f"the cycles approach a saddle ({where}), as near a homoclinic orbit"
-        what += f" at {end.parameter} = {end.value:.7g}; saddle quantity {end.saddle_quantity:.4g}"
-        what += f": {end.cycles} near it" if end.cycles else ""
+        cause = f"the cycles approach a saddle ({location}), as near a homoclinic orbit"
+        cause += f" at {end.parameter} = {end.value:.7g}; saddle quantity {end.saddle_quantity:.4g}"
+        cause += f": {end.cycles} near it" if end.cycles else ""
     elif passage.equilibrium is not None:
-        what = f"the cycles approach an equilibrium ({where}), as near a homoclinic orbit"
+        cause = f"the cycles approach an equilibrium ({location}), as near a homoclinic orbit"
     else:
-        what = f"the cycles slow down at ({where}), as near a saddle-node of equilibria"
-    return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
+        cause = f"the cycles slow down at ({location}), as near a saddle-node of equilibria"
+    return f"the period grows beyond bounds (from {shortest} to {last}): {cause}"
 
 
-def _homoclinic_end(system: HybridSystem, found: OrbitBranch) -> HomoclinicEnd | None:
+def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd | None:
     """Return the homoclinic orbit at the end of a branch of limit cycles to a saddle."""
-    passage = found.passage
+    passage = branch.passage
     saddle = None if passage is None else passage.equilibrium
     pair = None if saddle is None else leading(saddle.eigenvalues)
-    if passage is None or saddle is None or pair is None or len(found.points) < MIN_EXTRAPOLATED:
+    if passage is None or saddle is None or pair is None or len(branch.points) < MIN_EXTRAPOLATED:
         return None
-    values = np.array([system.out(found.parameter, point.value) for point in found.points])
-    periods = np.array([point.orbit.point.period for point in found.points])
+    values = np.array([system.out(branch.parameter, point.value) for point in branch.points])
+    periods = np.array([point.orbit.point.period for point in branch.points])
     rate = min(abs(float(each[0].real)) for each in pair)
     value, error = homoclinic_value(values, periods / passage.passages, rate)
     return HomoclinicEnd(
-        parameter=found.parameter,
+        parameter=branch.parameter,
         value=value,
         error=error,
         saddle=equilibrium_of(system, saddle),
@@ -678,13 +678,13 @@ def _names(special: BifurcationPoint) -> dict[str, str]:
     return {**{name: getattr(special, name) for name in names}, "type": kind}
 
 
-def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
-    """Return the row of an orbit in tables; `place` holds its leading columns."""
-    found = orbit.found
+def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
+    """Return the row of an orbit in tables; `leading` are its first columns."""
+    solution = orbit.found
     return {
-        "stable": found.stable,
-        "admissible": found.admissible,
-        **place,
+        "stable": solution.stable,
+        "admissible": solution.admissible,
+        **leading,
         **({} if orbit.system.forced else {"period": orbit.period}),
         "largest multiplier": MEASURES["largest multiplier"](orbit),
         "impacts": len(orbit.impact_speeds),
@@ -697,7 +697,7 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
 
 def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:
     """Return the table of a branch without its rows."""
-    none = {
+    empty = {
         "value": math.nan,
         "stable": False,
         "admissible": False,
@@ -710,7 +710,7 @@ def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:
         **{each.name: math.nan for each in system.observables},
         "states": {name: [math.nan] for name in system.displayed_states},
     }
-    table = orbit_tables.branch(parameter, [none], system)
+    table = orbit_tables.branch(parameter, [empty], system)
     return table.iloc[:0]
 
 
@@ -727,16 +727,16 @@ def check_bounds(
 ) -> tuple[float, float]:
     """Return the bounds of continuation; InvalidParameter if they leave no interval."""
     system.check_continued(parameter)
-    here = system.value(parameter)
+    current = system.value(parameter)
     check_value(system, parameter, "stop", stop)
-    if stop == here:
-        allowed = f"another value than {_amount(system, parameter, here)}, where the orbit is"
+    if stop == current:
+        allowed = f"another value than {_amount(system, parameter, current)}, where the orbit is"
         raise InvalidParameter("stop", stop, allowed)
     if back is None:
-        back = here
+        back = current
     check_value(system, parameter, "back", back)
-    if (back - here) * (stop - here) > 0.0:
-        allowed = f"{_amount(system, parameter, here)}, or on the other side of it than stop"
+    if (back - current) * (stop - current) > 0.0:
+        allowed = f"{_amount(system, parameter, current)}, or on the other side of it than stop"
         raise InvalidParameter("back", back, allowed)
     return (stop, back) if stop < back else (back, stop)
 
@@ -846,11 +846,11 @@ class Curve(ContinuationResult):
 
     @property
     def _special(self) -> str:
-        found = [
+        descriptions = [
             f"{s.kind} ({', '.join(f'{value:.6g}' for value in s.values.values())})"
             for s in self.special_points
         ]
-        return ", ".join(found) or "none"
+        return ", ".join(descriptions) or "none"
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -1053,30 +1053,30 @@ def _at_level(
     return free, BranchEvent(test.kind, test.kind, value, orbit.found, still, test)
 
 
-def curve_of(system: HybridSystem, found: OrbitCurve | EquilibriumCurve) -> Curve:
+def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curve:
     """Return a curve of `continuation` as a `Curve` in the system's units."""
     special = tuple(
         CodimensionTwo(
             kind=s.kind,
             values={
                 name: system.out(name, value)
-                for name, value in zip(found.parameters, s.values, strict=True)
+                for name, value in zip(curve.parameters, s.values, strict=True)
             },
             solution=equilibrium_of(system, s.equilibrium)
             if isinstance(s, EquilibriumCurveEvent)
             else orbit_of(system, s.orbit),
         )
-        for s in found.special_points
+        for s in curve.special_points
     )
-    labels = EQUILIBRIUM_LABELS if isinstance(found, EquilibriumCurve) else ORBIT_LABELS
+    labels = EQUILIBRIUM_LABELS if isinstance(curve, EquilibriumCurve) else ORBIT_LABELS
     return Curve(
         system=system,
-        kind=found.kind,
-        label=labels.get(found.kind, found.kind),
-        parameters=found.parameters,
+        kind=curve.kind,
+        label=labels.get(curve.kind, curve.kind),
+        parameters=curve.parameters,
         special_points=special,
-        ended=found.ended,
-        found=found,
+        ended=curve.ended,
+        found=curve,
     )
 
 
@@ -1282,9 +1282,9 @@ def _equilibrium_stops(
 
 
 def _equilibrium_branch(
-    system: HybridSystem, found: Equilibria, bounds: tuple[float, float]
+    system: HybridSystem, branch: Equilibria, bounds: tuple[float, float]
 ) -> EquilibriumBranch:
-    parameter = found.parameter
+    parameter = branch.parameter
     special = tuple(
         EquilibriumPoint(
             kind=s.kind,
@@ -1296,15 +1296,15 @@ def _equilibrium_branch(
             bounds=bounds,
             found=s,
         )
-        for s in found.special_points
+        for s in branch.special_points
     )
     return EquilibriumBranch(
         system=system,
         parameter=parameter,
         bounds=bounds,
         special_points=special,
-        ended=found.ended,
-        found=found,
+        ended=branch.ended,
+        found=branch,
     )
 
 

@@ -132,13 +132,13 @@ class _Tracking:
             If its run fails.
         """
         case = InitialCondition(self.system, self.system.state_of(start))
-        (found,) = map_attractors([case], self.recurrence, self.options)
-        if found.motion == FAILED:
+        (attractor,) = map_attractors([case], self.recurrence, self.options)
+        if attractor.motion == FAILED:
             raise OrbitError(
-                f"the run from a state between the two fails: {found.status}",
+                f"the run from a state between the two fails: {attractor.status}",
                 "take initial states closer to the boundary",
             )
-        return found
+        return attractor
 
     def reached(self, start: HybridState) -> tuple[int, Attractor]:
         """Return the attractor that a state reaches, and its number among the known.
@@ -147,24 +147,26 @@ class _Tracking:
         the edge state. A motion that has not settled is continued, since beside the boundary it
         begins slowly, and so is one that a perturbation ends: it is not on an attractor.
         """
-        found = self.attractor(start)
+        attractor = self.attractor(start)
         for _ in range(MAX_CONTINUATIONS):
-            number = self._number(found)
-            if number != OTHER or found.final is None or not self.known:
-                return number, found
+            number = self._number(attractor)
+            if number != OTHER or attractor.final is None or not self.known:
+                return number, attractor
             last, first = (
                 self.system.hybrid_state(each.final, self.problem)
-                for each in (found, self.known[0])
+                for each in (attractor, self.known[0])
             )
-            if found.motion != UNSETTLED:
+            if attractor.motion != UNSETTLED:
                 moved = self.between(last, first, PERTURBATION)
-                if self.is_same(self.attractor(moved), found):
-                    return OTHER, found
-            found = self.attractor(last)
-        return OTHER if found.motion == UNSETTLED else UNCLEAR, found
+                if self.is_same(self.attractor(moved), attractor):
+                    return OTHER, attractor
+            attractor = self.attractor(last)
+        return OTHER if attractor.motion == UNSETTLED else UNCLEAR, attractor
 
-    def _number(self, found: Attractor) -> int:
-        return next((i for i, each in enumerate(self.known) if self.is_same(found, each)), OTHER)
+    def _number(self, attractor: Attractor) -> int:
+        return next(
+            (i for i, each in enumerate(self.known) if self.is_same(attractor, each)), OTHER
+        )
 
     def on_attractor(self, rows: list[HybridState], period: int) -> bool:
         """Return whether the last states are those of a known periodic attractor."""
@@ -173,9 +175,9 @@ class _Tracking:
         y = np.array([[self.system.state_of(each)[name] for name in names] for each in last])
         for each in self.known:
             if each.period and each.states is not None:
-                apart = np.abs(y[:, None] - each.states)[..., self.free]
+                distances = np.abs(y[:, None] - each.states)[..., self.free]
                 size = MATCH_RTOL * np.maximum(np.abs(each.states).max(axis=0)[self.free], 1e-300)
-                if (apart <= size).all(axis=2).any(axis=1).all():
+                if (distances <= size).all(axis=2).any(axis=1).all():
                     return True
         return False
 
@@ -190,18 +192,18 @@ class _Tracking:
         (low, high), (other_low, other_high) = boxes
         return bool(((low <= other_high) & (other_low <= high)).all())
 
-    def _box(self, found: Attractor) -> Floats:
+    def _box(self, attractor: Attractor) -> Floats:
         """Return smallest and largest values of the components at the returns."""
-        seen = found.states
-        if seen is None or not len(seen):
+        states = attractor.states
+        if states is None or not len(states):
             names = self.system.states
-            seen = np.array([[found.final[name] for name in names]])  # type: ignore[index]
-        return np.array([seen.min(axis=0), seen.max(axis=0)])[:, self.free]
+            states = np.array([[attractor.final[name] for name in names]])  # type: ignore[index]
+        return np.array([states.min(axis=0), states.max(axis=0)])[:, self.free]
 
     def _smallest(self) -> Floats:
-        least = self.options.atol / self.options.rtol
+        least_size = self.options.atol / self.options.rtol
         names = [self.system.states[i] for i in self.free]
-        return np.array([1e3 * float(self.system.out(name, least)) for name in names])
+        return np.array([1e3 * float(self.system.out(name, least_size)) for name in names])
 
     def distance(self, one: HybridState, other: HybridState) -> float:
         """Return the distance of two states."""
@@ -224,13 +226,13 @@ class _Tracking:
             if self.distance(one, other) <= closest:
                 break
             middle = self.between(one, other)
-            side, found = self.reached(middle)
+            side, attractor = self.reached(middle)
             if side == 0:
                 one = middle
             else:
                 other = middle
                 if side == OTHER:
-                    self.known[1] = found
+                    self.known[1] = attractor
         return one, other
 
     def advance(self, at: HybridState) -> HybridState:
@@ -341,14 +343,14 @@ def edge_state(
     rows, distances, settled = _track(tracking, one, other, returns, closest, widest, tolerance)
     last = rows[-1]
     columns = dict(zip(system.states, np.array([each.y for each in rows]).T, strict=True))
-    counts = {"return": np.arange(len(rows)), "distance": np.array(distances)}
+    series = {"return": np.arange(len(rows)), "distance": np.array(distances)}
     return EdgeState(
         system=system,
         state=system.state_of(last),
         settled=settled > 0,
         orbit=_saddle(system, problem, last, settled),
         attractors=tuple(each.final for each in tracking.known),  # type: ignore[arg-type]
-        table=labelled(columns, system, user_columns=counts, **captions(system)),
+        table=labelled(columns, system, user_columns=series, **captions(system)),
     )
 
 
@@ -394,8 +396,8 @@ def _period(tracking: _Tracking, rows: list[HybridState], tolerance: float, dist
     size = max(1e-3, max(float(np.abs(each.y[tracking.free]).max()) for each in rows[-MAX_PERIOD:]))
     limit = max(tolerance * size, 4.0 * distance)
     for period in range(1, min(MAX_PERIOD, (len(rows) - 1) // 2) + 1):
-        apart = (tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1))
-        if max(apart) <= limit:
+        gaps = (tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1))
+        if max(gaps) <= limit:
             return period
     return 0
 
@@ -405,21 +407,21 @@ def _saddle(
 ) -> Orbit | Equilibrium | None:
     """Return the unstable orbit or equilibrium at a state, None if there is none."""
     guess = system.state_of(last)
-    found: Orbit | Equilibrium | None = None
+    solution: Orbit | Equilibrium | None = None
     try:
         if system.forced:
-            found = find_orbit(system, guess=guess, periods=max(1, period))
+            solution = find_orbit(system, guess=guess, periods=max(1, period))
         elif period == 1:
-            found = next(iter(find_equilibria(system, guess=guess)), None)
+            solution = next(iter(find_equilibria(system, guess=guess)), None)
         else:
-            found = find_orbit(system, guess=guess)
+            solution = find_orbit(system, guess=guess)
     except (OrbitError, RunError, InvalidParameter, ValueError):
         return None
-    if found is None or found.stable:
+    if solution is None or solution.stable:
         return None
-    if not system.forced and isinstance(found, Orbit):
-        return found  # it starts elsewhere on the cycle
-    at = system.hybrid_state(found.state, problem)
-    kept = [i for i in range(at.y.size) if i not in problem.automaton.cyclic]
-    away = float(np.abs(at.y - last.y)[kept].max())
-    return found if away <= ORBIT_RTOL * max(1e-3, float(np.abs(last.y[kept]).max())) else None
+    if not system.forced and isinstance(solution, Orbit):
+        return solution  # it starts elsewhere on the cycle
+    at = system.hybrid_state(solution.state, problem)
+    free = [i for i in range(at.y.size) if i not in problem.automaton.cyclic]
+    away = float(np.abs(at.y - last.y)[free].max())
+    return solution if away <= ORBIT_RTOL * max(1e-3, float(np.abs(last.y[free]).max())) else None

@@ -127,9 +127,9 @@ class Equilibrium(Result):
         return self.found.violated
 
 
-def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
+def equilibrium_of(system: HybridSystem, state: EquilibriumState) -> Equilibrium:
     """Return an equilibrium of `orbits` as an `Equilibrium` at its own parameters."""
-    return Equilibrium(system=system.at(found.family.values), found=found)
+    return Equilibrium(system=system.at(state.family.values), found=state)
 
 
 @takes_system(start="guess")
@@ -196,10 +196,10 @@ def find_equilibria(
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
     family = system.family(ORBIT_OPTIONS)
-    found: list[Equilibrium] = []
+    equilibria: list[Equilibrium] = []
     failed: OrbitError | None = None
     for mode in numbers:
-        here: list[EquilibriumState] = []
+        in_mode: list[EquilibriumState] = []
         for y in guesses:
             try:
                 state = find_equilibrium(family, mode, y)
@@ -212,15 +212,15 @@ def find_equilibria(
             # mode.
             if state.admissible and not system.fits(mode, state.state, inner):
                 continue
-            if not any(_same(state, other) for other in here):
-                here.append(state)
-        here.sort(key=lambda state: (not state.admissible, *state.state.tolist()))
-        found += [Equilibrium(system=system, found=state) for state in here]
-    if not found:
+            if not any(_same(state, other) for other in in_mode):
+                in_mode.append(state)
+        in_mode.sort(key=lambda state: (not state.admissible, *state.state.tolist()))
+        equilibria += [Equilibrium(system=system, found=state) for state in in_mode]
+    if not equilibria:
         reason = "no equilibrium was found" if failed is None else failed.reason
         argument = f"bounds={{{system.states[0]!r}: (low, high)}}"
         raise OrbitError(reason, f"give another guess, or {argument} for the search")
-    return tuple(found)
+    return tuple(equilibria)
 
 
 def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
@@ -235,17 +235,17 @@ def checked_box(
     system: HybridSystem, bounds: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Return bounds of states as numbers; InvalidParameter if they are none."""
-    found = {}
+    box = {}
     for name, pair in bounds.items():
         if name not in system.states:
             raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
         field = f"bounds[{name!r}]"
         ends = system.without_unit(name, pair, field)
-        two = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
-        if not two or not ends[0] < ends[1]:
+        is_pair = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
+        if not is_pair or not ends[0] < ends[1]:
             raise InvalidParameter(field, pair, "a lower and a higher number")
-        found[name] = float(ends[0]), float(ends[1])
-    return found
+        box[name] = float(ends[0]), float(ends[1])
+    return box
 
 
 def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
@@ -264,11 +264,11 @@ def _between(
         return []
     from scipy.stats import qmc
 
-    places = [system.states.index(name) for name in bounds]
+    indices = [system.states.index(name) for name in bounds]
     low, high = ([system.into(name, ends[i]) for name, ends in bounds.items()] for i in (0, 1))
-    sobol = qmc.Sobol(len(places), scramble=False, seed=SEED)
+    sobol = qmc.Sobol(len(indices), scramble=False, seed=SEED)
     # Sobol sequences need a power of two; the first point is a corner.
-    drawn = sobol.random(1 << (samples - 1).bit_length())[:samples]
+    sample = sobol.random(1 << (samples - 1).bit_length())[:samples]
     guesses = np.tile(y, (samples, 1))
-    guesses[:, places] = qmc.scale(drawn, low, high)
+    guesses[:, indices] = qmc.scale(sample, low, high)
     return list(guesses)

@@ -56,8 +56,8 @@ class HomoclinicEnd(Result):
     saddle: Equilibrium = field(repr=False)
 
     def __repr__(self) -> str:
-        where, quantity = f"{self.parameter}={self.value:.9g}", f"{self.saddle_quantity:.6g}"
-        return f"HomoclinicEnd({where}, {self.saddle}, saddle quantity {quantity})"
+        location, quantity = f"{self.parameter}={self.value:.9g}", f"{self.saddle_quantity:.6g}"
+        return f"HomoclinicEnd({location}, {self.saddle}, saddle quantity {quantity})"
 
     @property
     def system(self) -> HybridSystem:

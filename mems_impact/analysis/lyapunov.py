@@ -183,8 +183,8 @@ class LyapunovSpectrum(Result):
         if self.system.forced:
             rows.append("the phase of the forcing: not listed")
         elif self.moving:
-            here = "".join(f"exponent {i + 1}" for i in self.along_flow)
-            rows.append(f"along the flow: {here or 'not listed'}")
+            listed = "".join(f"exponent {i + 1}" for i in self.along_flow)
+            rows.append(f"along the flow: {listed or 'not listed'}")
         rows += [f"{automaton.states[i]}, on which nothing depends: not listed"
                  for i in automaton.cyclic]  # fmt: skip
         return tuple(rows)
@@ -287,7 +287,7 @@ def lyapunov(
         raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
     if transient is not None and not (is_number(transient) and transient >= 0.0):
         raise InvalidParameter("transient", transient, "a finite number >= 0")
-    most = DEFAULT_PERIODS
+    max_periods = DEFAULT_PERIODS
     for name, value in (("periods", periods), ("duration", duration)):
         if value is not None and not (is_number(value) and value > 0.0):
             raise InvalidParameter(name, value, "a finite number > 0")
@@ -296,12 +296,12 @@ def lyapunov(
             other = "both periods= and duration= are given" if duration is not None else (
                 "the system has no forcing period: give duration=")  # fmt: skip
             raise InvalidParameter("periods", periods, "", problem=other)
-        most = float(periods)
+        max_periods = float(periods)
     elif duration is not None:
-        most = float(system.into("time", duration)) / problem.period
+        max_periods = float(system.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
-    with progress_bar(progress, "periods", most, "Lyapunov exponents") as report:
-        return _run_to_tolerance(system, problem, start, count, most, tolerance, report)
+    with progress_bar(progress, "periods", max_periods, "Lyapunov exponents") as report:
+        return _run_to_tolerance(system, problem, start, count, max_periods, tolerance, report)
 
 
 def _start(
@@ -318,8 +318,8 @@ def _start(
         start = system.hybrid_state(initial, problem)
         check_start_side(system, problem, start)
         return start
-    named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
-    run = simulate(system, initial=initial, options=options, **named)
+    run_length: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
+    run = simulate(system, initial=initial, options=options, **run_length)
     final: HybridState = run.trajectory.final
     return final
 
@@ -329,18 +329,18 @@ def _run_to_tolerance(
     problem: Problem,
     start: HybridState,
     count: int,
-    most: float,
+    max_periods: float,
     tolerance: float,
     report: Callable[[float], None] | None,
 ) -> LyapunovSpectrum:
     """Continue until the errors reach the tolerance, or for the largest number of periods."""
-    chunk = max(1, min(CHUNK, int(most) // (MIN_CHUNKS + 1)))
+    chunk = max(1, min(CHUNK, int(max_periods) // (MIN_CHUNKS + 1)))
     stretching = LyapunovIntegrator(problem, start, count, chunk=chunk, uneven=not system.forced)
     done = 0.0
 
-    def watch(here: float) -> None:
+    def watch(periods: float) -> None:
         if report is not None:
-            report(done + here)
+            report(done + periods)
 
     def spectrum(converged: bool) -> LyapunovSpectrum:
         return _spectrum(system, problem, stretching, converged)
@@ -349,33 +349,33 @@ def _run_to_tolerance(
         stretching.align(watch)
         while True:
             stretching.advance_exponents(1, watch)
-            found = stretching.result
-            done = found.periods
-            alive = np.isfinite(found.per_period)
-            allowed = tolerance * np.maximum(np.abs(found.per_period[alive]), SMALL_EXPONENT_RATIO)
-            converged = bool((found.errors[alive] <= allowed).all())
-            if converged or done + 2 * chunk > most:
+            result = stretching.result
+            done = result.periods
+            alive = np.isfinite(result.per_period)
+            allowed = tolerance * np.maximum(np.abs(result.per_period[alive]), SMALL_EXPONENT_RATIO)
+            converged = bool((result.errors[alive] <= allowed).all())
+            if converged or done + 2 * chunk > max_periods:
                 return spectrum(converged)
     except RunError as error:
         error.trajectory = spectrum(False)
         raise
     except KeyboardInterrupt:
-        kept = spectrum(False)
-        raise RunInterrupted(kept, kept.periods) from None
+        partial = spectrum(False)
+        raise RunInterrupted(partial, partial.periods) from None
 
 
 def _spectrum(
     system: HybridSystem, problem: Problem, stretching: LyapunovIntegrator, converged: bool
 ) -> LyapunovSpectrum:
     """Return the spectrum so far, in the system's units, largest exponent first."""
-    found, period = stretching.result, float(system.out("time", problem.period))
-    order = np.argsort(-found.per_period, kind="stable")
+    result, period = stretching.result, float(system.out("time", problem.period))
+    order = np.argsort(-result.per_period, kind="stable")
     spectrum = LyapunovSpectrum(
         system=system,
         options=problem.options,
-        exponents=found.per_period[order] / period,
-        errors=found.errors[order] / period,
-        periods=found.periods,
+        exponents=result.per_period[order] / period,
+        errors=result.errors[order] / period,
+        periods=result.periods,
         period=period,
         converged=converged,
         moving=stretching.speed > REST_SPEED,

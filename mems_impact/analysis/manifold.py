@@ -60,7 +60,7 @@ class _Point(NamedTuple):
     """A point of a manifold: its state, coordinates in the section, and whether a piece begins."""
 
     at: HybridState
-    place: Floats
+    position: Floats
     begins: bool
 
 
@@ -108,7 +108,7 @@ class _Image:
 
     def start(self, fraction: float) -> Floats:
         """Return the coordinates of a point of the first segment."""
-        return self.point.place + self.first * self.multiplier**fraction * self.vector
+        return self.point.position + self.first * self.multiplier**fraction * self.vector
 
     def __call__(self, parameter: float) -> HybridState:
         applications = math.floor(parameter)
@@ -124,7 +124,7 @@ def _grown(image: _Image, control: _Control) -> _Half:
         state = image(parameter)
         return _Point(state, point.coordinates(state), False)
 
-    points, previous = [_Point(point.instant, point.place, True), at(0.0)], 0.0
+    points, previous = [_Point(point.instant, point.position, True), at(0.0)], 0.0
     travelled, step = image.first, LARGEST_STEP
     marks = [travelled]  # arclengths at whole parameters
     while travelled < control.length:
@@ -138,20 +138,20 @@ def _grown(image: _Image, control: _Control) -> _Half:
             step *= SHRINKAGE
             continue
         last = points[-1]
-        apart = float(np.linalg.norm(new.place - last.place))
+        distance = float(np.linalg.norm(new.position - last.position))
         bend = 0.0
-        if not last.begins and apart > control.shortest:
-            bend = _angle(new.place - last.place, last.place - points[-2].place)
-        if (apart > control.distance or bend > control.angle) and step > JUMP_STEP:
+        if not last.begins and distance > control.shortest:
+            bend = _angle(new.position - last.position, last.position - points[-2].position)
+        if (distance > control.distance or bend > control.angle) and step > JUMP_STEP:
             step *= SHRINKAGE
             continue
         previous += step
-        if apart > control.distance:
-            new, apart, step = new._replace(begins=True), 0.0, 4.0 * JUMP_STEP
-        elif apart < EASY_SHARE * control.distance and bend < EASY_SHARE * control.angle:
+        if distance > control.distance:
+            new, distance, step = new._replace(begins=True), 0.0, 4.0 * JUMP_STEP
+        elif distance < EASY_SHARE * control.distance and bend < EASY_SHARE * control.angle:
             step = min(step * GROWTH, LARGEST_STEP)
         points.append(new)
-        travelled += apart
+        travelled += distance
         if previous >= len(marks):
             marks.append(travelled)
             if travelled > 2.0 * control.distance and _settled(marks, control):
@@ -169,8 +169,8 @@ def _first_segment(point: FixedPoint, vector: Floats, multiplier: float, length:
     first = FIRST_STEP_RATIOS[0] * length
     while first > FIRST_STEP_RATIOS[1] * length:
         try:
-            end = point.map.image(point.state(point.place + first * vector))
-            away = point.coordinates(end) - point.place
+            end = point.map.image(point.state(point.position + first * vector))
+            away = point.coordinates(end) - point.position
             across = away - vector * float(vector @ away)
             along = float(vector @ away) - multiplier * first
             straight = float(np.linalg.norm(across)) <= STRAIGHTNESS * length
@@ -199,21 +199,21 @@ class _KnownCurve:
     """The known part of a stable manifold, in pieces of cubic curves through its points."""
 
     def __init__(self, origin: Floats, direction: Floats, first: float) -> None:
-        self.places = [origin, origin + first * direction]
+        self.positions = [origin, origin + first * direction]
         self.lengths = [0.0, first]
         self.breaks: set[int] = set()  # numbers of chords between two pieces
         self.direction = direction
 
-    def append(self, place: Floats, *, begins: bool = False) -> None:
+    def append(self, position: Floats, *, begins: bool = False) -> None:
         """Add a point, which may begin a new piece."""
         if begins:
-            self.breaks.add(len(self.places) - 1)
-        apart = 0.0 if begins else float(np.linalg.norm(place - self.places[-1]))
-        self.places.append(place)
-        self.lengths.append(self.lengths[-1] + apart)
+            self.breaks.add(len(self.positions) - 1)
+        distance = 0.0 if begins else float(np.linalg.norm(position - self.positions[-1]))
+        self.positions.append(position)
+        self.lengths.append(self.lengths[-1] + distance)
 
     def offset(
-        self, place: Floats, low: float, high: float, corner: float
+        self, position: Floats, low: float, high: float, corner: float
     ) -> tuple[float, float, float]:
         """Return signed distance, arclength and distance beyond the ends of the nearest chord.
 
@@ -223,19 +223,19 @@ class _KnownCurve:
         lengths = np.array(self.lengths)
         first = max(0, int(np.searchsorted(lengths, low, side="right")) - 1)
         last = min(len(lengths) - 1, max(first + 1, int(np.searchsorted(lengths, high)) + 1))
-        nodes = np.array(self.places[first : last + 1])
+        nodes = np.array(self.positions[first : last + 1])
         chords = np.diff(nodes, axis=0)
         sizes = np.linalg.norm(chords, axis=1)
         sizes[[i for i in range(len(sizes)) if first + i in self.breaks]] = 0.0
-        kept = np.flatnonzero(sizes > 0.0)
-        away = place - nodes[kept]
-        parts = (away * chords[kept]).sum(axis=1) / sizes[kept] ** 2
-        inside = np.clip(parts, 0.0, 1.0)
-        gaps = np.linalg.norm(away - inside[:, None] * chords[kept], axis=1)
+        nonzero = np.flatnonzero(sizes > 0.0)
+        away = position - nodes[nonzero]
+        fractions = (away * chords[nonzero]).sum(axis=1) / sizes[nonzero] ** 2
+        inside = np.clip(fractions, 0.0, 1.0)
+        gaps = np.linalg.norm(away - inside[:, None] * chords[nonzero], axis=1)
         i = int(np.argmin(gaps))
-        chord, size, part = chords[kept[i]], float(sizes[kept[i]]), float(parts[i])
+        chord, size, part = chords[nonzero[i]], float(sizes[nonzero[i]]), float(fractions[i])
         across = float(chord[0] * away[i][1] - chord[1] * away[i][0]) / size
-        number = first + int(kept[i])
+        number = first + int(nonzero[i])
         beyond = max(0.0, -part, part - 1.0) * size
         part = min(1.0, max(0.0, part))
         bow = size * (
@@ -246,31 +246,31 @@ class _KnownCurve:
 
     def _slope(self, node: int, chord: int, corner: float) -> float:
         """Return the slope of the curve at a node relative to a chord."""
-        along = self.places[chord + 1] - self.places[chord]
+        along = self.positions[chord + 1] - self.positions[chord]
         tangent = self._tangent(node, chord, corner)
         size = float(along @ tangent)
         return float(along[0] * tangent[1] - along[1] * tangent[0]) / size if size > 0.0 else 0.0
 
     def _tangent(self, node: int, chord: int, corner: float) -> Floats:
         """Return the tangent of the parabola through a node and its neighbours."""
-        own = self.places[chord + 1] - self.places[chord]
+        along = self.positions[chord + 1] - self.positions[chord]
         if node == 0:
             return self.direction
         other = node if chord == node - 1 else node - 1
         if other in self.breaks:
-            return own
-        if other + 1 >= len(self.places):  # the end: the parabola through the last three points
+            return along
+        if other + 1 >= len(self.positions):  # the end: the parabola through the last three points
             if chord == 0 or chord - 1 in self.breaks:
-                return own
+                return along
             before = self._tangent(chord, chord, corner)
-            return np.asarray(2.0 * own / np.linalg.norm(own) - before / np.linalg.norm(before))
-        beside = self.places[other + 1] - self.places[other]
-        if _angle(own, beside) > corner:
-            return own
-        a, b = float(np.linalg.norm(own)), float(np.linalg.norm(beside))
+            return np.asarray(2.0 * along / np.linalg.norm(along) - before / np.linalg.norm(before))
+        beside = self.positions[other + 1] - self.positions[other]
+        if _angle(along, beside) > corner:
+            return along
+        a, b = float(np.linalg.norm(along)), float(np.linalg.norm(beside))
         if b == 0.0:
-            return own
-        return np.asarray(own / a * (b / (a + b)) + beside / b * (a / (a + b)))
+            return along
+        return np.asarray(along / a * (b / (a + b)) + beside / b * (a / (a + b)))
 
 
 class _SearchCircle:
@@ -278,15 +278,15 @@ class _SearchCircle:
 
     def __init__(self, point: FixedPoint, vector: Floats, first: float, control: _Control) -> None:
         self.point, self.control = point, control
-        self.curve = _KnownCurve(point.place, vector, first)
-        ends = [point.state(place) for place in self.curve.places]
+        self.curve = _KnownCurve(point.position, vector, first)
+        ends = [point.state(position) for position in self.curve.positions]
         self.points = [
-            _Point(point.instant, point.place, True),
-            _Point(ends[1], self.curve.places[1], False),
+            _Point(point.instant, point.position, True),
+            _Point(ends[1], self.curve.positions[1], False),
         ]
         self.radius = first
         self.heading = vector
-        self.image = self._image(self.curve.places[1])
+        self.image = self._image(self.curve.positions[1])
         self.reached, self.rate = 0.0, 1.0  # arclength of the last image, and its advance by step
         if self.image is not None:
             self.reached = self.curve.offset(self.image, 0.0, first, control.angle)[1]
@@ -304,9 +304,9 @@ class _SearchCircle:
                 return _Half(self.points, "no point nearby has its image on the curve")
         return _Half(self.points, LENGTH_REACHED)
 
-    def _image(self, place: Floats) -> Floats | None:
+    def _image(self, position: Floats) -> Floats | None:
         """Return the image of a point of the section; None outside, or if it leaves the section."""
-        start = self.point.state(place)
+        start = self.point.state(position)
         if self.point.outside(start) is not None:
             return None
         try:
@@ -318,8 +318,8 @@ class _SearchCircle:
     def _on_circle(self, angle: float) -> Floats:
         cosine, sine = math.cos(angle), math.sin(angle)
         x, y = self.heading
-        turned = np.array([cosine * x - sine * y, sine * x + cosine * y])
-        return np.asarray(self.curve.places[-1] + self.radius * turned)
+        direction = np.array([cosine * x - sine * y, sine * x + cosine * y])
+        return np.asarray(self.curve.positions[-1] + self.radius * direction)
 
     def _offset(self, angle: float) -> tuple[float, float, float] | None:
         """Return where the image of a point on the circle lies relative to the curve."""
@@ -340,7 +340,7 @@ class _SearchCircle:
     def _search(self, angles: Floats, *, begins: bool = False) -> bool:
         offsets = [self._offset(float(angle)) for angle in angles]
         tolerance = OFF_CURVE_RATIO * self.radius
-        found = []
+        candidates = []
         for i in range(len(angles) - 1):
             one, other = offsets[i], offsets[i + 1]
             if one is None or other is None or one[0] * other[0] > 0.0:
@@ -348,54 +348,55 @@ class _SearchCircle:
             angle = self._root(float(angles[i]), float(angles[i + 1]))
             if angle is None:
                 continue
-            there = self._offset(angle)
-            if there is None or abs(there[0]) > tolerance or there[2] > tolerance:
+            offset = self._offset(angle)
+            if offset is None or abs(offset[0]) > tolerance or offset[2] > tolerance:
                 continue
-            if there[1] >= self.reached - tolerance:
-                found.append((abs(angle), angle, there[1]))
-        if not found:
+            if offset[1] >= self.reached - tolerance:
+                candidates.append((abs(angle), angle, offset[1]))
+        if not candidates:
             return False
-        size, angle, reached = min(found) if not begins else max(found, key=lambda each: each[2])
-        place = self._on_circle(angle)
-        self._append(place, reached)
+        farthest = max(candidates, key=lambda each: each[2])
+        size, angle, reached = farthest if begins else min(candidates)
+        position = self._on_circle(angle)
+        self._append(position, reached)
         if size < EASY_SHARE * self.control.angle:
             self.radius = min(self.radius * GROWTH, self.control.distance)
         return True
 
     def _root(self, low: float, high: float) -> float | None:
         def value(angle: float) -> float:
-            there = self._offset(angle)
-            if there is None:
+            offset = self._offset(angle)
+            if offset is None:
                 raise OrbitError("the circle leaves the section", "")
-            return there[0]
+            return offset[0]
 
         try:
             return float(brentq(value, low, high, xtol=ROOT_XTOL, rtol=4.0 * ROOT_XTOL))
         except (OrbitError, ValueError):
             return None
 
-    def _append(self, place: Floats, reached: float) -> None:
-        self.heading = (place - self.curve.places[-1]) / np.linalg.norm(
-            place - self.curve.places[-1]
+    def _append(self, position: Floats, reached: float) -> None:
+        self.heading = (position - self.curve.positions[-1]) / np.linalg.norm(
+            position - self.curve.positions[-1]
         )
-        self.curve.append(place)
-        self.points.append(_Point(self.point.state(place), place, False))
+        self.curve.append(position)
+        self.points.append(_Point(self.point.state(position), position, False))
         self.rate = max(0.0, reached - self.reached) / self.radius
-        self.image, self.reached = self._image(place), reached
+        self.image, self.reached = self._image(position), reached
 
     def _pass_impact(self) -> bool:
         """Continue on the other side of an impact at the instant of the section.
 
         A state in contact has the same future as the state after its impact.
         """
-        place = self._in_contact()
-        if place is None:
+        contact = self._in_contact()
+        if contact is None:
             return False
-        for other in self._partners(place):
+        for other in self._partners(contact):
             image = self._image(other)
             if image is None:
                 continue
-            before = len(self.curve.places), self.heading, self.image
+            before = len(self.curve.positions), self.heading, self.image
             self.curve.append(other, begins=True)
             self.points.append(_Point(self.point.state(other), other, True))
             self.image = image
@@ -403,7 +404,7 @@ class _SearchCircle:
             angles = np.linspace(-math.pi, math.pi, CIRCLE_SAMPLES + 1)
             if self._search(angles, begins=True):
                 return True
-            del self.curve.places[before[0] :], self.curve.lengths[before[0] :], self.points[-1]
+            del self.curve.positions[before[0] :], self.curve.lengths[before[0] :], self.points[-1]
             self.curve.breaks.discard(before[0] - 1)
             self.heading, self.image = before[1:]
         return False
@@ -411,7 +412,7 @@ class _SearchCircle:
     def _in_contact(self) -> Floats | None:
         """Return the point of the curve's continuation at which an impact guard is zero."""
         low, high = 0.0, 16.0 * self.radius
-        start = self.curve.places[-1]
+        start = self.curve.positions[-1]
 
         def outside(far: float) -> bool:
             return self.point.outside(self.point.state(start + far * self.heading)) is not None
@@ -423,14 +424,14 @@ class _SearchCircle:
             low, high = (low, middle) if outside(middle) else (middle, high)
         return np.asarray(start + low * self.heading)
 
-    def _partners(self, place: Floats) -> list[Floats]:
+    def _partners(self, position: Floats) -> list[Floats]:
         """Return the states on the other side of the impact of a state in contact.
 
         Closing: the state after the impact. Separating: the state before it, found along the guard.
         """
         automaton, problem = self.point.map.problem.automaton, self.point.map.problem
         p = np.asarray(problem.parameters, dtype=float)
-        at = self.point.state(place)
+        at = self.point.state(position)
         margins, rates = automaton.margins_at(at.mode, at.time, at.y, p)
         hits = [i for i, guard in enumerate(automaton.guards) if guard.impact]
         guard = min(hits, key=lambda i: abs(margins[i]))
@@ -441,31 +442,31 @@ class _SearchCircle:
             return np.asarray(new[list(self.point.components)])
 
         if rates[guard] < 0.0:
-            return [after(place)]
+            return [after(position)]
         normal = np.array([
-            automaton.margins_at(at.mode, at.time, self.point.state(place + h).y, p)[0][guard]
+            automaton.margins_at(at.mode, at.time, self.point.state(position + h).y, p)[0][guard]
             - margins[guard]
             for h in 1e-6 * np.eye(2)
         ])  # fmt: skip
         along = np.array([-normal[1], normal[0]]) / np.linalg.norm(normal)
 
         def closing(s: float) -> bool:
-            y = self.point.state(place + s * along).y
+            y = self.point.state(position + s * along).y
             return bool(automaton.margins_at(at.mode, at.time, y, p)[1][guard] < 0.0)
 
         def missing(s: float) -> float:
-            return float((after(place + s * along) - place) @ along)
+            return float((after(position + s * along) - position) @ along)
 
-        reach = np.geomspace(1e-3, 1e3, 61) * max(1e-3, float(np.abs(place).max()))
-        found: list[Floats] = []
+        reach = np.geomspace(1e-3, 1e3, 61) * max(1e-3, float(np.abs(position).max()))
+        partners: list[Floats] = []
         for sign in (1.0, -1.0):
             line = sign * reach
             values = [missing(s) if closing(s) else math.nan for s in line]
             for i in range(len(line) - 1):
                 if values[i] * values[i + 1] <= 0.0:
                     s = float(brentq(missing, line[i], line[i + 1], xtol=1e-14))
-                    found.append(place + s * along)
-        return found
+                    partners.append(position + s * along)
+        return partners
 
 
 # --- Result
@@ -610,7 +611,7 @@ def manifold(
         float(angle),
         whole("max_points", max_points, 10),
     )
-    parts: list[tuple[int, int, _Half]] = []
+    halves: list[tuple[int, int, _Half]] = []
     for number, point in enumerate(fixed_points(orbit)):
         squared, vector, multiplier = _direction(point, kind)
         first = _first_segment(squared, vector, multiplier, control.length)
@@ -619,13 +620,13 @@ def manifold(
                 grown = _grown(_Image(squared, half * vector, multiplier, first), control)
             else:
                 grown = _SearchCircle(squared, half * vector, first, control).grow()
-            parts.append((number, half, grown))
+            halves.append((number, half, grown))
     return Manifold(
         system=orbit.system,
         kind=kind,
         orbit=orbit,
-        table=_table(orbit.system, parts),
-        ends=tuple(half.end for _, _, half in parts),
+        table=_table(orbit.system, halves),
+        ends=tuple(half.end for _, _, half in halves),
     )
 
 
@@ -668,27 +669,27 @@ def _direction(point: FixedPoint, kind: str) -> tuple[FixedPoint, Floats, float]
     return point, vector, multiplier
 
 
-def _table(system: HybridSystem, parts: list[tuple[int, int, _Half]]) -> pd.DataFrame:
+def _table(system: HybridSystem, halves: list[tuple[int, int, _Half]]) -> pd.DataFrame:
     """Return the table of the points."""
     rows: list[tuple[int, int, int, float]] = []
     states: list[Floats] = []
     modes: list[str] = []
-    for number, sign, half in parts:
+    for number, sign, half in halves:
         piece, arclength, last = -1, 0.0, None
         for each in half.points:
             piece += each.begins
             if last is not None and not each.begins:
-                arclength += float(np.linalg.norm(each.place - last))
-            last = each.place
+                arclength += float(np.linalg.norm(each.position - last))
+            last = each.position
             rows.append((number, sign, piece, arclength))
             states.append(each.at.y)
             modes.append(system.modes[each.at.mode])
     numbers: NDArray[np.float64] = np.array(rows)
     counts = {name: numbers[:, i].astype(np.int64) for i, name in enumerate(COUNTS)}
     columns: dict[str, Any] = dict(zip(system.states, np.array(states).T, strict=True))
-    found = labelled(
+    table = labelled(
         columns, system, user_columns={**counts, "arclength": numbers[:, 3]}, **captions(system)
     )
     if len(system.modes) > 1:
-        found["mode"] = np.array(modes, dtype=object)
-    return found
+        table["mode"] = np.array(modes, dtype=object)
+    return table

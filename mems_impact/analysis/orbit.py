@@ -53,21 +53,21 @@ __all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit", "orbit_of"]
 # --- Descriptions of defects
 
 
-def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
+def sentence(system: HybridSystem, orbit: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
     """Return a description of a defect of an orbit, in the system's units."""
-    segment, modes = found.segments[defect.segment], system.modes
-    where = f"segment {defect.segment} ({modes[segment.mode]})"
+    segment, modes = orbit.segments[defect.segment], system.modes
+    location = f"segment {defect.segment} ({modes[segment.mode]})"
     value = system.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
     match defect.kind:
         case "missed":
-            return f"{where} passes the {defect.guard} without it, by {value}"
+            return f"{location} passes the {defect.guard} without it, by {value}"
         case "reversed":
-            return f"{where} ends with a {defect.guard} from the wrong side, at speed {value}"
+            return f"{location} ends with a {defect.guard} from the wrong side, at speed {value}"
         case "mode":
-            return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
+            return f"{location} ends with a {defect.guard} into {modes[int(defect.value)]}"
         case "order":
-            return f"{where} ends before it starts, by {system.amount('time', -defect.value)}"
-    return f"{where}: {defect.guard}, {defect.kind}, {value}"
+            return f"{location} ends before it starts, by {system.amount('time', -defect.value)}"
+    return f"{location}: {defect.guard}, {defect.kind}, {value}"
 
 
 # --- Periodic orbits
@@ -208,11 +208,11 @@ class Orbit(Result):
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
         units = np.array([self.system.margin_unit(guards[i].name) for i in gaps])
-        found = (arc.minima[gaps] * units for arc in self.found.point.arcs)
-        least = min(float(gap.min(initial=math.inf)) for gap in found)
-        if not math.isfinite(least):
+        minima = (arc.minima[gaps] * units for arc in self.found.point.arcs)
+        smallest = min(float(gap.min(initial=math.inf)) for gap in minima)
+        if not math.isfinite(smallest):
             return math.nan
-        return float(self.system.out("closest approach", least))
+        return float(self.system.out("closest approach", smallest))
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -239,13 +239,13 @@ class Orbit(Result):
         Columns: period, mode, start and end (since the start of that forcing period), and the event
         at its end.
         """
-        shown = self.found.segments
+        segments = self.found.segments
         return run_tables.segments(
-            [s.cycle for s in shown],
-            [s.mode for s in shown],
+            [s.cycle for s in segments],
+            [s.mode for s in segments],
             self.found.point.starts,
             self.found.point.ends,
-            [self._segment_end(s.code) for s in shown],
+            [self._segment_end(s.code) for s in segments],
             self.system,
         )
 
@@ -272,7 +272,7 @@ class Orbit(Result):
         return run_tables.samples(grid, self.found.point.period, self.system)
 
     def _grid(self, per_period: int) -> Samples:
-        parts: list[Samples] = []
+        pieces: list[Samples] = []
         last, period = -1, self.found.point.period
         for cycle, offset, _, grid in self._arcs(per_period):
             number = np.rint((cycle + grid.cycle + grid.time / period) * per_period)
@@ -280,9 +280,9 @@ class Orbit(Result):
             if new.any():
                 last = int(number[-1])
                 y = grid.y[new] + offset
-                parts.append(Samples(grid.cycle[new] + cycle, grid.time[new], grid.mode[new], y))
+                pieces.append(Samples(grid.cycle[new] + cycle, grid.time[new], grid.mode[new], y))
         columns = (
-            np.concatenate([getattr(part, name) for part in parts])
+            np.concatenate([getattr(part, name) for part in pieces])
             for name in ("cycle", "time", "mode", "y")
         )
         grid = Samples(*columns)
@@ -309,12 +309,12 @@ class Orbit(Result):
     @cached_property
     def _crossings(self) -> Events:
         """The crossings of the section in both directions."""
-        parts = []
+        logs = []
         for cycle, offset, trajectory, _ in self._arcs():
             log = trajectory.events.crossings(0)
             moved: dict[str, Any] = {"before": log.before + offset, "after": log.after + offset}
-            parts.append(replace(log, cycle=log.cycle + cycle, **moved))
-        return Events.joined(parts)
+            logs.append(replace(log, cycle=log.cycle + cycle, **moved))
+        return Events.joined(logs)
 
     @cached_property
     def impact_speeds(self) -> list[float]:
@@ -363,8 +363,8 @@ class Orbit(Result):
             y = self._grid(1).y[: self.periods]
         else:
             y = self._largest[None]
-        places = [self.system.states.index(name) for name in self.system.displayed_states]
-        falling = -np.sort(-y[:, places], axis=0)
+        indices = [self.system.states.index(name) for name in self.system.displayed_states]
+        falling = -np.sort(-y[:, indices], axis=0)
         return {
             name: np.asarray(self.system.out(name, values))
             for name, values in zip(self.system.displayed_states, falling.T, strict=True)
@@ -397,9 +397,9 @@ class Orbit(Result):
         m, n = len(automaton.guards), len(automaton.states)
         cyclic = list(automaton.cyclic)
         rows, offset = [], np.zeros(n)
-        found = self.found
-        for i, (segment, arc) in enumerate(zip(found.segments, found.point.arcs, strict=True)):
-            event = found.point.events[i]
+        orbit = self.found
+        for i, (segment, arc) in enumerate(zip(orbit.segments, orbit.point.arcs, strict=True)):
+            event = orbit.point.events[i]
             before = arc.end + offset
             offset[cyclic] = before[cyclic]
             if event is None:
@@ -412,7 +412,7 @@ class Orbit(Result):
             elif segment.code >= m:
                 kind, guard = workspace.ACCUMULATION, segment.code - m
             row = np.zeros(workspace.HEAD + 2 * n)
-            row[workspace.CYCLE], row[workspace.TIME] = segment.cycle, found.point.ends[i]
+            row[workspace.CYCLE], row[workspace.TIME] = segment.cycle, orbit.point.ends[i]
             row[workspace.KIND], row[workspace.GUARD] = kind, guard
             row[workspace.MODE_BEFORE], row[workspace.MODE_AFTER] = segment.mode, event.mode
             row[workspace.HEAD : workspace.HEAD + n], row[workspace.HEAD + n :] = before, after
@@ -431,21 +431,21 @@ class Orbit(Result):
         The orbit may penetrate, and a run would leave a very unstable orbit. Each arc is returned
         with its forcing period, the cyclic states before it, and its samples.
         """
-        found, problem = self.found, self._problem
+        orbit, problem = self.found, self._problem
         cyclic = list(problem.automaton.cyclic)
         problem = replace(problem, automaton=unguarded(problem.automaton))
-        states, _ = found.shooting.unpack(found.point.unknowns)
+        states, _ = orbit.shooting.unpack(orbit.point.unknowns)
         offset = np.zeros(len(problem.automaton.states))
-        for i, segment in enumerate(found.segments):
+        for i, segment in enumerate(orbit.segments):
             # At the start of a period the time of an event may be negative by rounding.
-            start, end = max(float(found.point.starts[i]), 0.0), float(found.point.ends[i])
+            start, end = max(float(orbit.point.starts[i]), 0.0), float(orbit.point.ends[i])
             if end > start:
                 y = self.system.snap_to_mode(segment.mode, states[i])
                 begin = HybridState(0, start, segment.mode, y, switched=True)
                 length = (end - start) / problem.period
                 passed = run_with_samples(problem, begin, length, per_period)
                 yield segment.cycle, offset.copy(), *passed
-            offset[cyclic] += found.point.arcs[i].end[cyclic]
+            offset[cyclic] += orbit.point.arcs[i].end[cyclic]
 
     def _segment_end(self, code: int) -> str:
         automaton = self.system.automaton
@@ -454,9 +454,11 @@ class Orbit(Result):
         return names.get(code, CHATTER_ENDS)
 
 
-def orbit_of(system: HybridSystem, found: PeriodicOrbit) -> Orbit:
+def orbit_of(system: HybridSystem, solution: PeriodicOrbit) -> Orbit:
     """Return an orbit of `orbits` as an `Orbit` at its own parameters."""
-    orbit: Orbit = (system.orbit_type or Orbit)(system=system.at(found.family.values), found=found)
+    orbit: Orbit = (system.orbit_type or Orbit)(
+        system=system.at(solution.family.values), found=solution
+    )
     return orbit
 
 
@@ -559,14 +561,14 @@ def find_orbit(
     check_start_side(system, problem, start)
     try:
         if system.forced:
-            found = orbit_search.find_periodic_orbit(
+            solution = orbit_search.find_periodic_orbit(
                 system.family(chosen),
                 start,
                 periods=periods,
                 transient=float(transient),
             )
         else:
-            found = orbit_search.find_cycle(
+            solution = orbit_search.find_cycle(
                 system.family(chosen),
                 start,
                 period=None if period is None else float(system.into("time", period)),
@@ -588,15 +590,15 @@ def find_orbit(
             error.partial = system.state_of(error.partial)
         raise
     # A state of rest repeats with any period; a motion that leaves it does not.
-    if system.forced and not found.stable and not is_time_dependent(problem, start.y):
+    if system.forced and not solution.stable and not is_time_dependent(problem, start.y):
         raise _unforced(system)
     meets = mode_monitor(system, problem)
     if meets is not None:
-        segments = zip(found.segments, found.point.ends, found.point.arcs, strict=True)
+        segments = zip(solution.segments, solution.point.ends, solution.point.arcs, strict=True)
         for segment, end, arc in segments:
             meets.put(HybridState(segment.cycle, float(end), segment.mode, arc.end))
         meets.check()
-    orbit = orbit_of(system, found)
+    orbit = orbit_of(system, solution)
     if not orbit.admissible:
         raise OrbitError(
             f"the converged solution is inadmissible: {'; '.join(orbit.defects[:DEFECTS])}",
@@ -615,14 +617,14 @@ def _diverged(
         at = error.trajectory.final if isinstance(error.trajectory, Trajectory) else None
     else:
         at = error.partial if isinstance(error.partial, HybridState) else None
-    place = None if at is None else diverged_component(problem, at)
-    if at is None or place is None:
+    index = None if at is None else diverged_component(problem, at)
+    if at is None or index is None:
         return None
-    name, state = system.states[place], system.state_of(at)
+    name, state = system.states[index], system.state_of(at)
     elapsed = at.cycle * problem.period + at.time
-    where = f"{name} = {system.amount(name, at.y[place])}"
+    location = f"{name} = {system.amount(name, at.y[index])}"
     when = f" at t = {system.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
-    return OrbitError(f"{DIVERGED}: {where}{when}", UNBOUNDED_REMEDY, state)
+    return OrbitError(f"{DIVERGED}: {location}{when}", UNBOUNDED_REMEDY, state)
 
 
 def _drifting(
@@ -642,20 +644,20 @@ def _drifting(
         return None
     each = 1.0 if system.forced else float(system.out("time", problem.period))
     grows = []
-    for place, rate in zip(drift.places, drift.rates, strict=True):
-        name = names[place]
+    for index, rate in zip(drift.places, drift.rates, strict=True):
+        name = names[index]
         gain = f"{abs(system.out(name, rate)) / each:.4g} {system.unit(name)}".rstrip()
         grows.append(f"{name} {'grows' if rate > 0.0 else 'falls'} by {gain}")
-    found = [names[place] for place in drift.places]
-    them, together = "it" if len(found) == 1 else "them", " and ".join(found)
-    why, remedy = {
+    listed = [names[index] for index in drift.places]
+    pronoun, together = "it" if len(listed) == 1 else "them", " and ".join(listed)
+    reason, remedy = {
         "unread": (
-            f"no function reads {them}",
-            f"name {them} in cyclic=[{', '.join(map(repr, found))}], and an orbit need not close "
-            f"in {them}",
+            f"no function reads {pronoun}",
+            f"name {pronoun} in cyclic=[{', '.join(map(repr, listed))}], and an orbit need not "
+            f"close in {pronoun}",
         ),
         "angle": (
-            f"functions repeat every 2 pi of {them}",
+            f"functions repeat every 2 pi of {pronoun}",
             f"bring {together} back by guards at pi and -pi, whose transitions subtract and add "
             "2 pi",
         ),
@@ -667,7 +669,7 @@ def _drifting(
     }[drift.kind]
     per = "a period" if system.forced else "in a unit of time"
     reached = system.state_of(replace(start, cycle=0, time=0.0))
-    return OrbitError(f"{' and '.join(grows)} {per}, and {why}", remedy, reached)
+    return OrbitError(f"{' and '.join(grows)} {per}, and {reason}", remedy, reached)
 
 
 def _unforced(system: HybridSystem) -> InvalidParameter:

@@ -73,8 +73,8 @@ class PoincareMap:
             return replace(final, cycle=0, time=start.time, remembered=(), switched=False)
         at, missing = start, self.count
         for _ in range(MAX_SEARCHES):
-            done = run(self.problem, at, (missing + 0.5) * SEARCH_RATIO * self.step)
-            log = done.events.crossings(UPWARDS)
+            result = run(self.problem, at, (missing + 0.5) * SEARCH_RATIO * self.step)
+            log = result.events.crossings(UPWARDS)
             when = log.cycle + log.time / self.problem.period
             since = when - (at.cycle + at.time / self.problem.period)
             log = log[since > (START_RATIO * self.step if at is start else 0.0)]
@@ -82,7 +82,7 @@ class PoincareMap:
                 mode, y = int(log.mode_after[missing - 1]), log.after[missing - 1].copy()
                 return HybridState(0, 0.0, mode, y)
             missing -= len(log)
-            at = done.final
+            at = result.final
         raise OrbitError(
             "the motion from a state near the manifold does not return to the section",
             "take a section that motions cross again",
@@ -117,13 +117,13 @@ class FixedPoint(NamedTuple):
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     @property
-    def place(self) -> Floats:
+    def position(self) -> Floats:
         """The coordinates of the fixed point."""
         return np.asarray(self.instant.y[list(self.components)])
 
     def state(self, x: Floats) -> HybridState:
         """Return the state with coordinates `x`, in the mode that it has."""
-        y = self.instant.y + self.embedding @ (x - self.place)
+        y = self.instant.y + self.embedding @ (x - self.position)
         y[list(self.components)] = x
         system, problem, mode = self.map.system, self.map.problem, self.instant.mode
         if len(problem.automaton.modes) > 1 and not system.fits(mode, y, problem):
@@ -145,7 +145,7 @@ class FixedPoint(NamedTuple):
         return np.asarray(at.y[list(self.components)])
 
 
-def fixed_points(found: Orbit | Equilibrium) -> list[FixedPoint]:
+def fixed_points(solution: Orbit | Equilibrium) -> list[FixedPoint]:
     """Return the points of an orbit, or an equilibrium, as fixed points of a Poincaré map.
 
     An orbit of n periods has n points. Autonomous systems need a section.
@@ -157,51 +157,51 @@ def fixed_points(found: Orbit | Equilibrium) -> list[FixedPoint]:
     OrbitError
         If the map is not differentiable at the orbit.
     """
-    if isinstance(found, Equilibrium):
-        return [_of_equilibrium(found)]
-    if found.found.touches:
+    if isinstance(solution, Equilibrium):
+        return [_of_equilibrium(solution)]
+    if solution.found.touches:
         raise OrbitError(
             "the orbit touches a guard at zero rate, where its Poincaré map has no derivative",
             "take the orbit at another value of a parameter",
         )
-    if not found.admissible:
+    if not solution.admissible:
         raise OrbitError(
-            f"the orbit is inadmissible: {found.defects[0]}", "take an admissible orbit"
+            f"the orbit is inadmissible: {solution.defects[0]}", "take an admissible orbit"
         )
-    if found.system.forced:
-        return _of_forced_orbit(found)
-    return _of_cycle(found)
+    if solution.system.forced:
+        return _of_forced_orbit(solution)
+    return _of_cycle(solution)
 
 
-def _of_equilibrium(found: Equilibrium) -> FixedPoint:
-    system = found.system
-    problem = system.problem(found.found.family.problem().options)
-    eigenvalues = found.found.eigenvalues
-    if found.neutral or not eigenvalues.size:
+def _of_equilibrium(equilibrium: Equilibrium) -> FixedPoint:
+    system = equilibrium.system
+    problem = system.problem(equilibrium.found.family.problem().options)
+    eigenvalues = equilibrium.found.eigenvalues
+    if equilibrium.neutral or not eigenvalues.size:
         raise OrbitError(
             "the equilibrium is one of a continuum, and no saddle", "take an isolated equilibrium"
         )
     step = EQUILIBRIUM_GROWTH / float(np.abs(eigenvalues.real).max() or 1.0) / problem.period
     flow = PoincareMap(system, problem, 1, step, on_section=False)
-    start = HybridState(0, 0.0, found.found.mode, np.array(found.found.state))
+    start = HybridState(0, 0.0, equilibrium.found.mode, np.array(equilibrium.found.state))
     keep = free_components(problem.automaton)
     return _differentiated(flow, start, keep, np.exp(eigenvalues * step * problem.period))
 
 
 def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
-    system, found = orbit.system, orbit.found
-    problem = system.problem(found.problem.options)
-    keep = reduced_components(found.shooting, found.point)
+    system, solution = orbit.system, orbit.found
+    problem = system.problem(solution.problem.options)
+    keep = reduced_components(solution.shooting, solution.point)
     if not keep:
         raise OrbitError(
             "no component of the state is free at the start of the orbit",
             "shift the phase of the forcing",
         )
-    free = found.shooting.free
+    free = solution.shooting.free
     components = tuple(free[c] for c in keep)
     embedding = np.zeros((len(system.states), len(keep)))
     embedding[list(components)] = np.eye(len(keep))
-    for c, factors in found.shooting.pinned.items():
+    for c, factors in solution.shooting.pinned.items():
         embedding[free[c]] = -np.array(factors)[keep]
     returns = PoincareMap(system, problem, orbit.periods, 1.0, on_section=False)
     first = FixedPoint(
@@ -209,7 +209,7 @@ def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
         orbit.returns[0],
         components,
         embedding,
-        reduced_monodromy(found.shooting, found.point),
+        reduced_monodromy(solution.shooting, solution.point),
     )
     points = [first]
     for at in orbit.returns[1:]:
@@ -266,18 +266,18 @@ def _differentiated(
         return point.coordinates(returns.image(point.state(x)))
 
     try:
-        matrix = differentiate(image, point.place)
+        matrix = differentiate(image, point.position)
     except (RunError, OrbitError) as error:
         raise _undifferentiable() from error
-    found = point._replace(matrix=matrix)
+    differentiated = point._replace(matrix=matrix)
     largest = abs(complex(multipliers[0]))
     values = [
         np.sort_complex(each[: min(k, multipliers.size)])
-        for each in (found.multipliers, multipliers)
+        for each in (differentiated.multipliers, multipliers)
     ]
     if np.abs(values[0] - values[1]).max() > MULTIPLIER_RTOL * max(1.0, largest):
         raise _undifferentiable()
-    return found
+    return differentiated
 
 
 def _undifferentiable() -> OrbitError:

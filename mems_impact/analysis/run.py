@@ -204,8 +204,8 @@ class Run(Result):
             Time, state and mode.
         """
         self._log("samples")
-        whole = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
-        if not whole or per_period <= 0:
+        is_integer = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
+        if not is_integer or per_period <= 0:
             raise InvalidParameter("per_period", per_period, "a whole number > 0")
         unit = self._unit
         begin, end = (border * unit for border in self.extent)

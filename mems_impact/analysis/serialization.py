@@ -70,9 +70,9 @@ def variables(value: Any) -> Mapping[str, Any]:
 def register_object(kind: type) -> None:
     """Register a class whose objects consist of their attributes."""
 
-    def whole(**found: Any) -> Any:
+    def whole(**values: Any) -> Any:
         value: Any = object.__new__(kind)
-        vars(value).update(found)
+        vars(value).update(values)
         return value
 
     register(kind, parts=variables, whole=whole)
@@ -89,12 +89,12 @@ def register_run(kind: type[run.Run]) -> None:
             "gatherer": value.gatherer,
         }
 
-    def whole(trajectory: Mapping[str, Any], gatherer: Any, **found: Any) -> run.Run:
-        problem = found["system"].problem(found["options"])
+    def whole(trajectory: Mapping[str, Any], gatherer: Any, **values: Any) -> run.Run:
+        problem = values["system"].problem(values["options"])
         if isinstance(gatherer, statistics.RunStatistics):
-            gatherer.resume(found["system"], problem)
-        made = Trajectory(problem=problem, **trajectory)
-        return kind(trajectory=made, _gatherer=gatherer, **found)
+            gatherer.resume(values["system"], problem)
+        restored = Trajectory(problem=problem, **trajectory)
+        return kind(trajectory=restored, _gatherer=gatherer, **values)
 
     register(kind, parts=parts, whole=whole)
 

@@ -34,9 +34,9 @@ def run_until_standstill(
     still: Callable[[Trajectory], float | None],
     attempt: Callable[[float], Run],
     run: Callable[[float], Run],
-    most: float,
+    longest: float,
 ) -> Run:
-    """Return the run until standstill, or over `most` periods if there is none.
+    """Return the run until standstill, or over `longest` periods if there is none.
 
     The steps of a run do not depend on its length, so that a standstill found in a longer run holds
     for the run that ends there.
@@ -47,17 +47,17 @@ def run_until_standstill(
         ``still(trajectory)`` returns the number of periods until standstill, or None.
     attempt, run : callable
         Run over a number of periods: with events, and with the requested options.
-    most : float
+    longest : float
         Largest number of periods.
     """
-    length = min(float(FIRST_PERIODS), most)
+    length = min(float(FIRST_PERIODS), longest)
     while True:
         after = still(attempt(length).trajectory)
         if after is not None:
             return replace(run(after), ended=UNTIL_STILL)
-        if length >= most:
-            return run(most)
-        length = min(LENGTH_FACTOR * length, most)
+        if length >= longest:
+            return run(longest)
+        length = min(LENGTH_FACTOR * length, longest)
 
 
 # --- Simulation
@@ -148,9 +148,9 @@ def simulate(
         if until != UNTIL_STILL:
             raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
         still = system.standstill_test()
-        most = _length(system, periods, duration, None, problem.period)
+        longest = _length(system, periods, duration, None, problem.period)
         again = partial(simulate, system, initial=initial, options=options, progress=progress)
-        return run_until_standstill(still, again, partial(again, window=window, keep=keep), most)
+        return run_until_standstill(still, again, partial(again, window=window, keep=keep), longest)
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)
@@ -164,7 +164,7 @@ def simulate(
     first, last = _window(window, start.time / problem.period, periods, unit, half)
     begin = partial(system.gatherer, problem, start, TimeWindow(first, last, problem.period))
     gatherer = begin()
-    kept: list[Events] = []
+    logs: list[Events] = []
     largest = None if system.is_scaled else MaxStateRecorder(start.y)
     meets = mode_monitor(system, problem)
     if meets is not None:
@@ -179,7 +179,7 @@ def simulate(
         if validity is not None:
             validity(events)
         if keep == "events":
-            kept.append(events)
+            logs.append(events)
         else:
             gatherer(events)
 
@@ -189,9 +189,9 @@ def simulate(
             warn_if_badly_scaled_run(system.states, options, trajectory, largest, timed)
         if validity is not None:
             validity.warn(trajectory.final)
-        if kept:
-            trajectory = trajectory.with_events(Events.joined(kept))
-        lengths = [len(events) for events in kept]
+        if logs:
+            trajectory = trajectory.with_events(Events.joined(logs))
+        lengths = [len(events) for events in logs]
         return (system.run_type or Run)(
             system=system,
             options=problem.options,
@@ -199,7 +199,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=LazyStatistics(begin, trajectory.events, lengths) if kept else gatherer,
+            _gatherer=LazyStatistics(begin, trajectory.events, lengths) if logs else gatherer,
         )
 
     with progress_bar(progress, "periods", periods, "simulate") as report:

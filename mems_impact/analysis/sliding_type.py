@@ -164,27 +164,27 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
         allowed = "a point at which a guard is touched, or events coincide"
         raise InvalidParameter("special", special.kind, allowed)
     system = special.system
-    found = discontinuity(special.found)
+    event = discontinuity(special.found)
     names = system.modes
-    begin, end = found.modes
-    instant = HybridState(0, found.time, begin, found.state)
-    place: dict[str, Any] = {
-        "surfaces": tuple(system.automaton.guards[j].name for j in found.guards),
+    begin, end = event.modes
+    instant = HybridState(0, event.time, begin, event.state)
+    location: dict[str, Any] = {
+        "surfaces": tuple(system.automaton.guards[j].name for j in event.guards),
         "modes": (names[begin], names[end]),
         "state": system.state_of(instant),
-        "time": float(system.out("time", found.time)),
+        "time": float(system.out("time", event.time)),
     }
-    tangency = found.tangency
+    tangency = event.tangency
     if tangency is None:
-        return SlidingType(found.type, **place)
+        return SlidingType(event.type, **location)
     time = system.factor("time")
     unit = system.margin_unit(system.automaton.guards[tangency.guard].name)
     first, other = (rate * unit / time for rate in tangency.rates)
     numbered = (tangency.tangent, tangency.other, tangency.sliding)
     tangent, across, sliding = (names[mode] if mode != NONE else "" for mode in numbered)
     return SlidingType(
-        found.type,
-        **place,
+        event.type,
+        **location,
         tangent=tangent,
         other=across,
         sliding=sliding,

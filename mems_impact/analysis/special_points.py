@@ -178,9 +178,9 @@ class SpecialPoint(BifurcationPoint):
         OrbitError
             If the Poincaré map near the orbit cannot be differentiated.
         """
-        found = self.found.orbit
+        orbit = self.found.orbit
         doubled = isinstance(self.found.monitor, FoldTest)
-        return orbit_normal_form(self.kind, found.shooting, found.point, doubled=doubled)
+        return orbit_normal_form(self.kind, orbit.shooting, orbit.point, doubled=doubled)
 
     @cached_property
     def without_impact(self) -> BranchEvent:
@@ -188,21 +188,21 @@ class SpecialPoint(BifurcationPoint):
 
         On that side everything is smooth; on the side with the impact multipliers are infinite.
         """
-        found = self.found
-        if not isinstance(found.monitor, ContactSpeedTest) or self.beyond is None:
-            return found
-        away = found.value - self.beyond.family.values[self.parameter]
-        width = GRAZING_SEARCH_RATIO * abs(found.value)
+        event = self.found
+        if not isinstance(event.monitor, ContactSpeedTest) or self.beyond is None:
+            return event
+        away = event.value - self.beyond.family.values[self.parameter]
+        width = GRAZING_SEARCH_RATIO * abs(event.value)
         other = follow(
             self.beyond,
             self.parameter,
-            low=found.value - width,
-            high=found.value + width,
+            low=event.value - width,
+            high=event.value + width,
             direction=math.copysign(1.0, away),
             reconnecting=False,
         )
         touching = [s for s in other.special_points if isinstance(s.monitor, ClosestApproachTest)]
-        return touching[0] if touching else found
+        return touching[0] if touching else event
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -253,8 +253,8 @@ class EquilibriumPoint(BifurcationPoint):
     found: EquilibriumEvent = field(repr=False)
 
     def __repr__(self) -> str:
-        where = f"{self.label} at {self.parameter}={self.value:.9g}"
-        return f"EquilibriumPoint({where}, {self.equilibrium})"
+        location = f"{self.label} at {self.parameter}={self.value:.9g}"
+        return f"EquilibriumPoint({location}, {self.equilibrium})"
 
     @property
     def system(self) -> HybridSystem:
@@ -307,8 +307,8 @@ class CodimensionTwo(BifurcationPoint):
     solution: Orbit | Equilibrium
 
     def __repr__(self) -> str:
-        where = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
-        return f"CodimensionTwo({self.kind} at {where})"
+        location = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
+        return f"CodimensionTwo({self.kind} at {location})"
 
     @property
     def orbit(self) -> Orbit:
@@ -344,8 +344,8 @@ class CodimensionTwo(BifurcationPoint):
         """
         if not isinstance(self.solution, Orbit):
             return None
-        found = self.solution.found
-        return codimension_two_form(self.kind, found.shooting, found.point)
+        solution = self.solution.found
+        return codimension_two_form(self.kind, solution.shooting, solution.point)
 
     def summary(self) -> dict[str, Any]:
         """Return the kind, the values of the parameters and the solution."""
@@ -394,10 +394,10 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     (True, 'I')
     """
     check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    found = special.without_impact
-    if special.label != "G" or not isinstance(found.monitor, ClosestApproachTest):
+    equivalent = special.without_impact
+    if special.label != "G" or not isinstance(equivalent.monitor, ClosestApproachTest):
         raise InvalidParameter("special", special.kind, "a grazing of an orbit without impacts")
-    return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
+    return GrazingType(grazing.grazing_type(equivalent.orbit, equivalent.monitor))
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:

@@ -94,34 +94,34 @@ class Symmetry:
         """
         if self.keeps(solution):
             return solution
-        found = self._image(solution)
-        if found is None:
+        image = self._image(solution)
+        if image is None:
             raise InvalidParameter("solution", solution, f"one that {self} maps to a solution")
-        return found
+        return image
 
     def keeps(self, solution: Orbit | Equilibrium) -> bool:
         """Return whether an orbit or equilibrium is symmetric: its own image."""
         if isinstance(solution, Equilibrium):
             y = solution.found.state
             return _near(self.found.state(y), y, y)
-        found = solution.found
-        mode, y = self._start(found, after=True)
-        apart = orbit_distance(found.shooting, found.point, mode, y)
-        return apart < SAME_ORBIT_DISTANCE * _size(y)
+        orbit = solution.found
+        mode, y = self._start(orbit, after=True)
+        distance = orbit_distance(orbit.shooting, orbit.point, mode, y)
+        return distance < SAME_ORBIT_DISTANCE * _size(y)
 
-    def _start(self, found: PeriodicOrbit, *, after: bool) -> tuple[int, Floats]:
+    def _start(self, orbit: PeriodicOrbit, *, after: bool) -> tuple[int, Floats]:
         """Return the image of the orbit at the start of a forcing period: mode and state.
 
         If the forcing switches there, the state is the one `after` the switch or before it.
         """
         if not self.half_period:
-            start = found.instant
-            mode, y = (found.segments[0].mode, found.state) if after else (start.mode, start.y)
+            start = orbit.instant
+            mode, y = (orbit.segments[0].mode, orbit.state) if after else (start.mode, start.y)
         else:
-            point, shooting, time = found.point, found.shooting, 0.5 * found.point.period
+            point, shooting, time = orbit.point, orbit.shooting, 0.5 * orbit.point.period
             ends = point.ends.tolist()
             i = next(i for i, end in enumerate(ends) if (end > time if after else end >= time))
-            mode, begin = found.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
+            mode, begin = orbit.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
             variational = shooting.variational(point.parameter_point)
             y = variational.arc(mode, begin, float(point.starts[i]), time).end
         return self.found.modes.get(mode, mode), self.found.state(y)
@@ -130,9 +130,9 @@ class Symmetry:
         """Return the image of a solution that is not symmetric; None if there is none."""
         if isinstance(solution, Equilibrium):
             mode = self.found.modes.get(solution.found.mode, solution.found.mode)
-            there = self.found.state(solution.found.state)
-            state = find_equilibrium(solution.found.family, mode, there)
-            near = _near(state.state, there, there)
+            image_state = self.found.state(solution.found.state)
+            state = find_equilibrium(solution.found.family, mode, image_state)
+            near = _near(state.state, image_state, image_state)
             return equilibrium_of(solution.system, state) if near else None
         system = solution.system
         mode, y = self._start(solution.found, after=False)
@@ -151,8 +151,8 @@ class Symmetry:
         one, other = (np.sort(np.abs(each.multipliers)) for each in (solution, image))
         same = one.size == other.size and _near(one, other, one)
         begin = self._start(solution.found, after=True)
-        apart = orbit_distance(image.found.shooting, image.found.point, *begin)
-        return image if same and apart < SAME_ORBIT_DISTANCE * _size(y) else None
+        distance = orbit_distance(image.found.shooting, image.found.point, *begin)
+        return image if same and distance < SAME_ORBIT_DISTANCE * _size(y) else None
 
 
 def _near(one: Floats, other: Floats, size: Floats) -> bool:
@@ -194,18 +194,18 @@ def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
     (Symmetry((x, y, z) -> (-x, -y, z)),)
     """
     if isinstance(solution, Orbit):
-        found = orbit_symmetries(solution.found, solution.system.forced)
+        result = orbit_symmetries(solution.found, solution.system.forced)
     elif isinstance(solution, Equilibrium):
-        found = equilibrium_symmetries(solution.found)
+        result = equilibrium_symmetries(solution.found)
     else:
         raise InvalidParameter("solution", solution, "an Orbit or an Equilibrium")
-    return tuple(symmetry_of(solution.system, each) for each in found)
+    return tuple(symmetry_of(solution.system, each) for each in result)
 
 
-def symmetry_of(system: HybridSystem, found: SignSymmetry) -> Symmetry:
+def symmetry_of(system: HybridSystem, symmetry: SignSymmetry) -> Symmetry:
     """Return a symmetry of `orbits` as a `Symmetry`."""
-    signs = dict(zip(system.states, found.signs, strict=True))
-    return Symmetry(signs=signs, half_period=found.half_period, found=found)
+    signs = dict(zip(system.states, symmetry.signs, strict=True))
+    return Symmetry(signs=signs, half_period=symmetry.half_period, found=symmetry)
 
 
 S = TypeVar("S", Orbit, Equilibrium)
@@ -235,19 +235,19 @@ def symmetry_of_halves(
     """
     for special in specials:
         beside = nearest_beside(evaluation(special), [evaluation(each) for each in solutions])
-        found = broken_symmetry(special, solutions[beside])
-        if found is not None:
-            return found
+        symmetry = broken_symmetry(special, solutions[beside])
+        if symmetry is not None:
+            return symmetry
     return None
 
 
 def nearest_beside(point: Linearized, points: Sequence[Linearized]) -> int:
     """Return the number of the point nearest to a branch point, but significantly beside it."""
-    apart = [
+    distances = [
         float(np.abs(each.unknowns - point.unknowns).max(initial=0.0))
         if each.unknowns.size == point.unknowns.size
         else math.inf
         for each in points
     ]
-    away = [each if each > MIN_DISTANCE else math.inf for each in apart]
+    away = [each if each > MIN_DISTANCE else math.inf for each in distances]
     return int(np.argmin(away))

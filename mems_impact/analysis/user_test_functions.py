@@ -81,13 +81,13 @@ class EventFunction(ABC):
         if self.function is None:
             raise FunctionError(role, "is not in the file of the branch", LOADED_REMEDY)
         try:
-            found = self.function(solution)
+            result = self.function(solution)
         except Exception as error:  # any exception of the user's function
             problem = f"raises {type(error).__name__}: {error}"
             raise FunctionError(role, problem, REMEDY) from error
-        if isinstance(found, bool) or not isinstance(found, Real):
-            raise FunctionError(role, f"returns {found!r}, not a number", REMEDY)
-        return float(found)
+        if isinstance(result, bool) or not isinstance(result, Real):
+            raise FunctionError(role, f"returns {result!r}, not a number", REMEDY)
+        return float(result)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "function": portable(self.function)}
@@ -137,23 +137,23 @@ class EventFunction(ABC):
             function = cls(name, solution.system, parameter, function=event)
             function.of(solution)
             return function
-        where = f"events[{name!r}]"
+        field = f"events[{name!r}]"
         pair = isinstance(event, tuple | list) and len(event) == 2
         if pair and isinstance(event[0], str):
-            event = event[0], solution.system.without_unit(*event, where)
+            event = event[0], solution.system.without_unit(*event, field)
         if not (pair and isinstance(event[0], str) and is_number(event[1])):
             allowed = 'a function of the orbit, or a column of the table and its value: ("v", 0.3)'
-            raise InvalidParameter(where, event, allowed)
+            raise InvalidParameter(field, event, allowed)
         function = cls(name, solution.system, parameter, event[0], float(event[1]))
-        function.check_column(solution, where)
+        function.check_column(solution, field)
         return function
 
-    def check_column(self, solution: Any, where: str) -> None:
+    def check_column(self, solution: Any, field: str) -> None:
         """Raise InvalidParameter unless the table has the column."""
-        known = self.columns(solution)
-        if self.column not in known:
-            allowed = f"a column of the table: {', '.join(known)}"
-            raise InvalidParameter(where, self.column, allowed)
+        columns = self.columns(solution)
+        if self.column not in columns:
+            allowed = f"a column of the table: {', '.join(columns)}"
+            raise InvalidParameter(field, self.column, allowed)
 
 
 # --- Columns of orbits

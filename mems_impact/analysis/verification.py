@@ -136,8 +136,8 @@ class EventLog:
         self.events = trajectory.events[is_shown(trajectory.events)]
         start, final, self.period = trajectory.start, trajectory.final, trajectory.period
         self.start = start.cycle + start.time / self.period
-        self.words = event_names(automaton)
-        self.what = np.append(event_codes(self.events, automaton), len(self.words) - 1)
+        self.names = event_names(automaton)
+        self.codes = np.append(event_codes(self.events, automaton), len(self.names) - 1)
         self.cycle = np.append(self.events.cycle, final.cycle)
         self.time = np.append(self.events.time, final.time)
         self.after = np.vstack([self.events.after, final.y])
@@ -165,8 +165,8 @@ class EventLog:
         strength = np.where(np.isnan(speed), math.inf, speed)
         changes = np.flatnonzero((events.mode_before != events.mode_after) & np.isnan(speed))
         instants = events.cycle * self.period + events.time
-        apart = np.concatenate([[math.inf], np.diff(instants[changes]), [math.inf]])
-        strength[changes] = np.minimum(apart[:-1], apart[1:])
+        durations = np.concatenate([[math.inf], np.diff(instants[changes]), [math.inf]])
+        strength[changes] = np.minimum(durations[:-1], durations[1:])
         for begins, ends in rests(events):
             lasted = instants[ends] - instants[begins[: ends.size]]
             strength[begins], strength[ends] = math.inf, lasted
@@ -179,7 +179,7 @@ class EventLog:
         return float(self.cycle[i] + self.time[i] / self.period)
 
     def describe(self, i: int) -> str:
-        return f"'{self.words[self.what[i]]}' (period {self.at(i):.9g})"
+        return f"'{self.names[self.codes[i]]}' (period {self.at(i):.9g})"
 
 
 def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
@@ -190,12 +190,12 @@ def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
     """
     accumulated = events.kind == workspace.ACCUMULATION
     for guard in np.unique(events.guard[accumulated]):
-        here = events.guard == guard
-        striking = np.unique(events.mode_before[here & (events.kind == workspace.TRANSITION)])
+        selected = events.guard == guard
+        striking = np.unique(events.mode_before[selected & (events.kind == workspace.TRANSITION)])
         free = np.flatnonzero(np.isin(events.mode_after, striking))
-        begins = np.flatnonzero(accumulated & here)
-        place = np.searchsorted(free, begins, side="right")
-        yield begins, free[place[place < free.size]]
+        begins = np.flatnonzero(accumulated & selected)
+        following = np.searchsorted(free, begins, side="right")
+        yield begins, free[following[following < free.size]]
 
 
 def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
@@ -237,7 +237,7 @@ class EventMatcher:
     def __init__(self, run: EventLog, other: EventLog, rtol: float) -> None:
         self.run, self.other, self.until = run, other, run.start
         self.expected = min(EXPECTED_FACTOR * rtol, MAX_EXPECTED)
-        self.apart = self.first = self.expected
+        self.difference = self.first = self.expected
         self.matched: list[tuple[int, Floats]] = []  # the name of the event, and its `_differences`
         self.alone: list[int] = []  # events that only one run has
 
@@ -246,19 +246,19 @@ class EventMatcher:
         run, other = self.run, self.other
         i, j = 0, 0
         while True:
-            found = self._next_match(i, j)
-            if found is None and (
+            match = self._next_match(i, j)
+            if match is None and (
                 (self._cut_off(run, i) and j == other.end)
                 or (self._cut_off(other, j) and i == run.end)
             ):
                 self._leave_out((i, j), (run.end, other.end))
                 return True, run.at(run.end), self._to_the_end()
-            if found is None:
+            if match is None:
                 return False, self.until, (
                     f"do not agree: {run.describe(i)} against {other.describe(j)}, which the "
-                    f"differences before, {self.apart:.0e} at most, do not explain"
+                    f"differences before, {self.difference:.0e} at most, do not explain"
                 )  # fmt: skip
-            i, j = self._leave_out((i, j), found)
+            i, j = self._leave_out((i, j), match)
             differences = self._differences(i, j)
             size = self._size(differences, i, j)
             if size > max(SENSITIVE * self.first, MAX_EXPECTED):
@@ -266,14 +266,14 @@ class EventMatcher:
                     f"agree until period {self.until:.4g}; beyond, the motion is too sensitive: "
                     f"event by event, differences have grown from {self.first:.0e} to {size:.0e}"
                 )  # fmt: skip
-            self.matched.append((int(run.what[i]), differences))
+            self.matched.append((int(run.codes[i]), differences))
             self.until = run.at(i)
             if i == run.end:
                 return True, self.until, self._to_the_end()
             largest = float(np.nanmax(differences))
             # It rises at once and decays slowly: the next event does not undo the effect of an
             # impact.
-            self.apart = max(largest, 0.5 * self.apart, self.expected)
+            self.difference = max(largest, 0.5 * self.difference, self.expected)
             if self.until < run.start + FIRST_PERIODS:
                 self.first = max(self.first, size)
             i, j = i + 1, j + 1
@@ -286,7 +286,7 @@ class EventMatcher:
     def _cut_off(self, log: EventLog, i: int) -> bool:
         """Return whether event i is so near the end that the other run may end before it."""
         left = (log.cycle[log.end] - log.cycle[i]) * log.period + log.time[log.end] - log.time[i]
-        return bool(i < log.end and left <= GROWTH * self.apart)
+        return bool(i < log.end and left <= GROWTH * self.difference)
 
     def _next_match(self, i: int, j: int) -> tuple[int, int] | None:
         """Return the next matching events from i and j on, with only weak events between."""
@@ -300,7 +300,7 @@ class EventMatcher:
         return None
 
     def _same(self, i: int, j: int) -> bool:
-        if self.run.what[i] != self.other.what[j] or self.run.broken[i] or self.other.broken[j]:
+        if self.run.codes[i] != self.other.codes[j] or self.run.broken[i] or self.other.broken[j]:
             return False
         return self._size(self._differences(i, j), i, j) <= GROWTH * self._grown(self.run, i)
 
@@ -311,14 +311,14 @@ class EventMatcher:
 
     def _grown(self, log: EventLog, i: int) -> float:
         """Return the bound of the last difference at event i, after periods without events."""
-        return self.apart * max(1.0, log.at(i) - self.until)
+        return self.difference * max(1.0, log.at(i) - self.until)
 
-    def _leave_out(self, here: tuple[int, int], there: tuple[int, int]) -> tuple[int, int]:
-        for log, first, end in zip((self.run, self.other), here, there, strict=True):
-            self.alone += log.what[first:end].tolist()
+    def _leave_out(self, begins: tuple[int, int], ends: tuple[int, int]) -> tuple[int, int]:
+        for log, first, end in zip((self.run, self.other), begins, ends, strict=True):
+            self.alone += log.codes[first:end].tolist()
             # From here on the motions differ by the effect of this event.
-            self.apart = max(self.apart, float(log.strength[first:end].max(initial=0.0)))
-        return there
+            self.difference = max(self.difference, float(log.strength[first:end].max(initial=0.0)))
+        return ends
 
     def _differences(self, i: int, j: int) -> Floats:
         """Return the differences of instants, impact speeds and components of the state."""
@@ -332,5 +332,5 @@ class EventMatcher:
         """Return the largest of `differences`, without the amplification by a slow approach."""
         speed = max(self.run.approach[i], self.other.approach[j])
         # The instant of a graze differs by the square root of a difference.
-        speed = min(SLOW_RATE, max(speed, math.sqrt(self.apart)))
+        speed = min(SLOW_RATE, max(speed, math.sqrt(self.difference)))
         return speed / SLOW_RATE * float(np.nanmax(differences))
