@@ -278,10 +278,8 @@ def _function(function: Any) -> Any:
 HEAD = workspace.HEAD
 HANDLERS: dict[Any, Any] = {
     workspace.table_row: _code("({0}->table + {0}->width * ({1}))", Array()),
-    workspace.event_row: _code(
-        f"({{0}}->events + ({HEAD} + 2 * {{0}}->n) * {{0}}->events_written)", Array()
-    ),
-    workspace.sample_row: _code("({0}->samples + (3 + {0}->n) * {0}->samples_written)", Array()),
+    workspace.event_at: _code(f"({{0}}->events + ({HEAD} + 2 * {{0}}->n) * ({{1}}))", Array()),
+    workspace.sample_at: _code("({0}->samples + (3 + {0}->n) * ({1}))", Array()),
     stepper.row: _code("({0}->rows + {0}->width * ({1}))", Array()),
     stepper.component: _code(f"({{0}}->components + {stepper.ENGINE_NUMBERS} * ({{1}}))", Array()),
     stepper.records_approaches: _code("(GUARD_IMPACTS[{1}] != 0.0)", BOOLEAN),

@@ -45,8 +45,6 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 mark_overloaded(
     workspace.table_row,
-    workspace.event_row,
-    workspace.sample_row,
     workspace.event_at,
     workspace.sample_at,
 )
@@ -60,18 +58,6 @@ def _is_clock(kind: Any) -> bool:
 def _row(s, i):  # type: ignore[no-untyped-def]
     if _is_clock(s):
         return lambda s, i: pointer(s.table + WORD * s.width * i)
-
-
-@overload(workspace.event_row, jit_options={**JIT, **INNER})
-def _event_row(s):  # type: ignore[no-untyped-def]
-    if _is_clock(s):
-        return lambda s: pointer(s.events + WORD * (workspace.HEAD + 2 * s.n) * s.events_written)
-
-
-@overload(workspace.sample_row, jit_options={**JIT, **INNER})
-def _sample_row(s):  # type: ignore[no-untyped-def]
-    if _is_clock(s):
-        return lambda s: pointer(s.samples + WORD * (3 + s.n) * s.samples_written)
 
 
 @overload(workspace.event_at, jit_options={**JIT, **INNER})

@@ -72,7 +72,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     Y,
     log_event,
     next_switch,
-    sample_row,
+    sample_at,
     table_row,
     whole_periods,
 )
@@ -443,7 +443,7 @@ def sample_time(s: Any) -> float:
 
 def write_sample(s: Any, y: Any) -> None:
     """Write the next sample."""
-    sample = sample_row(s)
+    sample = sample_at(s, s.samples_written)
     sample[0] = s.sample_cycle + s.sample // s.per_period
     sample[1] = (s.sample % s.per_period) * s.period / s.per_period
     sample[2] = s.mode

@@ -163,16 +163,6 @@ def table_row(s: Any, i: int) -> Any:
     return s.table[i]
 
 
-def event_row(s: Any) -> Any:
-    """Return the next row of the event buffer."""
-    return s.events[s.events_written]
-
-
-def sample_row(s: Any) -> Any:
-    """Return the next row of the sample buffer."""
-    return s.samples[s.samples_written]
-
-
 def event_at(s: Any, i: int) -> Any:
     """Return row `i` of the event buffer."""
     return s.events[i]
@@ -209,7 +199,7 @@ def next_switch(s: Any, t: float) -> float:
 def log_event(s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any) -> None:
     """Write one row to the event buffer."""
     whole = whole_periods(t, s.period)
-    event, offset, n = event_row(s), table_row(s, OFFSET), s.n
+    event, offset, n = event_at(s, s.events_written), table_row(s, OFFSET), s.n
     event[CYCLE] = s.cycle + whole
     event[TIME] = t - whole * s.period
     event[KIND] = kind
