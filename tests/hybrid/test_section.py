@@ -81,6 +81,26 @@ def test_crossings_in_one_direction(direction):
     assert set(directions) == {direction}
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_without_a_section_nothing_crosses_it(place):
+    """Here a component that passes zero twice within a step, be it the first or the last."""
+
+    def flow(mode, t, y, p):
+        rates = 2.0 * y[1 - place], 1.0
+        return rates if place == 0 else rates[::-1]
+
+    definition = Definition(states=("a", "b"), modes=("one",), parameters=(), flow=flow)
+    problem = Problem(
+        automaton=automaton_of(definition),
+        parameters=np.zeros(hidden_parameters(definition)),
+        period=1e3,
+        time_scale=20.0,
+        options=Options(engine="interpreted", method="dop853"),
+    )
+    start = np.array([1.0 - 1e-6, -1.0] if place == 0 else [-1.0, 1.0 - 1e-6])
+    assert len(run(problem, HybridState(0, 0.0, 0, start), 2e-3).events) == 0
+
+
 def test_what_lies_beyond_the_end_of_a_run_is_not_reported():
     found, _ = crossings((0.3, 0.4, 0.4001), end=0.35)
     assert found == pytest.approx([0.3], abs=1e-9)
