@@ -271,7 +271,7 @@ def test_steps_are_looked_into_only_where_a_margin_may_reach_zero(method):
             STOP.margins(mode, t, y if moves else np.zeros(2), p, g, r)
 
         watched = replace(STOP, margins=counting)
-        simulate(watched, stop(d=wall), [1.0, 0.0], 3.0, method=method, engine="interpreted")
+        simulate(watched, stop(d=wall), [0.0, 1.0], 3.0, method=method, engine="interpreted")
         return count
 
     still = looks(3.0, moves=False)
