@@ -247,9 +247,10 @@ class Term(Checked, ABC):
         The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
         and derived units).
     instead : str
-        The rule of the paper that it replaces, if any: "stopper", "restitution", "friction",
-        "spring", "source" (an ideal voltage), "electrode" (the capacitance of a parallel plate, on
-        the sides of a field `sides`). An actuator has at most one term for each.
+        The rule of the paper that it replaces, if any: "stopper" (with its restitution),
+        "restitution", "friction", "spring", "source" (an ideal voltage), "electrode" (the
+        capacitance of a parallel plate, on the sides of a field `sides`). An actuator has at most
+        one term for each.
     plates : bool
         Whether its electrodes are plates, with the constant `alpha` and the gap `d`.
     layer : int
@@ -315,6 +316,8 @@ class Term(Checked, ABC):
     @property
     def replaced(self) -> tuple[str, ...]:
         """The rules of the paper that it replaces, those of electrodes by side."""
+        if self.instead == "stopper":
+            return "stopper", "restitution"
         if self.instead != "electrode":
             return (self.instead,) if self.instead else ()
         sides = {"right electrode": 1, "left electrode": -1}

@@ -66,8 +66,9 @@ def test_tables_are_checked(values, named):
 
 
 def test_an_actuator_has_one_restitution():
-    with pytest.raises(mi.InvalidParameter, match="both determine the restitution"):
-        ZHAO.adding(TABLE, POWER)
+    for other in (POWER, mi.CompliantStopper(stiffness=1e4, damping=0.5)):
+        with pytest.raises(mi.InvalidParameter, match="both determine the restitution"):
+            ZHAO.adding(TABLE, other)
 
 
 @pytest.mark.parametrize("term", [POWER, TABLE])
