@@ -450,6 +450,8 @@ class WorkersLost(MemsImpactError, RuntimeError):
         The table of the finished chunks.
     done, total : int
         Number of finished points, and of all points.
+    remedy : str
+        What the user can do.
 
     See Also
     --------
@@ -468,15 +470,14 @@ class WorkersLost(MemsImpactError, RuntimeError):
     True
     """
 
-    def __init__(self, reason: str, table: object, done: int, total: int) -> None:
-        self.reason = " ".join(reason.split()).rstrip(".")
+    def __init__(self, reason: str, table: object, done: int, total: int, remedy: str) -> None:
+        self.reason, self.remedy = " ".join(reason.split()).rstrip("."), remedy
         self.table = table
         self.done = done
         self.total = total
         super().__init__(
             f"the workers died after {done} of {total} points, which are in .table "
-            f"({self.reason}); pass as executor a function that creates one, so that it can be "
-            "replaced"
+            f"({self.reason}); {remedy}"
         )
 
 

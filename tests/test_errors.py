@@ -46,7 +46,7 @@ ERRORS = [
     FunctionsMissing("run.zip does not hold the functions of its system"),
     FileNotWritten("table.csv", "no space left on device", "make room"),
     OrbitError("no orbit", "take another guess", [1, 2, 3]),
-    WorkersLost("a process was killed", [1, 2], 2, 5),
+    WorkersLost("a process was killed", [1, 2], 2, 5, "try again"),
 ]
 INTERRUPTIONS = [
     (RunInterrupted([1, 2], 2.5), "2.5 periods"),

@@ -89,7 +89,16 @@ QUERY_INTERVAL_SECONDS = 2.0  # s between two queries of the number of workers o
 
 
 class ExecutorLost(Exception):
-    """All workers are lost and cannot be replaced."""
+    """All workers are lost and cannot be replaced.
+
+    Parameters
+    ----------
+    reason, remedy : str
+    """
+
+    def __init__(self, reason: str, remedy: str = "") -> None:
+        super().__init__(reason)
+        self.remedy = remedy
 
 
 class _Stopped(Exception):
@@ -223,7 +232,8 @@ class WorkerPool:
     def renew(self, reason: str) -> None:
         """Replace the executor; `ExecutorLost` if that fails, or if its workers die at once."""
         if self._make is None:
-            raise ExecutorLost(reason)
+            remedy = "pass as executor a function that creates one, so that it can be replaced"
+            raise ExecutorLost(reason, remedy)
         _end(self._executor, at_once=True)
         self._executor = self._created(self._make)
         try:
@@ -234,7 +244,9 @@ class WorkerPool:
                     trial = self._executor.submit(_prepared, self._packed)
                 trial.result()
         except (BrokenExecutor, CancelledError, OSError) as error:
-            raise ExecutorLost(f"they die before they compute anything: {error}") from None
+            remedy = "see that memory suffices for new processes, or use threads"
+            reason = f"they die before they compute anything: {error}"
+            raise ExecutorLost(reason, remedy) from None
 
     @cached_property
     def _packed(self) -> bytes:

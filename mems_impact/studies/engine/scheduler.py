@@ -146,7 +146,8 @@ def _compute(study: Study, chunks: ChunkStore, crew: WorkerPool, progress: Progr
         chunks.scan_completed()
         raise StudyInterrupted(chunks.table(), chunks.done, study.points) from None
     except ExecutorLost as error:
-        raise WorkersLost(str(error), chunks.table(), chunks.done, study.points) from None
+        table, done = chunks.table(), chunks.done
+        raise WorkersLost(str(error), table, done, study.points, error.remedy) from None
     except Exception as error:
         error.table = chunks.table()  # type: ignore[attr-defined]
         error.add_note(f"{chunks.done} of {study.points} points are done")
