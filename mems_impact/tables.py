@@ -138,8 +138,8 @@ def table(
     import pandas as pd  # imported on first use, which a run without tables need not wait for
 
     units = {name: unit_of(name, labels.units) for name in (*user_columns, *columns)}
-    shown = {name: labels.out(name, values) for name, values in columns.items()}
-    result = pd.DataFrame({**user_columns, **shown})
+    displayed = {name: labels.out(name, values) for name, values in columns.items()}
+    result = pd.DataFrame({**user_columns, **displayed})
     result.attrs = {
         "units": {name: unit for name, unit in units.items() if unit},
         "system": repr(labels),
@@ -201,11 +201,11 @@ def without_units(shown: pd.DataFrame) -> pd.DataFrame:
     A table without units in its headings is returned as it is.
     """
     pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in shown.columns}
-    found = {name: (match[1], match[2]) for name, match in pairs.items() if match}
-    if not found:
+    headings = {name: (match[1], match[2]) for name, match in pairs.items() if match}
+    if not headings:
         return shown
-    result = shown.rename(columns={name: plain for name, (plain, _) in found.items()})
-    result.attrs = {**shown.attrs, "units": dict(found.values())}
+    result = shown.rename(columns={name: plain for name, (plain, _) in headings.items()})
+    result.attrs = {**shown.attrs, "units": dict(headings.values())}
     return result
 
 
@@ -251,10 +251,10 @@ def event_codes(log: Events, automaton: Automaton) -> NDArray[np.int64]:
 
 def is_shown(log: Events) -> NDArray[np.bool_]:
     """Return a mask of the rows of the log that are events to a user: those that end an arc."""
-    shown: NDArray[np.bool_] = np.isin(
+    mask: NDArray[np.bool_] = np.isin(
         log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH)
     )
-    return shown
+    return mask
 
 
 # --- Tables as labelled arrays, with their units.
@@ -314,8 +314,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
             raise InvalidParameter("index", column, f"one of {', '.join(map(str, table.columns))}")
     kinds = table.dtypes.items()
     texts = {name: object for name, kind in kinds if isinstance(kind, pd.CategoricalDtype)}
-    plain = table.astype(texts)  # netCDF has no categories
-    rows = plain.set_index(names) if names else plain.rename_axis("row")
+    without_categories = table.astype(texts)  # netCDF has no categories
+    rows = without_categories.set_index(names) if names else without_categories.rename_axis("row")
     if len(names) > 1 and rows.index.has_duplicates:
         raise InvalidParameter("index", tuple(names), "columns by which no two rows are the same")
     dataset = xr.Dataset.from_dataframe(rows)
@@ -384,7 +384,7 @@ def codimension_two(
 
 
 def _special(
-    places: Mapping[str, Any],
+    first_columns: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],
     labels: Labels,
     like: pd.DataFrame,
@@ -393,21 +393,26 @@ def _special(
 
     A column of `like` that no row has, such as a third crossing of the section, is NaN.
     """
-    found = _table(places, rows, labels)
+    rows_table = _table(first_columns, rows, labels)
     for name in like.columns:
-        if name not in found:
-            found[name] = like[name].iloc[:0]
-    measures = [name for name in like.columns if name not in places]
-    more = [name for name in found.columns if name not in places and name not in measures]
-    result = found[[*places, *measures, *more]]
-    result.attrs = {**found.attrs, "units": {**like.attrs["units"], **found.attrs["units"]}}
+        if name not in rows_table:
+            rows_table[name] = like[name].iloc[:0]
+    measures = [name for name in like.columns if name not in first_columns]
+    more = [
+        name for name in rows_table.columns if name not in first_columns and name not in measures
+    ]
+    result = rows_table[[*first_columns, *measures, *more]]
+    result.attrs = {
+        **rows_table.attrs,
+        "units": {**like.attrs["units"], **rows_table.attrs["units"]},
+    }
     return result
 
 
 def _table(
-    places: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
+    first_columns: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    return table({}, labels, user_columns={**places, **_measures(rows)}, **captions(labels))
+    return table({}, labels, user_columns={**first_columns, **_measures(rows)}, **captions(labels))
 
 
 def parameter_columns(
@@ -422,12 +427,12 @@ def parameter_columns(
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the columns that describe orbits, those of their location first."""
-    own = ("value", "values", "label", "kind", "criticality", "type", "states")
-    names = [name for name in (rows[0] if rows else ()) if name not in own]
+    leading = ("value", "values", "label", "kind", "criticality", "type", "states")
+    names = [name for name in (rows[0] if rows else ()) if name not in leading]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
     for state in rows[0]["states"] if rows else ():
-        most = max(len(row["states"][state]) for row in rows)
-        for i in range(max(1, most)):
+        columns_of_state = max(len(row["states"][state]) for row in rows)
+        for i in range(max(1, columns_of_state)):
             values = [row["states"][state][i : i + 1] for row in rows]
             numbers = [float(value[0]) if len(value) else np.nan for value in values]
             columns[state if i == 0 else f"{state} {i + 1}"] = np.array(numbers)
@@ -444,13 +449,13 @@ def events(
 
     Columns: when, what happened, the modes before and after, the state after, and `observed`.
     """
-    shown = is_shown(log)
-    log = log[shown]
+    mask = is_shown(log)
+    log = log[mask]
     columns = {
         **_transitions(log, period, labels),
         **states(labels.automaton.states, log.after),
         **labels.derived_columns(log.cycle, log.time, log.after),
-        **{name: values[shown] for name, values in observed.items()},
+        **{name: values[mask] for name, values in observed.items()},
     }
     return table(columns, labels)
 
@@ -552,9 +557,9 @@ def segments(
 
 def statistics(values: Mapping[str, float], labels: Labels) -> pd.Series:
     """Return one number per row, in the order given."""
-    wide = table({name: np.array([value]) for name, value in values.items()}, labels)
-    result = wide.iloc[0].astype(float).rename("statistics")
-    result.attrs = wide.attrs
+    table_of_columns = table({name: np.array([value]) for name, value in values.items()}, labels)
+    result = table_of_columns.iloc[0].astype(float).rename("statistics")
+    result.attrs = table_of_columns.attrs
     return result
 
 
@@ -621,11 +626,11 @@ def sweep_columns(
         return np.repeat(np.array(values), repeats)
 
     def crossing(column: str) -> NDArray[Any]:
-        none = np.array([np.nan])
-        found = [
-            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
+        missing = np.array([np.nan])
+        values = [
+            p["section"][column] if k else missing for p, k in zip(points, crossings, strict=True)
         ]
-        return np.concatenate([*found, none])[:-1]
+        return np.concatenate([*values, missing])[:-1]
 
     return {
         parameter: repeated([point["value"] for point in points]).astype(float),
@@ -665,11 +670,11 @@ def sweep(
         Other quantities of figures, for ``attrs``: column and axis label.
     """
     columns = sweep_columns(parameter, points, states, statistics, labels)
-    shown = {**captions(labels), "states": list(states)}
+    attributes = {**captions(labels), "states": list(states)}
     if not labels.forced and labels.section is None:
-        shown["maxima"] = True
-    shown["quantities"] = {name: list(pair) for name, pair in quantities.items()}
-    return table({}, labels, user_columns=columns, **shown)
+        attributes["maxima"] = True
+    attributes["quantities"] = {name: list(pair) for name, pair in quantities.items()}
+    return table({}, labels, user_columns=columns, **attributes)
 
 
 def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -726,8 +731,8 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     units = dict(table.attrs.get("units", {}))
     if state in units:
         units[f"{state} min"] = units[f"{state} max"] = units[state]
-    shown = {name: unit for name, unit in units.items() if name in summary}
-    summary.attrs = {**table.attrs, "units": shown}
+    summary_units = {name: unit for name, unit in units.items() if name in summary}
+    summary.attrs = {**table.attrs, "units": summary_units}
     return summary
 
 
@@ -741,11 +746,11 @@ def impact_changes(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
     """
     summary = sweep_summary(table)
     summary = summary[summary["status"] == "ok"]
-    found = []
+    result = []
     for direction, rows in summary.groupby("direction", sort=False):
         impacting = rows["impacting"].to_numpy()
         changes = (impacting[1:] != impacting[:-1]).nonzero()[0]
         if changes.size:
             row = rows.iloc[changes[0] + 1]
-            found.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
-    return found
+            result.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
+    return result

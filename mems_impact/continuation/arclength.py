@@ -93,10 +93,10 @@ def tangent(point: Linearized, along: Floats | None = None) -> Floats:
     along : float array, optional
         Orientation of the tangent; by default, the parameter increases.
     """
-    known = vars(point)
-    if "_null_vector" not in known:  # of a point it is needed several times
-        known["_null_vector"] = null_vector(np.hstack([point.jacobian, point.by_parameter]))
-    direction = known["_null_vector"]
+    stored = vars(point)
+    if "_null_vector" not in stored:  # of a point it is needed several times
+        stored["_null_vector"] = null_vector(np.hstack([point.jacobian, point.by_parameter]))
+    direction = stored["_null_vector"]
     forward = direction[-1] if along is None else direction @ along
     return np.asarray(direction if forward >= 0.0 else -direction)
 
@@ -146,7 +146,7 @@ class PredictorStep(Generic[P]):
         Start of the step.
     along : float array
         The unit tangent there.
-    behind : sequence of float array, optional
+    previous : sequence of float array, optional
         Unknowns and parameters of earlier points.
     """
 
@@ -155,14 +155,14 @@ class PredictorStep(Generic[P]):
         correct: Callable[[Floats, Floats, Floats], Solution[P]],
         point: P,
         along: Floats,
-        behind: Sequence[Floats] = (),
+        previous: Sequence[Floats] = (),
     ) -> None:
         self.start, self.along = np.concatenate([point.unknowns, point.values]), along
         self._correct = correct
         self._found = {0.0: Solution(self.start, point, 0)}
         # Offset of the branch from the tangent, divided by s^2, by s.
         self._curvatures: dict[float, Floats] = {}
-        for earlier in behind:
+        for earlier in previous:
             s = float((earlier - self.start) @ along)
             if s < 0.0:
                 self._add_curvature(s, earlier)
@@ -178,13 +178,13 @@ class PredictorStep(Generic[P]):
         """
         if s not in self._found:
             plane = self.start + s * self.along
-            found = self._correct(plane, self.along, self.expected(s))
-            if np.linalg.norm(found.unknowns - plane) > abs(s) + RESIDUAL_TOLERANCE:
+            solution = self._correct(plane, self.along, self.expected(s))
+            if np.linalg.norm(solution.unknowns - plane) > abs(s) + RESIDUAL_TOLERANCE:
                 raise OrbitError(
                     "the correction of a step converged to a distant point", "take a shorter step"
                 )
-            self._found[s] = found
-            self._add_curvature(s, found.unknowns)
+            self._found[s] = solution
+            self._add_curvature(s, solution.unknowns)
         return self._found[s]
 
     def expected(self, s: float) -> Floats:
@@ -220,10 +220,10 @@ class PredictorStep(Generic[P]):
         bend = np.zeros_like(self.along)
         if not self._curvatures:
             return bend
-        least = MIN_SEPARATION_RATIO * max(map(abs, self._curvatures))
+        gap = MIN_SEPARATION_RATIO * max(map(abs, self._curvatures))
         nodes: list[float] = []
         for node in sorted(self._curvatures, key=lambda node: abs(node - s)):
-            if all(abs(node - other) >= least for other in nodes) and len(nodes) < PREDICTOR_POINTS:
+            if all(abs(node - other) >= gap for other in nodes) and len(nodes) < PREDICTOR_POINTS:
                 nodes.append(node)
         for node in nodes:
             weight = 1.0
@@ -277,8 +277,8 @@ class ClosureDetector:
         first, last = (beyond(step.at(s).point) for s in (0.0, length))
         if first == 0.0 or first * last > 0.0 or (last > first) != self.forward:
             return None
-        place = step.zero(beyond, length)
-        return place if self.lies_on(shooting, step.at(place).point) else None
+        position = step.zero(beyond, length)
+        return position if self.lies_on(shooting, step.at(position).point) else None
 
     def lies_on(
         self,
@@ -300,15 +300,15 @@ def orbit_distance(
     A driven orbit is compared at the starts of its forcing periods, a limit cycle at any phase.
     """
     states, _ = shooting.unpack(point.unknowns)
-    apart = [math.inf]
+    distances = [math.inf]
     for i, segment in enumerate(shooting.segments):
         if segment.mode != mode:
             continue
         if shooting.phase is not None:
-            apart.append(_nearest(shooting, point, i, states[i], state))
+            distances.append(_nearest(shooting, point, i, states[i], state))
         elif i == 0 or shooting.segments[i - 1].cycle != segment.cycle:
-            apart.append(_largest_difference(shooting, states[i], state))
-    return min(apart)
+            distances.append(_largest_difference(shooting, states[i], state))
+    return min(distances)
 
 
 def _largest_difference(shooting: Shooting, y: Floats, state: Floats) -> float:
@@ -383,12 +383,12 @@ def no_orbit_message(error: Exception, family: Family) -> str:
 
 
 def budget_message(
-    steps: StepControl, length: float, held: str, parameter: str, part: float
+    steps: StepControl, length: float, reason: str, parameter: str, part: float
 ) -> str:
     """Return the message of an exhausted budget of points, with the limit of the last steps."""
     message = f"the budget of {steps.most} points is used up"
-    if held and length < SHORT_STEP_RATIO * steps.largest:
-        return f"{message}; steps are down to a length of {length:.2g}: {held}"
+    if reason and length < SHORT_STEP_RATIO * steps.largest:
+        return f"{message}; steps are down to a length of {length:.2g}: {reason}"
     return (
         f"{message}; a step of length {length:.2g} changes {parameter} by a fraction of {part:.1g}"
     )
@@ -536,9 +536,9 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
     def no_step(self, point: P, error: Exception) -> str:
         """Return the message for a point beyond which no step of any length succeeds."""
         values = zip(self.parameters, point.values.tolist(), strict=True)
-        where = " and ".join(f"{name} = {self.family.amount(name, v)}" for name, v in values)
+        location = " and ".join(f"{name} = {self.family.amount(name, v)}" for name, v in values)
         reason = self._discontinuity(point) or reason_of(error, self.family)
-        return f"no further step possible beyond {where}: {reason}"
+        return f"no further step possible beyond {location}: {reason}"
 
     @abstractmethod
     def rates(self, point: P, name: str, value: float) -> Floats:
@@ -559,8 +559,8 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
             except CONTINUATION_ERRORS:  # the equations are not defined on both sides
                 continue
             if jump is not None:
-                where = self.family.amount(name, jump)
-                return f"the equations are discontinuous in {name} near {name} = {where}"
+                location = self.family.amount(name, jump)
+                return f"the equations are discontinuous in {name} near {name} = {location}"
         return ""
 
 
@@ -596,7 +596,7 @@ class Continuation(Generic[P, R, E]):
     ) -> None:
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
         self._stop_at = stop_at
-        self._held = ""  # reason of the last step reduction
+        self._reduction_reason = ""  # reason of the last step reduction
         self._restart(Restart(point, along, steps.initial))
 
     def __iter__(self) -> Iterator[R]:
@@ -618,7 +618,7 @@ class Continuation(Generic[P, R, E]):
     def _restart(self, onward: Restart[P]) -> None:
         """Start at a point without earlier points of the same equations."""
         self._point, self._along, self._length = onward
-        self._behind: list[Floats] = []
+        self._previous_points: list[Floats] = []
         self._before = self.problem.tests(self._point, self._along)
 
     def _advance(self) -> None:
@@ -630,7 +630,7 @@ class Continuation(Generic[P, R, E]):
             reach = self.steps.within(self.low, self.high, point, along, self._length / size)
             self._length = reach * size
             corrector = problem.corrector(point)
-            step = PredictorStep(corrector, point, along, self._behind[-PREDICTOR_POINTS:])
+            step = PredictorStep(corrector, point, along, self._previous_points[-PREDICTOR_POINTS:])
             _, following, iterations = step.at(reach)
             problem.check(point, following)
             closing = problem.closing(step, reach)
@@ -645,7 +645,7 @@ class Continuation(Generic[P, R, E]):
                 last = self._at_bound(step, following)
         except CONTINUATION_ERRORS as error:
             self._length /= 2.0
-            self._held = reason_of(error, problem.family)
+            self._reduction_reason = reason_of(error, problem.family)
             if self._length < self.steps.smallest:
                 problem.stalled()
                 problem.branch.ended = problem.no_step(point, error)
@@ -655,13 +655,13 @@ class Continuation(Generic[P, R, E]):
             until = next(i for i, each in enumerate(located.events, 1) if each is stop)
             loss = stop if stop is located.loss else None
             located = replace(located, events=located.events[:until], loss=loss)
-        known = {id(event) for event in problem.branch.special_points}
+        earlier = {id(event) for event in problem.branch.special_points}
         problem.accept(located)
         if located.loss is not None:
             onward = problem.pass_loss(located, self._length)
             # The loss is named, or found to be none, by the orbits beyond it.
-            named = [each for each in problem.branch.special_points if id(each) not in known]
-            stop = self._first_stop(named)
+            events = [each for each in problem.branch.special_points if id(each) not in earlier]
+            stop = self._first_stop(events)
             if isinstance(onward, str):
                 problem.branch.ended = onward
             elif stop is not None:
@@ -675,7 +675,7 @@ class Continuation(Generic[P, R, E]):
             problem.record(*last)
             problem.branch.ended = f"{problem.parameters[-1]} reached its bound"
         else:
-            self._behind.append(step.start)
+            self._previous_points.append(step.start)
             self._point, self._along, self._before = following, ahead, after
             problem.record(following, ahead)
             closed = f"the {problem.noun} {CLOSED}" if closing is not None else ""
@@ -717,11 +717,11 @@ class Continuation(Generic[P, R, E]):
             self._length = min(1.5 * self._length, self.steps.largest)
         elif iterations >= SLOW_ITERATIONS:
             self._length /= 1.5
-            self._held = f"a correction takes {iterations} Newton steps"
+            self._reduction_reason = f"a correction takes {iterations} Newton steps"
 
     def _budget_used(self) -> str:
         """Return the message of an exhausted budget of points."""
         value = abs(float(self._point.values[-1]))
         moved = abs(float(self._along[-1])) * self._length / self.problem.norm(self._along)
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
-        return budget_message(self.steps, self._length, self._held, parameter, part)
+        return budget_message(self.steps, self._length, self._reduction_reason, parameter, part)

@@ -73,10 +73,10 @@ def boundary_crossing(event: EquilibriumEvent, parameter: str) -> BoundaryCrossi
     values = np.array([state.family.values[parameter]])
     names = [guard.name for guard in equations.automaton.guards]
     guard = names.index(event.guard)
-    own = equations.evaluate(state.balance.unknowns, values)
-    found = list(_meeting(equations, own))
-    reached = _reached(equations, own, guard)
-    near = [each for each in found if each[0].mode in reached] or found
+    evaluation = equations.evaluate(state.balance.unknowns, values)
+    crossings = list(_meeting(equations, evaluation))
+    reached = _reached(equations, evaluation, guard)
+    near = [each for each in crossings if each[0].mode in reached] or crossings
     if len({each[0].mode for each in near}) != 1:
         modes = ", ".join(equations.automaton.modes[each[0].mode] for each in near)
         problem = f"several modes have an equilibrium there: {modes}" if near else (
@@ -87,13 +87,13 @@ def boundary_crossing(event: EquilibriumEvent, parameter: str) -> BoundaryCrossi
             "give the impact a rest contact, or the surface a sliding mode",
         )
     other, point, beyond = near[0]
-    slopes = _slope(equations, own, guard), _slope(other, point, beyond)
+    slopes = _slope(equations, evaluation, guard), _slope(other, point, beyond)
     kind = PERSISTENCE if slopes[0] * slopes[1] < 0.0 else NONSMOOTH_FOLD
     return BoundaryCrossing(kind, make_equilibrium(other, point), (guard, beyond), slopes)
 
 
 def _meeting(
-    equations: EquilibriumEquations, own: EquilibriumEvaluation
+    equations: EquilibriumEquations, evaluation: EquilibriumEvaluation
 ) -> Iterator[tuple[EquilibriumEquations, EquilibriumEvaluation, int]]:
     """Yield other modes with an equilibrium on a zero of a margin at the point."""
     guards = equations.automaton.guards
@@ -102,7 +102,7 @@ def _meeting(
             continue
         other = EquilibriumEquations(equations.family, mode, equations.active)
         try:
-            point = other.evaluate(own.unknowns, own.values)
+            point = other.evaluate(evaluation.unknowns, evaluation.values)
             margins = other.margins(point)
         except (OrbitError, ArithmeticError, ValueError):
             continue  # no flow there, such as that of sliding along a continuous field
@@ -118,15 +118,17 @@ def _meeting(
             yield other, point, zeros[0]
 
 
-def _reached(equations: EquilibriumEquations, own: EquilibriumEvaluation, guard: int) -> set[int]:
+def _reached(
+    equations: EquilibriumEquations, evaluation: EquilibriumEvaluation, guard: int
+) -> set[int]:
     """Return the modes to which transitions lead from states around the point."""
-    size = PROBE_DISTANCE * max(1.0, float(np.abs(own.unknowns).max(initial=0.0)))
-    found = set()
+    size = PROBE_DISTANCE * max(1.0, float(np.abs(evaluation.unknowns).max(initial=0.0)))
+    reached = set()
     for shift in (0.0, size, -size):
-        for unit in np.eye(own.unknowns.size):
-            there = replace(own, unknowns=own.unknowns + shift * unit)
-            found.add(equations.mode_after(there, guard))
-    return found - {equations.mode}
+        for unit in np.eye(evaluation.unknowns.size):
+            shifted = replace(evaluation, unknowns=evaluation.unknowns + shift * unit)
+            reached.add(equations.mode_after(shifted, guard))
+    return reached - {equations.mode}
 
 
 def _slope(equations: EquilibriumEquations, point: EquilibriumEvaluation, guard: int) -> float:

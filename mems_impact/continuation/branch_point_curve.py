@@ -75,14 +75,14 @@ def correct_branch_point(
         rows = np.vstack([matrix, np.append(along, 0.0)])
         return point, np.append(residual, along @ (u[:-1] - plane)), rows
 
-    found = newton(
+    solution = newton(
         extended,
         np.append(guess, 0.0),
         reason="the correction of a step did not converge",
         remedy=SHORTER_STEP_REMEDY,
         iterations=MAX_CURVE_ITERATIONS,
     )
-    return Solution(found.unknowns[:-1], found.point, found.iterations)
+    return Solution(solution.unknowns[:-1], solution.point, solution.iterations)
 
 
 def curve_tangent(equations: Solvable[P], point: P) -> Floats:
@@ -107,10 +107,10 @@ class BranchPointCurve(CurveProblem):
         shooting, unknowns, first = rebase_phase(self.shooting, point)
         near = shooting.evaluate(unknowns, point.values)
         start, across = np.concatenate([unknowns, point.values]), curve_tangent(shooting, near)
-        there = correct_branch_point(shooting, near, start, across, start).point
+        restarted = correct_branch_point(shooting, near, start, across, start).point
         self.zero = {other.rebased(len(self.shooting.segments), first) for other in self.zero}
         self.shooting, self.condition = shooting, DefiningSystem(shooting, self.monitor)
-        return there, oriented(curve_tangent(shooting, there), along, 2)
+        return restarted, oriented(curve_tangent(shooting, restarted), along, 2)
 
     def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
         """Return the unit tangent of the curve, in the direction of `along`."""
@@ -138,9 +138,9 @@ class BranchPointCurve(CurveProblem):
         """Return the reason for an end where the branch point unfolds."""
         if unfolding(point) <= RESIDUAL_TOLERANCE:
             return ""
-        where = self.family.amount(self.parameters[1], float(self.branch.points[-1].values[1]))
+        value = self.family.amount(self.parameters[1], float(self.branch.points[-1].values[1]))
         return (
-            f"{UNFOLDS}: at another value of {self.parameters[1]} than {where}, no branch crosses"
+            f"{UNFOLDS}: at another value of {self.parameters[1]} than {value}, no branch crosses"
         )
 
     def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:

@@ -80,40 +80,40 @@ class BranchPoints(Generic[P]):
         """
         guess = step.expected(length * first / (first - last))
         near = self._equations.evaluate(guess[:-1], guess[-1:])
-        found = newton(
+        solution = newton(
             partial(extended_equations, self._equations, *null_vectors(near)),
             np.append(guess, 0.0),
             reason=NOT_LOCATED,
             remedy="take a shorter step",
         )
-        x, beta = found.unknowns[:-1], abs(float(found.unknowns[-1]))
-        place = float((x - step.start) @ step.along)
-        aside = float(np.linalg.norm(x - step.start - place * step.along))
+        x, beta = solution.unknowns[:-1], abs(float(solution.unknowns[-1]))
+        position = float((x - step.start) @ step.along)
+        aside = float(np.linalg.norm(x - step.start - position * step.along))
         radius = max(MIN_FOLD_DISTANCE, UNFOLDING_RATIO * beta ** (1.0 / 3.0))
         if (
-            not -radius <= place <= length + radius
-            or aside > abs(place) + radius
+            not -radius <= position <= length + radius
+            or aside > abs(position) + radius
             or beta > RESIDUAL_TOLERANCE
         ):
-            raise OrbitError(NOT_LOCATED, "take a shorter step", found.point)
+            raise OrbitError(NOT_LOCATED, "take a shorter step", solution.point)
         self._known.append((x, radius))
-        return min(max(place, 0.0), length), found.point
+        return min(max(position, 0.0), length), solution.point
 
     def between(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
         """Return the parts of a step outside the radii of branch points."""
-        parts, begin = [], 0.0
+        intervals, begin = [], 0.0
         around = [((x - step.start) @ step.along, radius) for x, radius in self._known]
-        for place, radius in sorted(around):
-            if -radius < place < length + radius:
-                parts.append((begin, place - radius))
-                begin = place + radius
-        return [(a, b) for a, b in [*parts, (begin, length)] if a < b]
+        for position, radius in sorted(around):
+            if -radius < position < length + radius:
+                intervals.append((begin, position - radius))
+                begin = position + radius
+        return [(a, b) for a, b in [*intervals, (begin, length)] if a < b]
 
     def is_known(self, point: P) -> bool:
         """Return whether a point coincides with a known branch point."""
-        here = np.concatenate([point.unknowns, point.values])
-        same = [(x, radius) for x, radius in self._known if x.size == here.size]
-        return any(float(np.linalg.norm(here - x)) < radius for x, radius in same)
+        position = np.concatenate([point.unknowns, point.values])
+        same = [(x, radius) for x, radius in self._known if x.size == position.size]
+        return any(float(np.linalg.norm(position - x)) < radius for x, radius in same)
 
 
 def extended_equations(
@@ -159,8 +159,8 @@ def null_vectors(point: Linearized) -> tuple[Floats, Floats]:
 def _derivatives_along(
     equations: Solvable[P], size: int, x: Floats, v: Floats, step: float
 ) -> Floats:
-    there = x + step * v
-    return _derivatives(equations.evaluate(there[:size], there[size:]))
+    shifted = x + step * v
+    return _derivatives(equations.evaluate(shifted[:size], shifted[size:]))
 
 
 def _derivatives(point: Linearized) -> Floats:

@@ -107,22 +107,22 @@ def first_orbit_on_branch(
         If the correction fails at the first distance.
     """
     value = float(start[-1])
-    found, onward = None, away
+    switched, onward = None, away
     for distance in distances:
         try:
             first = correct(shooting, start + distance * away, away).point
         except OrbitError:
-            if found is None:
+            if switched is None:
                 raise
             break
         farther = make_orbit(shooting, first)
-        if found is not None and found.admissible and not farther.admissible:
+        if switched is not None and switched.admissible and not farther.admissible:
             break
-        found, onward = farther, np.append(first.unknowns, first.values) - start
+        switched, onward = farther, np.append(first.unknowns, first.values) - start
         if abs(onward[-1]) > MIN_PARAMETER_CHANGE * abs(value):
             break
-    assert found is not None
-    return found, onward
+    assert switched is not None
+    return switched, onward
 
 
 # --- Branch points
@@ -234,5 +234,5 @@ def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Rotate the eigenvector so that its real and imaginary parts are orthogonal.
     turn = 0.5 * np.angle(np.sum(vector * vector))
     vector = vector * np.exp(-1j * turn)
-    wide, onward = vector.real, -vector.imag
-    return wide / np.linalg.norm(wide), onward / np.linalg.norm(onward)
+    real, onward = vector.real, -vector.imag
+    return real / np.linalg.norm(real), onward / np.linalg.norm(onward)

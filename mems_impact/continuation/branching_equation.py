@@ -117,7 +117,7 @@ class CrossingBranch(Generic[P]):
         OrbitError
             If no branch but the known one is found.
         """
-        found: FirstPoint[P] | None = None
+        first: FirstPoint[P] | None = None
         significant = MIN_PARAMETER_CHANGE * abs(self._start[-1])
         # An error of the equations separates the branches within this radius.
         radius = UNFOLDING_RATIO * self._error ** (1.0 / 3.0)
@@ -126,20 +126,20 @@ class CrossingBranch(Generic[P]):
             try:
                 point = self._at(distance)
             except OrbitError:
-                if found is not None:
+                if first is not None:
                     break
                 continue
             away = _whole(point) - self._start
-            found = FirstPoint(point, self._side(point, away), float(np.linalg.norm(away)))
+            first = FirstPoint(point, self._side(point, away), float(np.linalg.norm(away)))
             change = abs(float(away[-1]))
             if change > max(significant, CONTINUUM_CHANGE):
-                return found
-        if found is None:
+                return first
+        if first is None:
             remedy = "locate it again with shorter steps, or start from a perturbed state"
             raise OrbitError(NO_OTHER_BRANCH, remedy)
         if change < CONTINUUM_CHANGE:
             raise OrbitError(CONTINUUM, "add a nonlinear term, or break the symmetry")
-        return found
+        return first
 
     def _side(self, point: P, away: Floats) -> float:
         return math.copysign(1.0, float(tangent(point, away)[-1]))
@@ -201,7 +201,7 @@ class CrossingBranch(Generic[P]):
         """
         x = self._kernel @ self.own
         across = np.array([-x[1], x[0]])
-        place = radius * (math.cos(angle) * x + math.sin(angle) * across)
+        position = radius * (math.cos(angle) * x + math.sin(angle) * across)
 
         def extended(u: Floats) -> tuple[P, Floats, Floats]:
             point = self._equations.evaluate(u[:-2], u[-2:-1])
@@ -210,12 +210,12 @@ class CrossingBranch(Generic[P]):
             matrix[:size, :-1], matrix[:size, -1] = _derivatives(point), self._left
             matrix[size:, :-1] = self._kernel
             residual = point.residual + u[-1] * self._left
-            rest = self._kernel @ (u[:-1] - self._start) - place
+            rest = self._kernel @ (u[:-1] - self._start) - position
             return point, np.concatenate([residual, rest]), matrix
 
         return newton(
             extended,
-            np.append(self._start + place @ self._kernel, 0.0),
+            np.append(self._start + position @ self._kernel, 0.0),
             reason="the reduced equation could not be solved near the branch point",
             remedy=SHORTER_STEP_REMEDY,
             iterations=MAX_CORRECTOR_ITERATIONS,
@@ -225,8 +225,8 @@ class CrossingBranch(Generic[P]):
         """Return the second derivatives along `v`, shape (unknowns, unknowns + 1)."""
 
         def along(step: float) -> Floats:
-            there = self._start + step * v
-            return _derivatives(self._equations.evaluate(there[:-1], there[-1:]))
+            shifted = self._start + step * v
+            return _derivatives(self._equations.evaluate(shifted[:-1], shifted[-1:]))
 
         return central_difference(along, SECOND_DERIVATIVE_STEP)
 
@@ -246,8 +246,8 @@ def _roots(quadratic: Floats) -> list[Floats]:
         return []
     if size <= DEGENERATE_RATIO:
         return []
-    parts = math.sqrt(high) * vectors[:, 0], math.sqrt(-low) * vectors[:, 1]
-    return [each / np.linalg.norm(each) for each in (parts[0] + parts[1], parts[0] - parts[1])]
+    halves = math.sqrt(high) * vectors[:, 0], math.sqrt(-low) * vectors[:, 1]
+    return [each / np.linalg.norm(each) for each in (halves[0] + halves[1], halves[0] - halves[1])]
 
 
 def _oriented(direction: Floats) -> Floats:

@@ -65,8 +65,8 @@ def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
         return replace(orbit, family=orbit.family.at(**{parameter: value})), start
 
     def rests(distance: float) -> bool:
-        there, start = begin(distance)
-        events = run(there.family.problem(), start, orbit.periods).events
+        orbit_at, start = begin(distance)
+        events = run(orbit_at.family.problem(), start, orbit.periods).events
         ends = (events.kind == ACCUMULATION) & (events.guard == code - m)
         return int(ends.sum()) >= sequences
 
@@ -76,7 +76,7 @@ def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
         if before is None or beyond is None:
             return None
         before, _ = bisect(rests, before, beyond, abs(float(np.spacing(event.value))))
-        there, start = begin(before)
+        orbit_before, start = begin(before)
     except CONTINUATION_ERRORS:
         return None
     onset = replace(
@@ -86,7 +86,7 @@ def chatter_onset(event: BranchEvent, parameter: str) -> BranchEvent | None:
         value=event.value + onward * before,
     )
     try:
-        return _with_orbit(onset, there, start, parameter)
+        return _with_orbit(onset, orbit_before, start, parameter)
     except CONTINUATION_ERRORS:
         return onset
 
@@ -115,10 +115,10 @@ def _with_orbit(
     orbit = make_orbit(shooting, solve(shooting, unknowns, values))
     assert isinstance(onset.monitor, SegmentLengthTest)
     code = onset.orbit.segments[onset.monitor.segment - 1].code
-    places = [i for i, s in enumerate(guess.segments) if guess.segments[i - 1].code == code]
-    if not places or not orbit.admissible:
+    numbers = [i for i, s in enumerate(guess.segments) if guess.segments[i - 1].code == code]
+    if not numbers or not orbit.admissible:
         return onset
-    shortest = min(places, key=lambda i: float(orbit.point.ends[i] - orbit.point.starts[i]))
+    shortest = min(numbers, key=lambda i: float(orbit.point.ends[i] - orbit.point.starts[i]))
     along = tangent(orbit.point)
     return replace(
         onset,

@@ -167,9 +167,9 @@ def follow_curve(
         curve.ended = f"the first point could not be corrected: {reason_of(error, orbit.family)}"
         return curve
     try:
-        for found in Continuation(curve_problem, point, along, low=low, high=high, steps=steps):
+        for solution in Continuation(curve_problem, point, along, low=low, high=high, steps=steps):
             if progress is not None:
-                progress(found.values[1])
+                progress(solution.values[1])
     except CONTINUATION_ERRORS as error:
         curve.ended = reason_of(error, orbit.family)
     return curve
@@ -224,11 +224,11 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         near = shooting.evaluate(unknowns, point.values)
         gradient, start = condition.gradient(near), np.concatenate([unknowns, point.values])
         across = curve_direction(near, gradient)
-        there = correct_condition(shooting, condition, gradient, start, across, start).point
-        self._linear = there, condition.gradient(there)
+        restarted = correct_condition(shooting, condition, gradient, start, across, start).point
+        self._linear = restarted, condition.gradient(restarted)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
         self.zero = {other.rebased(count, first) for other in self.zero}
-        return there, oriented(curve_direction(*self._linear), along, 2)
+        return restarted, oriented(curve_direction(*self._linear), along, 2)
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
         """Append an orbit to the curve."""
@@ -240,9 +240,9 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         orbit = make_orbit(self.shooting, point)
         if not isinstance(self.monitor, ModeChoiceTest):
             return orbit
-        here = self.monitor.segment
-        kept = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", here))
-        return replace(orbit, defects=tuple(kept))
+        segment = self.monitor.segment
+        defects = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", segment))
+        return replace(orbit, defects=tuple(defects))
 
     def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
         """Return the unit tangent of the curve, in the direction of `along`."""
@@ -279,13 +279,13 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         ):
             named.append(CriticalityTest(self.monitor.kind))
         multipliers = multipliers_at(self.shooting, point)  # once for all tests that need them
-        found = {
+        values = {
             test: test.of(multipliers)
             if isinstance(test, MultiplierTest)
             else test.on_curve(self.condition, point)
             for test in named
         }
-        tests: Tests = {test: value for test, value in found.items() if value is not None}
+        tests: Tests = {test: value for test, value in values.items() if value is not None}
         for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
             if isinstance(other, MARGIN_TESTS) and other not in self.zero:
                 tests[other] = value
@@ -302,16 +302,16 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         if test.kind == GRAZING and self.monitor.kind == FOLD:
             # Folds of orbits with an impact start at zero impact speed, folds without an impact
             # where the grazing orbit has a multiplier +1.
-            what = "degenerate grazing" if isinstance(test, ContactSpeedTest) else "grazing-fold"
-            return what if test.guard == self.guard else f"{what} ({name})"
-        what, own = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
+            kind = "degenerate grazing" if isinstance(test, ContactSpeedTest) else "grazing-fold"
+            return kind if test.guard == self.guard else f"{kind} ({name})"
+        kind, curve_kind = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
         own_guard = getattr(self.monitor, "guard", -1)
-        double = what == own
-        if what == GRAZING and test.guard not in (self.guard, own_guard):
-            what = f"{GRAZING} ({name})"
+        double = kind == curve_kind
+        if kind == GRAZING and test.guard not in (self.guard, own_guard):
+            kind = f"{GRAZING} ({name})"
         if not self.monitor.ends_orbits:
-            return f"{what}-{own}"
-        return f"double {what}" if double else f"{own}-{what}"
+            return f"{kind}-{curve_kind}"
+        return f"double {kind}" if double else f"{curve_kind}-{kind}"
 
     def locate(
         self,
@@ -321,27 +321,29 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[ShootingEvaluation, CurveEvent]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        found: list[tuple[float, TestFunction, CurveEvent]] = []
+        candidates: list[tuple[float, TestFunction, CurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length, (value, after[test]))
                 if located is not None and self._inside(located[1].values[1]):
-                    found.append((located[0], test, located[1]))
-        found.sort(key=lambda item: item[0])
-        lost = [item for item in found if self._beyond(item[1], after)]
-        if not lost:
-            return LocatedEvents([special for _, _, special in found])
+                    candidates.append((located[0], test, located[1]))
+        candidates.sort(key=lambda item: item[0])
+        beyond = [item for item in candidates if self._beyond(item[1], after)]
+        if not beyond:
+            return LocatedEvents([special for _, _, special in candidates])
         # An impact at zero speed makes later margins zero as well; it gives the name.
         first = min(
-            (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+            (item for item in beyond if item[0] <= beyond[0][0] + COINCIDENT),
             key=lambda item: (
                 isinstance(item[1], MARGIN_TESTS) and item[1].kind != GRAZING,
                 item[0],
             ),
         )
-        kept = [special for position, _, special in found if position < first[0] - COINCIDENT]
+        earlier = [
+            special for position, _, special in candidates if position < first[0] - COINCIDENT
+        ]
         reason = f"{first[2].kind}: beyond it, {self._beyond(first[1], after)}"
-        return LocatedEvents([*kept, first[2]], first[2], reason)
+        return LocatedEvents([*earlier, first[2]], first[2], reason)
 
     def pass_loss(
         self, located: LocatedEvents[ShootingEvaluation, CurveEvent], length: float
@@ -372,10 +374,10 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         """Return the position in a step and the point of a zero of `test`, with values `ends`."""
 
         def value(point: ShootingEvaluation) -> float:
-            found = test.on_curve(self.condition, point)
-            if found is None:
+            value_on_curve = test.on_curve(self.condition, point)
+            if value_on_curve is None:
                 raise ValueError(test)
-            return found
+            return value_on_curve
 
         kind = self._kind(test)
         try:
@@ -435,15 +437,15 @@ def correct_condition(
     def extended(u: Floats) -> tuple[P, Floats, Floats]:
         nonlocal gradient, last
         point = equations.evaluate(u[:-2], u[-2:])
-        here = condition.value(point)
+        level = condition.value(point)
         if condition.derived:
             gradient = condition.gradient(point)
         elif last is not None:
             moved = u - last[0]
-            missed = here - last[1] - gradient @ moved
+            missed = level - last[1] - gradient @ moved
             gradient = gradient + missed * moved / (moved @ moved)
-        last = u, here
-        residual = np.concatenate([point.residual, [here, along @ (u - plane)]])
+        last = u, level
+        residual = np.concatenate([point.residual, [level, along @ (u - plane)]])
         matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
         return point, residual, matrix
 

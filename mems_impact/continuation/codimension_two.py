@@ -166,10 +166,10 @@ class CriticalDerivatives:
         for i, each in enumerate(single):
             self._third[i, i] = each.third
         for i, j in itertools.combinations(range(count), 2):
-            both = along(self._basis[:, i] + self._basis[:, j])
-            mixed = 0.5 * (both.third - single[i].third - single[j].third)  # polarization
+            sums = along(self._basis[:, i] + self._basis[:, j])
+            mixed = 0.5 * (sums.third - single[i].third - single[j].third)  # polarization
             self._third[i, j] = self._third[j, i] = mixed
-            errors.append(both.third_error)
+            errors.append(sums.third_error)
         self._errors.append(sum(errors))
 
     def bilinear(self, q: Vector, x: Vector) -> Vector:
@@ -194,9 +194,9 @@ class CriticalDerivatives:
 def _bordered(matrix: Vector, columns: Vector, rows: Vector, right: Vector) -> Complexes:
     """Solve ``matrix x = right`` on the complement of null vectors."""
     size, count = columns.shape
-    whole = np.zeros((size + count, size + count), dtype=complex)
-    whole[:size, :size], whole[:size, size:], whole[size:, :size] = matrix, columns, rows
-    return np.asarray(np.linalg.solve(whole, np.append(right, np.zeros(count)))[:size])
+    bordered = np.zeros((size + count, size + count), dtype=complex)
+    bordered[:size, :size], bordered[:size, size:], bordered[size:, :size] = matrix, columns, rows
+    return np.asarray(np.linalg.solve(bordered, np.append(right, np.zeros(count)))[:size])
 
 
 # --- Simple multipliers
@@ -249,7 +249,7 @@ def _critical(matrix: Floats, form: ResonantForm) -> tuple[Complexes, Complexes,
         abs(values[i] - value) > MULTIPLIER_DISTANCE for value, i in chosen
     ):
         raise OrbitError("the multipliers are not those of the point", "take shorter steps")
-    found: list[complex] = []
+    eigenvalues: list[complex] = []
     columns: list[Complexes] = []
     rows: list[Complexes] = []
     for value, i in chosen:
@@ -259,10 +259,10 @@ def _critical(matrix: Floats, form: ResonantForm) -> tuple[Complexes, Complexes,
         p = np.conj(left[:, i])
         p = p / (p @ q)
         for each in (value, value.conjugate())[: 1 if value.imag == 0.0 else 2]:
-            found.append(each)
+            eigenvalues.append(each)
             columns.append(q.astype(complex) if each == value else np.conj(q))
             rows.append(p if each == value else np.conj(p))
-    return np.array(found), np.array(columns).T, np.array(rows)
+    return np.array(eigenvalues), np.array(columns).T, np.array(rows)
 
 
 # --- Double multipliers
@@ -281,11 +281,11 @@ def _chains(matrix: Floats, value: float) -> tuple[Floats, Floats, Floats, Float
         raise OrbitError("the multiplier of the point is not double", "take shorter steps")
     q0 = q0 if q0.sum() >= 0.0 else -q0
     size = len(matrix)
-    whole = np.zeros((size + 1, size + 1))
-    whole[:size, :size], whole[:size, size], whole[size, :size] = shifted, p0, q0
-    q1 = np.linalg.solve(whole, np.append(q0, 0.0))[:size]
+    bordered = np.zeros((size + 1, size + 1))
+    bordered[:size, :size], bordered[:size, size], bordered[size, :size] = shifted, p0, q0
+    q1 = np.linalg.solve(bordered, np.append(q0, 0.0))[:size]
     p0 = p0 / (p0 @ q1)
-    p1 = np.linalg.solve(whole.T, np.append(p0, 0.0))[:size]
+    p1 = np.linalg.solve(bordered.T, np.append(p0, 0.0))[:size]
     return q0, q1, p0, p1 - (p1 @ q1) * p0
 
 

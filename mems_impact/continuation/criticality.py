@@ -95,8 +95,8 @@ class CriticalityTest(TestFunction):
         try:
             ends = [precise(0.0), precise(length)]
             # At a pole without residue the factors alone change their sign.
-            turned = ends[0][0] * ends[1][0] < 0.0 and ends[0][1] * ends[1][1] < 0.0
-            if not turned or any(abs(cubic) < error for _, cubic, error in ends):
+            changes_sign = ends[0][0] * ends[1][0] < 0.0 and ends[0][1] * ends[1][1] < 0.0
+            if not changes_sign or any(abs(cubic) < error for _, cubic, error in ends):
                 return None
             xtol = POSITION_RTOL * length
             position = float(brentq(lambda s: precise(s)[0], 0.0, length, xtol=xtol))

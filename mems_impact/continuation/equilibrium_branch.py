@@ -166,9 +166,9 @@ def follow_equilibrium(
         points = Continuation(
             problem, first, along, low=low, high=high, steps=steps, stop_at=stop_at
         )
-        for found in points:
+        for solution in points:
             if progress is not None:
-                progress(found.family.value(parameter))
+                progress(solution.family.value(parameter))
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, equilibrium.family)
     return branch
@@ -189,11 +189,11 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumS
 
     def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
         """Return the position in a step of a return to the first point and tangent, or None."""
-        place = float((self.first - step.start) @ step.along)
-        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:
+        position = float((self.first - step.start) @ step.along)
+        if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < position <= length:
             return None
-        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
-        return place if near and step.along @ self.at_first > 0.5 else None
+        near = np.abs(step.at(position).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
+        return position if near and step.along @ self.at_first > 0.5 else None
 
     def rates(self, point: EquilibriumEvaluation, name: str, value: float) -> Floats:
         """Return the flow at an equilibrium, at another value of a parameter."""
@@ -264,13 +264,13 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         after: Mapping[TestFunction, float],
     ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]:
         """Locate the special points of a step, in order."""
-        found = []
+        candidates = []
         ends = before[BranchPointTest()], after[BranchPointTest()]
-        for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
+        for position, kind, located, _ in self.bifurcations.within(step, length, *ends):
             crossed = kind == BRANCH_POINT  # the tangent there is not unique
-            along = branch_direction(step, there) if crossed else tangent(there, step.along)
+            along = branch_direction(step, located) if crossed else tangent(located, step.along)
             kind = HOPF if kind == CROSSING else kind
-            found.append((place, self._event(there, along, kind)))
+            candidates.append((position, self._event(located, along, kind)))
         for test in before:
             if not isinstance(test, BoundaryTest) or test not in after:
                 continue
@@ -278,21 +278,23 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
             # Where both are zero up to rounding, the branch lies on the boundary.
             largest = max(abs(before[test]), abs(after[test]))
             if changes_sign and largest > EQUILIBRIUM_MARGIN_TOLERANCE:
-                place = self._zero(step, length, test)
-                there = step.at(place).point
-                along = tangent(there, step.along)
-                found.append((place, self._event(there, along, test.kind, test.guard)))
-        for place, function, there in self.functions.within(step, length):
-            along = tangent(there, step.along)
-            found.append((place, self._event(there, along, function.kind)))
-        found.sort(key=lambda item: item[0])
-        return LocatedEvents([each for _, each in found if self.low <= each.value <= self.high])
+                position = self._zero(step, length, test)
+                located = step.at(position).point
+                along = tangent(located, step.along)
+                candidates.append((position, self._event(located, along, test.kind, test.guard)))
+        for position, function, located in self.functions.within(step, length):
+            along = tangent(located, step.along)
+            candidates.append((position, self._event(located, along, function.kind)))
+        candidates.sort(key=lambda item: item[0])
+        return LocatedEvents(
+            [each for _, each in candidates if self.low <= each.value <= self.high]
+        )
 
     def _zero(
         self, step: PredictorStep[EquilibriumEvaluation], length: float, test: BoundaryTest
     ) -> float:
-        def value(here: EquilibriumEvaluation) -> float:
-            return test.value(self.equations, here, step.along)
+        def value(evaluation: EquilibriumEvaluation) -> float:
+            return test.value(self.equations, evaluation, step.along)
 
         try:
             return step.zero(value, length)

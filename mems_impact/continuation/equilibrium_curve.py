@@ -179,9 +179,9 @@ class EquilibriumFoldCondition(ScalarCondition):
         sizes = np.abs(point.jacobian).max(axis=1)
         self._rows = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
         vectors, _, rows = np.linalg.svd(self._rows[:, None] * point.jacobian)
-        left, known = vectors[:, -1], self._border[0]
+        left, border = vectors[:, -1], self._border[0]
         # Singular vectors have arbitrary signs; that of the left one is that of the curvature.
-        if known.size and left @ known < 0.0:
+        if border.size and left @ border < 0.0:
             left = -left
         self._border = left, rows[-1]
 
@@ -250,16 +250,16 @@ class HopfCondition(ScalarCondition):
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
         """Return the derivatives trace(W F_xx V) and trace(W F_xp V) on the invariant plane."""
         right, left = self._plane(point)
-        by_all = [w @ self._along(point, v) for w, v in zip(left.T, right.T, strict=True)]
-        return np.asarray(sum(by_all)) / self._scale
+        by_unknowns = [w @ self._along(point, v) for w, v in zip(left.T, right.T, strict=True)]
+        return np.asarray(sum(by_unknowns)) / self._scale
 
     def _plane(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats]:
         """Return bases V and W of the right and left invariant planes, ``W^T V = 1``."""
         matrix, pair = point.jacobian, self.pair(point)
-        own = np.linalg.eigvals(matrix)[[pair.first, pair.second]]
+        pair_values = np.linalg.eigvals(matrix)[[pair.first, pair.second]]
 
         def selected(real: float, imaginary: float) -> bool:
-            return bool(np.abs(own - complex(real, imaginary)).min() < pair.tolerance)
+            return bool(np.abs(pair_values - complex(real, imaginary)).min() < pair.tolerance)
 
         form, basis, count = schur(matrix, sort=selected)
         if count != 2:
@@ -308,8 +308,8 @@ class BoundaryCondition(ScalarCondition):
         size = point.unknowns.size
 
         def margin(u: Floats) -> Floats:
-            there = replace(point, unknowns=u[:size], values=u[size:])
-            return np.array([self.value(there)])
+            shifted = replace(point, unknowns=u[:size], values=u[size:])
+            return np.array([self.value(shifted)])
 
         return differentiate(margin, np.concatenate([point.unknowns, point.values]))[0]
 
@@ -387,12 +387,12 @@ class EigenvaluePair(NamedTuple):
 
 def eigenvalue_pairs(values: Complexes) -> list[EigenvaluePair]:
     """Return the pairs among eigenvalues that are conjugate, or both real."""
-    size, found = float(np.abs(values).max(initial=0.0)), []
+    size, pairs = float(np.abs(values).max(initial=0.0)), []
     for i, j in itertools.combinations(range(values.size), 2):
         a, b = complex(values[i]), complex(values[j])
         if a.imag == 0.0 == b.imag or a == b.conjugate():
-            found.append(EigenvaluePair(i, j, (a + b).real, (a * b).real, size))
-    return found
+            pairs.append(EigenvaluePair(i, j, (a + b).real, (a * b).real, size))
+    return pairs
 
 
 # --- Test functions of points of codimension two
@@ -614,9 +614,9 @@ def follow_equilibrium_curve(
         curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
         return curve
     try:
-        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
+        for solution in Continuation(problem, point, along, low=low, high=high, steps=steps):
             if progress is not None:
-                progress(found.family.value(curve.parameters[1]))
+                progress(solution.family.value(curve.parameters[1]))
     except CONTINUATION_ERRORS as error:
         curve.ended = reason_of(error, family)
     return curve
@@ -636,14 +636,14 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         self.branch, self.condition, self.bounds = curve, condition, bounds
         self.equations = condition.equations
         self.family, self.parameters = self.equations.family, curve.parameters
-        own = condition.guard if isinstance(condition, BoundaryCondition) else -1
+        own_guard = condition.guard if isinstance(condition, BoundaryCondition) else -1
         name = BOUNDARY_NAMES[condition.kind]
         self._tests = [
             *CODIMENSION_TWO_TESTS[condition.kind],
             *(
                 MarginTest(name, j)
                 for j, guard in enumerate(self.equations.automaton.guards)
-                if j != own and not guard.records
+                if j != own_guard and not guard.records
             ),
         ]
 
@@ -667,14 +667,14 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
                 if loss is not None:
                     length = END_RATIO * loss[0]
                     after = self.tests(step.at(length).point, step.along)
-        found: list[tuple[float, EquilibriumCurveEvent]] = []
+        candidates: list[tuple[float, EquilibriumCurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length, (value, after[test]))
                 if located is not None:
-                    found.append(located)
-        found.sort(key=lambda item: item[0])
-        events = [event for _, event in found if self._inside(event.values[1])]
+                    candidates.append(located)
+        candidates.sort(key=lambda item: item[0])
+        events = [event for _, event in candidates if self._inside(event.values[1])]
         if loss is None or not self._inside(loss[1].values[1]):
             return LocatedEvents(events)
         reason = (
@@ -703,10 +703,10 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         """Return the position in a step and the point of a zero of `test`, with values `ends`."""
 
         def value(point: EquilibriumEvaluation) -> float:
-            found = test.value(self.condition, point)
-            if found is None:
+            value_on_curve = test.value(self.condition, point)
+            if value_on_curve is None:
                 raise ValueError(test)
-            return found
+            return value_on_curve
 
         try:
             position = step.zero(value, length)
@@ -787,5 +787,5 @@ class _BranchPointCurve(_EquilibriumCurveProblem):
         if unfolding(point) <= RESIDUAL_TOLERANCE:
             return ""
         name = self.parameters[1]
-        where = self.family.amount(name, self.branch.points[-1].family.values[name])
-        return f"{UNFOLDS}: at another value of {name} than {where}, no branch crosses"
+        location = self.family.amount(name, self.branch.points[-1].family.values[name])
+        return f"{UNFOLDS}: at another value of {name} than {location}, no branch crosses"

@@ -193,9 +193,9 @@ def low_velocity_contact(
 
     units = np.eye(y.size)[free]
     rows = np.array([central_difference(partial(along, unit), h) for unit in units]).T
-    wanted = np.array([-margin[guard], -speed - rate[guard]])
+    target = np.array([-margin[guard], -speed - rate[guard]])
     weak = y.copy()
-    weak[free] += np.linalg.lstsq(rows, wanted)[0]
+    weak[free] += np.linalg.lstsq(rows, target)[0]
     return weak
 
 
@@ -266,12 +266,12 @@ def change_signature(
     OrbitError
         If no such branch is found.
     """
-    guess, wanted, level = guess_beyond(orbit, monitor)
+    guess, test, level = guess_beyond(orbit, monitor)
     shooting = orbit.equations((parameter,), guess.segments, pinned={})
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-    condition = wanted.equation(shooting)
+    condition = test.equation(shooting)
     point = _at_level(shooting, unknowns, value, condition, level)
     if not isinstance(monitor, SegmentLengthTest):
         # An event that changes the state at zero speed too, as a reset, leads to a distant orbit.
@@ -301,8 +301,8 @@ def guess_beyond(
         return guess, replace(monitor, segment=grows), MIN_GRAZING_SEPARATION
     if isinstance(monitor, ContactSpeedTest):
         # In this segment only: the orbit may touch the guard elsewhere at the same value.
-        there = ClosestApproachTest(monitor.kind, monitor.guard, monitor.segment)
-        return remove_event(orbit, monitor), there, REMOVED_EVENT_MARGIN
+        test = ClosestApproachTest(monitor.kind, monitor.guard, monitor.segment)
+        return remove_event(orbit, monitor), test, REMOVED_EVENT_MARGIN
     assert isinstance(monitor, ClosestApproachTest)
     touch = closest_approach(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
@@ -378,7 +378,7 @@ def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]
     OrbitError
         Unless the state and the mode after both are the same in either order.
     """
-    matters = OrbitError(
+    order_matters = OrbitError(
         "two events coincide, and the motion depends on their order", "find an orbit beyond it"
     )
     shooting, point = orbit.shooting, orbit.point
@@ -392,7 +392,7 @@ def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]
             "shift the start of the period: give the forcing a phase",
         )
     if one.code == other.code == switch:
-        raise matters
+        raise order_matters
     problem = orbit.problem
     p = np.asarray(problem.parameters, dtype=float)
     automaton, time = shooting.automaton, float(point.ends[first])
@@ -409,9 +409,9 @@ def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]
     following = (i + 1) % count
     free = shooting.free
     if last != segments[following].mode:
-        raise matters
+        raise order_matters
     if np.abs(final[free] - states[following][free]).max() > 1e-6:
-        raise matters
+        raise order_matters
     segments[first] = Segment(one.mode, one.cycle, other.code, other.switch)
     segments[second] = Segment(mode, one.cycle, one.code, one.switch)
     states = np.array(states)
@@ -444,8 +444,8 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     problem = orbit.problem
     share = 0.02
     trajectory = run(problem, HybridState(0, time, segment.mode, weak), share)
-    whole = 1 if time + share * problem.period < problem.period else 2
-    piece = read_signature(trajectory, whole, problem.switches)
+    periods = 1 if time + share * problem.period < problem.period else 2
+    piece = read_signature(trajectory, periods, problem.switches)
     back = (k for k, s in enumerate(piece.segments) if k > 0 and s.mode == segment.mode)
     count = next(back, 0)
     followed = piece.segments[:count]
@@ -496,22 +496,22 @@ def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
     return OrbitGuess(segments[:i] + segments[following:], states[keep], times)
 
 
-def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
-    """Return the branch that joins at `lost`, by a run from an initial state slightly beyond.
+def neighbour(loss: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEvaluation, Floats]:
+    """Return the branch that joins at `loss`, by a run from an initial state slightly beyond.
 
-    The run gives the sequence of events there. The orbit with this sequence lies beyond `lost`, or,
+    The run gives the sequence of events there. The orbit with this sequence lies beyond `loss`, or,
     if both branches end there, on the side of the known branch.
 
     Parameters
     ----------
-    lost : BranchEvent
+    loss : BranchEvent
         Point of a branch beyond which its sequence of events is inadmissible.
     parameter : str
 
     Returns
     -------
     shooting, point, direction
-        An orbit close to `lost`, and the direction away from it.
+        An orbit close to `loss`, and the direction away from it.
 
     Raises
     ------
@@ -521,46 +521,46 @@ def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
     # Where a segment vanishes, orbits with a segment of zero length form another branch, whose
     # tangent has no preferred sign.
     for distance in (side * each for side in (1.0, -1.0) for each in RESTART_DISTANCES):
-        for shooting, point in _admissible_near(lost, parameter, distance):
-            if not _joins(lost, shooting, point):
+        for shooting, point in _admissible_near(loss, parameter, distance):
+            if not _joins(loss, shooting, point):
                 continue
             direction = tangent(point)
             free = shooting.free
-            moved = _first_state(shooting, point)[free] - lost.orbit.state[free]
-            onward = moved @ direction[: len(free)] + _gain(lost, point) * direction[-1]
+            moved = _first_state(shooting, point)[free] - loss.orbit.state[free]
+            onward = moved @ direction[: len(free)] + _gain(loss, point) * direction[-1]
             return shooting, point, direction if onward >= 0.0 else -direction
     raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
 
 
 def _admissible_near(
-    lost: BranchEvent, parameter: str, distance: float
+    loss: BranchEvent, parameter: str, distance: float
 ) -> Iterator[tuple[Shooting, ShootingEvaluation]]:
     """Yield admissible orbits with the sequences of runs from the virtual orbit beyond a loss."""
-    orbit, along = lost.orbit, lost.direction
+    orbit, along = loss.orbit, loss.direction
     moved = distance * along[-1]
     step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
     unknowns = orbit.point.unknowns + distance * along[:-1]
-    start, known = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
-    mode = _first_mode(orbit, unknowns, lost.value + step)
+    start, tried = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
+    mode = _first_mode(orbit, unknowns, loss.value + step)
     for _ in range(MAX_SIGNATURES):
         try:
-            guess = _sequence(orbit, parameter, lost.value + step, mode, start, unknowns)
-            if guess.segments in known:
+            guess = _sequence(orbit, parameter, loss.value + step, mode, start, unknowns)
+            if guess.segments in tried:
                 return
-            known.append(guess.segments)
+            tried.append(guess.segments)
             shooting = orbit.equations((parameter,), guess.segments, pinned={})
             unknowns = shooting.pack(guess)
-            shooting.pin(shooting.evaluate(unknowns, np.array([lost.value + step])))
+            shooting.pin(shooting.evaluate(unknowns, np.array([loss.value + step])))
         except CONTINUATION_ERRORS:
             return
-        for value in (lost.value + step, lost.value - step):
+        for value in (loss.value + step, loss.value - step):
             try:
                 point = solve(shooting, unknowns, np.array([value]))
             except CONTINUATION_ERRORS:
                 continue
             if not defects(shooting, point):
                 yield shooting, point
-            if value == lost.value + step:
+            if value == loss.value + step:
                 start, unknowns = _first_state(shooting, point), point.unknowns
 
 
@@ -591,13 +591,13 @@ def _first_state(shooting: Shooting, point: ShootingEvaluation) -> Floats:
     return np.asarray(shooting.unpack(point.unknowns)[0][0])
 
 
-def _gain(lost: BranchEvent, point: ShootingEvaluation) -> float:
-    return float(point.values[0]) - lost.value
+def _gain(loss: BranchEvent, point: ShootingEvaluation) -> float:
+    return float(point.values[0]) - loss.value
 
 
-def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
-    """Return whether orbits of this sequence approach `lost` as the parameter does."""
-    back = (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
+def _joins(loss: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> bool:
+    """Return whether orbits of this sequence approach `loss` as the parameter does."""
+    back = (CONVERGENCE_RATIO - 1.0) * _gain(loss, point)
     try:
         # Along the tangent, so that a short segment does not vanish.
         slope = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])
@@ -605,7 +605,7 @@ def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
     except CONTINUATION_ERRORS:
         return False
     return not defects(shooting, near) and _approaches(
-        lost.orbit, lost.value, shooting, near, point
+        loss.orbit, loss.value, shooting, near, point
     )
 
 
@@ -619,9 +619,9 @@ def _approaches(
     """Return whether `near` lies closer to `orbit`, in state and parameter, than `point`."""
     free = shooting.free
 
-    def apart(there: ShootingEvaluation) -> float:
-        gap = _first_state(shooting, there)[free] - orbit.state[free]
-        return max(float(np.abs(gap).max(initial=0.0)), abs(float(there.values[0]) - value))
+    def apart(evaluation: ShootingEvaluation) -> float:
+        gap = _first_state(shooting, evaluation)[free] - orbit.state[free]
+        return max(float(np.abs(gap).max(initial=0.0)), abs(float(evaluation.values[0]) - value))
 
     return apart(near) <= APPROACH_RATIO * apart(point) + REMOVED_EVENT_MARGIN * CONVERGENCE_RATIO
 

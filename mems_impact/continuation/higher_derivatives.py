@@ -61,9 +61,9 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
         If the map cannot be evaluated at two steps.
     """
     length = float(np.linalg.norm(u))
-    here = jacobian(np.zeros(u.size))
+    center = jacobian(np.zeros(u.size))
     estimates: list[tuple[Floats, Floats]] = []
-    best = [(math.inf, here), (math.inf, here)]
+    best = [(math.inf, center), (math.inf, center)]
     extrapolated: list[Floats] = []
     h = LARGEST_STEP_RATIO * size / length
     for _ in range(MAX_STEPS):
@@ -72,7 +72,7 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
         except OrbitError:
             h *= STEP_RATIO
             continue
-        estimates.append(((up - down) / (2.0 * h), (up + down - 2.0 * here) / h**2))
+        estimates.append(((up - down) / (2.0 * h), (up + down - 2.0 * center) / h**2))
         h *= STEP_RATIO
         if len(estimates) < 2:
             continue
@@ -81,10 +81,10 @@ def directional_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Direc
         new = [(b - share * a) / (1.0 - share) for a, b in zip(coarse, fine, strict=True)]
         if extrapolated:
             # Rounding errors may agree by chance: a linear map has derivatives of that size.
-            rounding = JACOBIAN_RTOL * float(np.abs(here).max()) / (h / STEP_RATIO)
+            rounding = JACOBIAN_RTOL * float(np.abs(center).max()) / (h / STEP_RATIO)
             errors = [
-                max(float(np.abs(a - b).max()), least)
-                for a, b, least in zip(
+                max(float(np.abs(a - b).max()), smallest)
+                for a, b, smallest in zip(
                     extrapolated, new, (rounding, rounding * STEP_RATIO / h), strict=True
                 )
             ]
@@ -116,14 +116,14 @@ def plain_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Directional
     OrbitError
         If the map cannot be evaluated at the steps.
     """
-    here, length = jacobian(np.zeros(u.size)), float(np.linalg.norm(u))
+    center, length = jacobian(np.zeros(u.size)), float(np.linalg.norm(u))
     for ratio in PLAIN_STEP_RATIOS:
         h = ratio * size / length
         try:
             up, down = jacobian(h * u), jacobian(-h * u)
         except OrbitError:
             continue
-        second, third = (up - down) / (2.0 * h), (up + down - 2.0 * here) / h**2
+        second, third = (up - down) / (2.0 * h), (up + down - 2.0 * center) / h**2
         return DirectionalDerivatives(second, third, math.nan, math.nan)
     raise OrbitError(NOT_DIFFERENTIABLE, FARTHER_REMEDY)
 
@@ -139,20 +139,20 @@ def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[Sequen
     OrbitError
         If the map cannot be evaluated on two lines.
     """
-    places = np.arange(-LINE_POINTS, LINE_POINTS + 1) / LINE_POINTS
-    powers = np.linalg.inv(np.vander(places, increasing=True))[1:5]
+    positions = np.arange(-LINE_POINTS, LINE_POINTS + 1) / LINE_POINTS
+    powers = np.linalg.inv(np.vander(positions, increasing=True))[1:5]
 
     def derivatives(h: float) -> list[Floats]:
-        values = np.array([jacobian(h * place * u) for place in places])
+        values = np.array([jacobian(h * position * u) for position in positions])
         return [
             math.factorial(k) * np.tensordot(row, values, 1) / h**k
             for k, row in enumerate(powers, 1)
         ]
 
     longest = LARGEST_LINE_RATIO * size / float(np.linalg.norm(u))
-    found, error = least_changing(derivatives, longest)
-    floor = ROUNDING * max(float(np.abs(each).max()) for each in found)
-    return found, max(error, floor)
+    derivative, error = least_changing(derivatives, longest)
+    floor = ROUNDING * max(float(np.abs(each).max()) for each in derivative)
+    return derivative, max(error, floor)
 
 
 def least_changing(
@@ -227,10 +227,13 @@ class MultilinearForms:
     def cubic(self, q: Complexes) -> Complexes:
         """Return C(q, q, conj(q))."""
         u, v = np.array(q.real), np.array(q.imag)
-        total, apart = self._along(u + v, 3), self._along(u - v, 3)
-        own, other = self._along(u, 3), self._along(v, 3)
-        uvv, uuv = (total + apart - 2.0 * own) / 6.0, (total - apart - 2.0 * other) / 6.0
-        return np.asarray(own + uvv + 1j * (uuv + other))
+        total, difference = self._along(u + v, 3), self._along(u - v, 3)
+        along_u, along_v = self._along(u, 3), self._along(v, 3)
+        uvv, uuv = (
+            (total + difference - 2.0 * along_u) / 6.0,
+            (total - difference - 2.0 * along_v) / 6.0,
+        )
+        return np.asarray(along_u + uvv + 1j * (uuv + along_v))
 
     def _along(self, u: Floats, order: int) -> Floats:
         """Return the derivative of an order along `u`."""

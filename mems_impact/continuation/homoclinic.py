@@ -74,17 +74,17 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
             return None
     except CONTINUATION_ERRORS:
         return None
-    both = float(periods.min()), float(periods[-1])
+    extremes = float(periods.min()), float(periods[-1])
     try:
-        found = find_equilibrium(last.family, mode, state)
+        equilibrium = find_equilibrium(last.family, mode, state)
     except CONTINUATION_ERRORS:
-        return SlowPassage(mode, state, None, both, passages)
+        return SlowPassage(mode, state, None, extremes, passages)
     free = last.shooting.free
-    if np.abs((found.state - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
-        return SlowPassage(mode, state, None, both, passages)
-    rest = found.state.copy()
+    if np.abs((equilibrium.state - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
+        return SlowPassage(mode, state, None, extremes, passages)
+    rest = equilibrium.state.copy()
     rest[free] = np.where(np.abs(rest[free]) < ZERO_RATIO * sizes, 0.0, rest[free])
-    return SlowPassage(mode, rest, found, both, passages)
+    return SlowPassage(mode, rest, equilibrium, extremes, passages)
 
 
 def has_large_error_growth(point: ShootingEvaluation) -> bool:
@@ -104,13 +104,13 @@ def _slowest(orbit: PeriodicOrbit, fast: float) -> tuple[float, int, Floats, Flo
         length = float(point.ends[i] - point.starts[i])
         count = max(SEGMENT_SAMPLES, math.ceil(SHORTEST_PERIOD_SAMPLES * length / fast))
         times = np.linspace(point.starts[i], point.ends[i], count + 1)
-        here = y
+        slowest = y
         for begin, end in pairwise(times.tolist()):
-            arc = variational.arc(shooting.segments[i].mode, here, begin, end)
+            arc = variational.arc(shooting.segments[i].mode, slowest, begin, end)
             modes.append(shooting.segments[i].mode)
             states.append(arc.end)
             slopes.append(arc.slope_end[free])
-            here = arc.end
+            slowest = arc.end
     sizes = np.ptp(np.array(states)[:, free], axis=0)
     sizes[sizes == 0.0] = 1.0
     speeds = np.linalg.norm(np.array(slopes) / sizes, axis=1) * point.period
@@ -149,8 +149,8 @@ def leading(eigenvalues: Complexes) -> tuple[Complexes, Complexes] | None:
 
 def saddle_quantity(eigenvalues: Complexes) -> float:
     """Return the sum of the real parts of both leading eigenvalues; NaN unless of a saddle."""
-    found = leading(eigenvalues)
-    return math.nan if found is None else float(found[0][0].real + found[1][0].real)
+    pair = leading(eigenvalues)
+    return math.nan if pair is None else float(pair[0][0].real + pair[1][0].real)
 
 
 def cycles_beside(eigenvalues: Complexes) -> str:
@@ -159,11 +159,11 @@ def cycles_beside(eigenvalues: Complexes) -> str:
     Kuznetsov, Elements of Applied Bifurcation Theory, theorems 6.1 to 6.6 (Andronov and Leontovich;
     Shilnikov).
     """
-    found = leading(eigenvalues)
+    pair = leading(eigenvalues)
     quantity = saddle_quantity(eigenvalues)
-    if found is None or abs(quantity) <= NEUTRAL_RATIO * abs(found[1][0].real):
+    if pair is None or abs(quantity) <= NEUTRAL_RATIO * abs(pair[1][0].real):
         return ""
-    stable, unstable = (bool(np.any(each.imag != 0.0)) for each in found)
+    stable, unstable = (bool(np.any(each.imag != 0.0)) for each in pair)
     # Along the weaker of the leading directions the orbit may spiral.
     if (stable if quantity > 0.0 else unstable) or (stable and unstable):
         return "infinitely many cycles"
@@ -191,7 +191,7 @@ def homoclinic_value(values: Floats, periods: Floats, rate: float) -> tuple[floa
         share = math.exp(-rate * (periods[i] - periods[j]))
         return float((values[i] - share * values[j]) / (1.0 - share)), j
 
-    found, before = estimate(len(values) - 1)
+    estimated, before = estimate(len(values) - 1)
     if before == 0:
-        return found, abs(found - float(values[-1]))
-    return found, abs(found - estimate(before)[0])
+        return estimated, abs(estimated - float(values[-1]))
+    return estimated, abs(estimated - estimate(before)[0])

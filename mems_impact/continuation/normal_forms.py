@@ -132,8 +132,8 @@ class ReturnMap:
         after, across = self._after(point), -point.by_parameter[rows]
         if point.unknowns.size > f:
             _, matrix = self._open(point)
-            kept = self._open_rows(point)
-            change = -point.by_parameter[kept]
+            open_rows = self._open_rows(point)
+            change = -point.by_parameter[open_rows]
             if self.shooting.phase is not None:
                 change[-1] = -np.array(self.shooting.phase.normal) @ across
             across = across + after[:, f:] @ np.linalg.solve(matrix[:, f:], change)
@@ -153,8 +153,8 @@ class ReturnMap:
 
         The period of an autonomous system ends in the plane of the phase condition.
         """
-        kept, shooting = self._open_rows(point), self.shooting
-        residual, matrix = point.residual[kept], point.jacobian[kept]
+        open_rows, shooting = self._open_rows(point), self.shooting
+        residual, matrix = point.residual[open_rows], point.jacobian[open_rows]
         if shooting.phase is not None:
             normal, event = np.array(shooting.phase.normal), point.events[-1]
             end = point.arcs[-1].end if event is None else event.after
@@ -254,8 +254,8 @@ def _critical(matrix: Floats, target: complex) -> _Critical:
     with np.errstate(divide="ignore", invalid="ignore"):
         p = left[:, i] / np.conj(np.conj(left[:, i]) @ q)
         moved = ENTRY_ERROR * float(np.abs(p) @ np.abs(matrix) @ np.abs(q))
-        apart = np.abs(np.delete(values, i) - values[i]).min(initial=np.inf)
-        error = (moved + abs(values[i] - target)) / apart
+        separation = np.abs(np.delete(values, i) - values[i]).min(initial=np.inf)
+        error = (moved + abs(values[i] - target)) / separation
     return _Critical(
         complex(values[i]), q, p, float(np.nan_to_num(error, nan=np.inf, posinf=np.inf))
     )
@@ -266,11 +266,11 @@ def _real(matrix: Floats, target: float) -> tuple[Floats, Floats, float]:
 
     The largest entry of the right one is positive.
     """
-    found = _critical(matrix, target)
-    phase = found.right[np.argmax(np.abs(found.right))]
+    vectors = _critical(matrix, target)
+    phase = vectors.right[np.argmax(np.abs(vectors.right))]
     turn = np.conj(phase) / abs(phase)
-    q = (found.right * turn).real
-    return q, (found.left * turn).real, found.error
+    q = (vectors.right * turn).real
+    return q, (vectors.left * turn).real, vectors.error
 
 
 def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
@@ -279,9 +279,9 @@ def _bordered(matrix: Floats, q: Floats, p: Floats, right: Floats) -> Floats:
     p and q are null vectors of the matrix. A component of `right` along q has no effect.
     """
     size = q.size
-    whole = np.zeros((size + 1, size + 1))
-    whole[:size, :size], whole[:size, size], whole[size, :size] = matrix, q, p
-    return np.asarray(np.linalg.solve(whole, np.append(right, 0.0))[:size])
+    bordered = np.zeros((size + 1, size + 1))
+    bordered[:size, :size], bordered[:size, size], bordered[size, :size] = matrix, q, p
+    return np.asarray(np.linalg.solve(bordered, np.append(right, 0.0))[:size])
 
 
 def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: float) -> NormalForm:
@@ -350,11 +350,11 @@ def neimark_sacker_coefficient(
     (1 - A) h11 = B(q, q*) and (exp(2 i theta) - A) h20 = B(q, q). Supercritical if d is negative:
     the invariant curve is stable on the center manifold.
     """
-    found = _critical(matrix, target)
-    mu = found.value / abs(found.value)
+    vectors = _critical(matrix, target)
+    mu = vectors.value / abs(vectors.value)
 
     c, error = _resonant_cubic(
-        system, found, size, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu)
+        system, vectors, size, _resolvent(matrix, 1.0), _resolvent(matrix, mu * mu)
     )
     d = 0.5 * float((np.conj(mu) * c).real)
     equation = "z -> exp(i theta) z (1 + d |z|^2)"
@@ -368,11 +368,11 @@ def hopf_coefficient(system: Jacobian, matrix: Floats, size: float, target: comp
     (2 i omega - A) h20 = B(q, q). Supercritical if l is negative: the cycle is stable on the center
     manifold.
     """
-    found = _critical(matrix, target)
-    omega = found.value.imag
+    vectors = _critical(matrix, target)
+    omega = vectors.value.imag
 
     c, error = _resonant_cubic(
-        system, found, size, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
+        system, vectors, size, _resolvent(matrix, 0.0), _resolvent(matrix, 2j * omega)
     )
     coefficient = 0.5 * float(c.real)
     criticality = criticality_of(coefficient, error)
@@ -385,17 +385,17 @@ def _resolvent(matrix: Floats, shift: complex) -> Complexes:
 
 
 def _resonant_cubic(
-    system: Jacobian, found: _Critical, size: float, mean: Complexes, double: Complexes
+    system: Jacobian, vectors: _Critical, size: float, mean: Complexes, double: Complexes
 ) -> tuple[complex, float]:
     """Return <p, C(q, q, q*) + 2 B(q, h11) + B(q*, h20)> and its error.
 
     h11 and h20 are the products of `mean` and `double` with B(q, q*) and B(q, q).
     """
-    u, v = found.right.real.copy(), found.right.imag.copy()
+    u, v = vectors.right.real.copy(), vectors.right.imag.copy()
     # Rotated so that real and imaginary part are orthogonal: neither then is short.
     angle = 0.5 * math.atan2(2.0 * float(u @ v), float(u @ u - v @ v))
     turn = np.exp(-1j * angle)
-    q, p = found.right * turn, found.left * turn
+    q, p = vectors.right * turn, vectors.left * turn
     u, v = q.real, q.imag
     along_u = directional_derivatives(system, u, size)
     along_v = directional_derivatives(system, v, size)

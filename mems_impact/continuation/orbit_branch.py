@@ -102,8 +102,8 @@ def restart_cycle(
     other, unknowns, _ = rebase_phase(shooting, point)
     # Normal to the branch: at a fold the equations for a fixed parameter are singular.
     across = tangent(other.evaluate(unknowns, point.values))
-    there = correct(other, np.concatenate([unknowns, point.values]), across).point
-    return other, there, oriented(tangent(there), along)
+    restarted = correct(other, np.concatenate([unknowns, point.values]), across).point
+    return other, restarted, oriented(tangent(restarted), along)
 
 
 def oriented(onward: Floats, along: Floats, parameters: int = 1) -> Floats:
@@ -163,14 +163,14 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
         values = {**dict(zip(self.parameters, point.values.tolist(), strict=True)), name: value}
         p = np.asarray(self.family.numbers(**values).parameters, dtype=float)
         states, _ = self.shooting.unpack(point.unknowns)
-        found = []
+        rates = []
         for i, segment in enumerate(self.shooting.segments):
             mode, end, last = segment.mode, float(point.ends[i]), point.arcs[i].end
-            found.append(automaton.slope_at(mode, float(point.starts[i]), states[i], p))
-            found.append(automaton.slope_at(mode, end, last, p))
+            rates.append(automaton.slope_at(mode, float(point.starts[i]), states[i], p))
+            rates.append(automaton.slope_at(mode, end, last, p))
             if segment.code != BOUNDARY:
-                found.append(automaton.state_after(mode, segment.code, end, last, p)[1])
-        return np.concatenate(found)
+                rates.append(automaton.state_after(mode, segment.code, end, last, p)[1])
+        return np.concatenate(rates)
 
     def no_step(self, point: ShootingEvaluation, error: Exception) -> str:
         """Return the message for an orbit beyond which no step of any length succeeds."""
@@ -298,9 +298,9 @@ def follow(
         branch, orbit, low=low, high=high, direction=direction, steps=steps,
         reconnecting=reconnecting, functions=functions, stop_at=stop_at,
     )  # fmt: skip
-    for found in points:
+    for solution in points:
         if progress is not None:
-            progress(found.value)
+            progress(solution.value)
     return branch
 
 
@@ -322,8 +322,8 @@ def points_of(
     """
     parameter, value = branch.parameter, orbit.family.value(branch.parameter)
     if not low <= value <= high:
-        least, here, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
-        reason = f"is {here}, must be between the bounds {least} and {most}"
+        lowest, present, highest = (orbit.family.amount(parameter, v) for v in (low, value, high))
+        reason = f"is {present}, must be between the bounds {lowest} and {highest}"
         raise InvalidParameter(parameter, None, "", problem=reason)
     shooting = orbit.equations((parameter,))
     try:
@@ -404,32 +404,32 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self, located: LocatedEvents[ShootingEvaluation, BranchEvent], length: float
     ) -> Restart[ShootingEvaluation] | str:
         """Continue with the signature of orbits beyond a loss, or end there."""
-        lost, before = located.loss, located.before
-        assert lost is not None
+        loss, before = located.loss, located.before
+        assert loss is not None
         assert before is not None
         if located.reason:
-            self.record(lost.orbit.point, lost.direction)
+            self.record(loss.orbit.point, loss.direction)
             return located.reason
-        ended = self._end_at_equilibrium(lost) or self._end_of_rest(lost)
+        ended = self._end_at_equilibrium(loss) or self._end_of_rest(loss)
         if ended:
             return ended
-        joined, reason = self._change_signature(lost)
+        joined, reason = self._change_signature(loss)
         # If only the order of events changes, the motion is the same.
         passing = False
-        if joined is not None and isinstance(lost.monitor, SegmentLengthTest):
-            guard = changed_guard(lost.orbit.shooting, joined[0])
+        if joined is not None and isinstance(loss.monitor, SegmentLengthTest):
+            guard = changed_guard(loss.orbit.shooting, joined[0])
             passing = guard == NONE
-            lost = self._named(lost, guard)
-        if not passing and not lost.orbit.defects:
-            self.record_event(lost)
+            loss = self._named(loss, guard)
+        if not passing and not loss.orbit.defects:
+            self.record_event(loss)
         if joined is None:
-            return f"{lost.kind}: {reason}"
+            return f"{loss.kind}: {reason}"
         self.shooting, point, along = joined
         if not passing:
             self.piece += 1
             self.record(point, along)
             return Restart(point, along, self.steps.initial)
-        self._reclassify_coincident(lost, before, self.shooting, point, along)
+        self._reclassify_coincident(loss, before, self.shooting, point, along)
         self.budget -= 1
         if self.budget == 0:
             self.stalled()
@@ -450,12 +450,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             self.stalled()
         return BEYOND_BOUNDS if self.branch.passage is not None else ""
 
-    def _end_at_equilibrium(self, lost: BranchEvent) -> str:
+    def _end_at_equilibrium(self, loss: BranchEvent) -> str:
         """Return the reason for an end where a cycle reaches a guard at an equilibrium; else empty.
 
         Near the equilibrium the rate of the guard is rounding, as the flow is.
         """
-        orbit = lost.orbit
+        orbit = loss.orbit
         passage = slow_passage([*(point.orbit for point in self.branch.points), orbit])
         if passage is None:
             return ""
@@ -471,26 +471,26 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Record the slow passage of the last limit cycle, if its period grows beyond bounds."""
         self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
 
-    def _end_of_rest(self, lost: BranchEvent) -> str:
+    def _end_of_rest(self, loss: BranchEvent) -> str:
         """Return the reason for an end where a rest after chatter has length zero; else empty.
 
         The special point is reclassified and relocated, and orbits beyond it are removed.
         """
-        segments, m = lost.orbit.segments, lost.orbit.shooting.m
-        if not isinstance(lost.monitor, SegmentLengthTest):
+        segments, m = loss.orbit.segments, loss.orbit.shooting.m
+        if not isinstance(loss.monitor, SegmentLengthTest):
             return ""
-        i = lost.monitor.segment
+        i = loss.monitor.segment
         if not rests_after_chatter(segments, i, m):
             return ""
         if segments[i].code == BOUNDARY:
             # The start of the period is no event of the motion.
-            self.branch.special_points[:] = [s for s in self.branch.special_points if s is not lost]
+            self.branch.special_points[:] = [s for s in self.branch.special_points if s is not loss]
             return ACROSS_START
-        onset = chatter_onset(lost, self.branch.parameter)
+        onset = chatter_onset(loss, self.branch.parameter)
         if onset is None:
             return ""
         self.branch.special_points[-1] = onset
-        points, onward = self.branch.points, lost.direction[-1]
+        points, onward = self.branch.points, loss.direction[-1]
         while len(points) > 1 and (points[-1].value - onset.value) * onward > 0.0:
             points.pop()
         self.branch.points.append(
@@ -499,37 +499,37 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         return f"{onset.kind}: {BEYOND_ONSET}"
 
     def _change_signature(
-        self, lost: BranchEvent
+        self, loss: BranchEvent
     ) -> tuple[tuple[Shooting, ShootingEvaluation, Floats] | None, str]:
-        """Return the branch that joins at `lost`, or None with the reason."""
+        """Return the branch that joins at `loss`, or None with the reason."""
         parameter = self.branch.parameter
         try:
-            if not isinstance(lost.monitor, ModeChoiceTest):
-                joined = change_signature(lost.orbit, lost.monitor, parameter)
+            if not isinstance(loss.monitor, ModeChoiceTest):
+                joined = change_signature(loss.orbit, loss.monitor, parameter)
                 if not defects(*joined[:2]):
                     return joined, ""
         except CONTINUATION_ERRORS as error:
-            reason = no_orbit_message(error, lost.orbit.family)
+            reason = no_orbit_message(error, loss.orbit.family)
         else:
             reason = NO_ORBIT_BEYOND
         try:
-            return neighbour(lost, parameter), ""
+            return neighbour(loss, parameter), ""
         except CONTINUATION_ERRORS:
-            by_impact = lost.kind == GRAZING or ORBIT_CONTINUUM in reason
+            by_impact = loss.kind == GRAZING or ORBIT_CONTINUUM in reason
             return None, reason if by_impact else NO_ORBIT_BEYOND
 
-    def _named(self, met: BranchEvent, guard: int) -> BranchEvent:
+    def _named(self, event: BranchEvent, guard: int) -> BranchEvent:
         """Name a point of simultaneous events after the guard that gains or loses an event."""
         if guard == NONE:
-            return met
-        kind = kind_of(met.orbit.shooting.automaton.guards[guard])
-        named = replace(met, kind=kind, label=ORBIT_LABELS.get(kind, kind))
-        self.branch.special_points[-1] = named
-        return named
+            return event
+        kind = kind_of(event.orbit.shooting.automaton.guards[guard])
+        renamed = replace(event, kind=kind, label=ORBIT_LABELS.get(kind, kind))
+        self.branch.special_points[-1] = renamed
+        return renamed
 
     def _reclassify_coincident(
         self,
-        met: BranchEvent,
+        event: BranchEvent,
         earlier: ShootingEvaluation,
         shooting: Shooting,
         point: ShootingEvaluation,
@@ -542,25 +542,25 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         between the two events differs: then the multipliers jump.
         """
         try:  # multipliers may change fast along the branch
-            there = solve(shooting, point.unknowns, np.array([met.value]))
+            solution = solve(shooting, point.unknowns, np.array([event.value]))
         except CONTINUATION_ERRORS:
-            there = point
-        before = CIRCLE.spectrum(reduced_monodromy(met.orbit.shooting, earlier))
-        after = CIRCLE.spectrum(reduced_monodromy(shooting, there))
+            solution = point
+        before = CIRCLE.spectrum(reduced_monodromy(event.orbit.shooting, earlier))
+        after = CIRCLE.spectrum(reduced_monodromy(shooting, solution))
         passing = CIRCLE.crossed(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
-        if met.direction[-1] * along[-1] < 0.0:
+        if event.direction[-1] * along[-1] < 0.0:
             changed.insert(0, FOLD)
-        assert isinstance(met.monitor, SegmentLengthTest)
-        i, segments = met.monitor.segment, met.orbit.segments
-        at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
+        assert isinstance(event.monitor, SegmentLengthTest)
+        i, segments = event.monitor.segment, event.orbit.segments
+        at_switch = 2 * event.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
         # By identity, since comparing events compares arrays.
-        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not met]
+        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not event]
         if (at_switch and changed) or (not at_switch and not changed and _jumps(before, after)):
-            self.branch.special_points.append(met)
+            self.branch.special_points.append(event)
         elif changed:
-            here = bifurcation_test(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
-            special = classify(*here)
+            orbit, test = event.orbit, bifurcation_test(changed[0])
+            special = classify(test, orbit.shooting, orbit.point, event.direction)
             self.branch.special_points += [special] if special else []
 
     def locate(
@@ -576,19 +576,19 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         def crossed(
             after: Mapping[TestFunction, float], reach: float
         ) -> list[tuple[float, BranchEvent]]:
-            found = [
+            zeros = [
                 locate_zero(shooting, step, reach, monitor)
                 for monitor, value in before.items()
                 if monitor in after and value * after[monitor] < 0.0
             ]
-            inside = [item for item in found if item and self.low <= item[1].value <= self.high]
+            inside = [item for item in zeros if item and self.low <= item[1].value <= self.high]
             return sorted(inside, key=lambda item: item[0])
 
         # A crossing from inadmissible to admissible orbits is no loss.
         lost = crossed(
             {m: v for m, v in after.items() if m.ends_orbits and before.get(m, 0.0) > 0.0}, length
         )
-        first, reach, here = None, length, step.at(length).point
+        first, reach, point = None, length, step.at(length).point
         if lost:
             first = min(
                 (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
@@ -601,46 +601,46 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if self._is_inadmissible(
             shooting, step, max(reach - COMMON_CAUSE_DISTANCE, 0.0) if lost else reach
         ):
-            unseen = locate_defect(shooting, step, reach)
-            if self.low <= unseen[1].value <= self.high:
-                first, reach = unseen, max(unseen[0] - COINCIDENT, 0.0)
+            hidden = locate_defect(shooting, step, reach)
+            if self.low <= hidden[1].value <= self.high:
+                first, reach = hidden, max(hidden[0] - COINCIDENT, 0.0)
         if reach < length:
-            here = step.at(reach).point
-            after = orbit_tests(shooting, here, tangent(here, step.along))
+            point = step.at(reach).point
+            after = orbit_tests(shooting, point, tangent(point, step.along))
         bifurcations = self._bifurcations(shooting, step, reach, before, after)
-        places = [*bifurcations, *self._function_zeros(shooting, step, reach)]
-        places.sort(key=lambda item: item[0])
-        for place, each in bifurcations:
+        located = [*bifurcations, *self._function_zeros(shooting, step, reach)]
+        located.sort(key=lambda item: item[0])
+        for position, each in bifurcations:
             if each.kind == PERIOD_DOUBLING and each.monitor.kind == FOLD:
-                until = [other for there, other in places if there < place]
-                return LocatedEvents([*until, each], each, HALF_PERIOD, here)
-        special_points = [each for _, each in places]
+                until = [other for other_position, other in located if other_position < position]
+                return LocatedEvents([*until, each], each, HALF_PERIOD, point)
+        special_points = [each for _, each in located]
         if first is None:
             return LocatedEvents(special_points)
-        lost_here = self._admissible(shooting, step, *first)
+        loss_at_first = self._admissible(shooting, step, *first)
         # Where an event coincides with a switch the branch has a corner, and one-sided tangents.
-        corner = isinstance(lost_here.monitor, SegmentLengthTest)
+        corner = isinstance(loss_at_first.monitor, SegmentLengthTest)
         if corner:
-            lost_here = replace(lost_here, direction=tangent(here, step.along))
-        loss = lost_here if self.reconnecting else None
-        return LocatedEvents([*special_points, lost_here], loss, "", here, corner)
+            loss_at_first = replace(loss_at_first, direction=tangent(point, step.along))
+        loss = loss_at_first if self.reconnecting else None
+        return LocatedEvents([*special_points, loss_at_first], loss, "", point, corner)
 
     def _mode_choice(
         self,
         shooting: Shooting,
         step: PredictorStep[ShootingEvaluation],
-        lost: tuple[float, BranchEvent],
+        loss: tuple[float, BranchEvent],
     ) -> tuple[float, BranchEvent] | None:
         """Locate a change of the mode after an event at or just before a loss, if there is one."""
-        found = locate_choice(shooting, step, lost[0])
-        if found is not None or not self._requires_admissibility:
-            return found
+        choice = locate_choice(shooting, step, loss[0])
+        if choice is not None or not self._requires_admissibility:
+            return choice
         # Beyond such a change a margin is zero up to rounding, and its sign is arbitrary.
-        begin = max(lost[0] - COMMON_CAUSE_DISTANCE, 0.0)
-        if not lost[1].orbit.defects or self._is_inadmissible(shooting, step, begin):
+        begin = max(loss[0] - COMMON_CAUSE_DISTANCE, 0.0)
+        if not loss[1].orbit.defects or self._is_inadmissible(shooting, step, begin):
             return None
-        kept, _ = admissible_bracket(shooting, step, begin, lost[0])
-        return locate_choice(shooting, step, kept)
+        bracket, _ = admissible_bracket(shooting, step, begin, loss[0])
+        return locate_choice(shooting, step, bracket)
 
     def _admissible(
         self,
@@ -693,15 +693,15 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         first, last = (test[BranchPointTest()] for test in (before, after))
         if max(abs(first), abs(last)) < REGULARITY_NOISE:
             first = last = 0.0
-        found = []
+        bifurcations = []
         for place, kind, here, value in self.bifurcations.within(step, length, first, last):
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
             crossed = kind == BRANCH_POINT  # the tangent there is not unique
             along = branch_direction(step, here) if crossed else tangent(here, step.along)
             special = classify(monitor, shooting, here, along)
             if special is not None and self.low <= special.value <= self.high:
-                found.append((place, special))
-        return found
+                bifurcations.append((place, special))
+        return bifurcations
 
     def _function_zeros(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float

@@ -108,9 +108,11 @@ class EquilibriumEquations:
         except (ArithmeticError, ValueError) as error:
             names, amount = self.family.automaton.states, self.family.amount
             components = zip(self.free, unknowns.tolist(), strict=True)
-            where = ", ".join(f"{names[i]} = {amount(names[i], value)}" for i, value in components)
+            location = ", ".join(
+                f"{names[i]} = {amount(names[i], value)}" for i, value in components
+            )
             raise OrbitError(
-                f"the flow is not defined at {where}: {error}", "take another guess"
+                f"the flow is not defined at {location}: {error}", "take another guess"
             ) from error
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
@@ -148,22 +150,22 @@ class EquilibriumEquations:
             parameters, u = self._parameters(balance.values), balance.unknowns
             vectors = self._tangent_space(u, parameters)
             # These components are coordinates of the manifold.
-            places = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
-            matrix, zero = self._tangential_derivative(u, parameters, vectors, places)
+            pivots = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
+            matrix, zero = self._tangential_derivative(u, parameters, vectors, pivots)
             # Entries that contact forces cancel are zero up to rounding. An entry that is zero by
             # coincidence, as at a fold, is nonzero at a nearby state.
             away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
                 np.arange(u.size)
             )
             vectors = self._tangent_space(away, parameters)
-            zero &= self._tangential_derivative(away, parameters, vectors, places)[1]
+            zero &= self._tangential_derivative(away, parameters, vectors, pivots)[1]
         rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
         return matrix, len(matrix) - rank
 
     def _parameter_rates(self, values: Floats, count: int) -> Floats:
         """Return the derivatives of the parameter array by the active parameters."""
-        there = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
-        rates = [there.derivative(name)[0] for name in self.active]
+        family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
+        rates = [family.derivative(name)[0] for name in self.active]
         return np.array(rates).reshape(len(self.active), count)
 
     def _parameters(self, values: Floats) -> Floats:
@@ -193,12 +195,12 @@ class EquilibriumEquations:
         return np.linalg.svd(projection)[0][:, : round(float(np.trace(projection)))]
 
     def _tangential_derivative(
-        self, unknowns: Floats, parameters: Floats, vectors: Floats, places: NDArray[np.int64]
+        self, unknowns: Floats, parameters: Floats, vectors: Floats, pivots: NDArray[np.int64]
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the derivative on the manifold, and which of its entries are rounding."""
-        basis = vectors @ np.linalg.inv(vectors[places])
+        basis = vectors @ np.linalg.inv(vectors[pivots])
         projected = self._projected(unknowns, parameters)
-        rows = differentiate(lambda u: self._flow(u, parameters), projected)[places]
+        rows = differentiate(lambda u: self._flow(u, parameters), projected)[pivots]
         matrix = rows @ basis
         sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
         return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes
@@ -284,14 +286,14 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> EquilibriumSta
         If Newton's method finds none near the guess.
     """
     equations = EquilibriumEquations(family, mode)
-    found = solve_at(
+    solution = solve_at(
         equations,
         np.asarray(guess, dtype=float)[list(equations.free)],
         np.zeros(0),
         reason=f"no equilibrium of mode {family.automaton.modes[mode]!r} near the guess",
         remedy="take another guess",
     )
-    return make_equilibrium(equations, equations.projected(found))
+    return make_equilibrium(equations, equations.projected(solution))
 
 
 def make_equilibrium(
@@ -323,9 +325,9 @@ def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
         size, unit = max(1.0, abs(float(x[j]))), np.eye(x.size)[j]
         along = partial(_along, function, x, unit)
         estimates = [sixth_order_difference(along, step * size) for step in DIFFERENCE_STEPS]
-        apart = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
-        best = np.argmin(apart, axis=0)
-        columns.append(np.choose(best, estimates[: len(apart)]))
+        differences = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
+        best = np.argmin(differences, axis=0)
+        columns.append(np.choose(best, estimates[: len(differences)]))
     return np.array(columns).T.reshape(-1, x.size) if columns else np.zeros((function(x).size, 0))
 
 

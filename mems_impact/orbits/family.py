@@ -94,8 +94,8 @@ class Family(ABC):
             If the name is not one of the family's.
         """
         if name not in self.values:
-            known = ", ".join(self.values)
-            raise InvalidParameter(field="parameter", value=name, allowed=f"one of {known}")
+            names = ", ".join(self.values)
+            raise InvalidParameter(field="parameter", value=name, allowed=f"one of {names}")
         return self.values[name]
 
     def amount(self, heading: str, value: float) -> str:
@@ -111,9 +111,9 @@ class Family(ABC):
 
     def check_switches(self, numbers: ProblemParameters) -> None:
         """Raise OrbitError unless there are as many switching times as at the present values."""
-        count, own = len(numbers.switches), self._switch_count
-        if count != own:
-            reason = f"the forcing has {count} switching times there instead of {own}"
+        count, own_count = len(numbers.switches), self._switch_count
+        if count != own_count:
+            reason = f"the forcing has {count} switching times there instead of {own_count}"
             raise OrbitError(reason, "find an orbit beyond, and continue it")
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
@@ -129,10 +129,10 @@ class Family(ABC):
 
         def numbers(step: float) -> Floats:
             nonlocal count
-            there = self.numbers(**{name: value + step})
-            self.check_switches(there)
-            count = len(there.parameters)
-            return np.concatenate([there.parameters, there.switches, [there.period]])
+            shifted = self.numbers(**{name: value + step})
+            self.check_switches(shifted)
+            count = len(shifted.parameters)
+            return np.concatenate([shifted.parameters, shifted.switches, [shifted.period]])
 
         rates = sixth_order_difference(numbers, h)
         return rates[:count], float(rates[-1]), rates[count:-1]
@@ -180,15 +180,15 @@ class ParameterPoint:
     @classmethod
     def of(cls, family: Family, active: tuple[str, ...], values: Floats) -> ParameterPoint:
         """Return the numbers at `values` of the parameters `active`."""
-        there = family.at(**dict(zip(active, values.tolist(), strict=True)))
-        numbers = there.numbers()
+        shifted = family.at(**dict(zip(active, values.tolist(), strict=True)))
+        numbers = shifted.numbers()
         family.check_switches(numbers)
         p, switches = np.asarray(numbers.parameters, dtype=float), np.array(numbers.switches)
         k = len(active)
         directions = np.zeros((max(1, k), p.size))
         scales, period_rates, switch_rates = np.ones(k), np.zeros(k), np.zeros((k, switches.size))
         for j, name in enumerate(active):
-            p_rate, period_rates[j], rates = there.derivative(name)
+            p_rate, period_rates[j], rates = shifted.derivative(name)
             switch_rates[j] = rates[: switches.size]
             scales[j] = float(np.abs(p_rate).max()) or 1.0
             directions[j] = p_rate / scales[j]

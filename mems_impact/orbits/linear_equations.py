@@ -65,11 +65,11 @@ class SparseFactorization:
 
 def _parity(permutation: np.ndarray) -> float:
     """Return the sign of a permutation."""
-    seen, sign = np.zeros(permutation.size, dtype=bool), 1.0
+    visited, sign = np.zeros(permutation.size, dtype=bool), 1.0
     for start in range(permutation.size):
-        length, place = 0, start
-        while not seen[place]:
-            seen[place], place, length = True, permutation[place], length + 1
+        length, position = 0, start
+        while not visited[position]:
+            visited[position], position, length = True, permutation[position], length + 1
         if length and length % 2 == 0:
             sign = -sign
     return sign
@@ -103,13 +103,13 @@ def null_vector(matrix: Floats) -> Floats:
         # more parallel to it. It is the better border: the matrix is then as regular as can be.
         for _ in range(2):
             try:
-                found = solve_linear(np.vstack([matrix, border]), last)
+                vector = solve_linear(np.vstack([matrix, border]), last)
             except np.linalg.LinAlgError:
                 break
-            size = float(np.linalg.norm(found))
+            size = float(np.linalg.norm(vector))
             if not math.isfinite(size):
                 break
-            border = found / size
+            border = vector / size
         else:
             if size < MAX_BORDERED_NORM:
                 return border

@@ -103,14 +103,14 @@ def newton(
     OrbitError
         With `reason` and `remedy` if it does not converge; it holds the last `ShootingEvaluation`.
     """
-    unknowns, previous, needed = guess, np.inf, iterations
+    unknowns, previous, iterations_needed = guess, np.inf, iterations
     point, residual, matrix = equations(unknowns)
     for iteration in range(iterations):
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
         rounding = RESIDUAL_ROUNDING * (np.abs(matrix) @ np.abs(unknowns))
         if np.all(np.abs(residual) <= np.minimum(rounding, RESIDUAL_TOLERANCE)):
-            return Solution(unknowns, point, min(needed, iteration))
+            return Solution(unknowns, point, min(iterations_needed, iteration))
         try:
             change = solve_linear(matrix, -residual)
         except np.linalg.LinAlgError:
@@ -119,11 +119,11 @@ def newton(
                 break  # no step reduces the residual
         size = float(np.abs(change).max())
         if size < RESIDUAL_TOLERANCE:
-            needed = min(needed, iteration)
+            iterations_needed = min(iterations_needed, iteration)
         slow = size >= (NOISE_RATIO * previous if previous < RESIDUAL_TOLERANCE else previous)
         stalled = slow and float(np.abs(residual).max()) < RESIDUAL_TOLERANCE
         if size < TOLERANCE or stalled:
-            return Solution(unknowns, point, min(needed, iteration))
+            return Solution(unknowns, point, min(iterations_needed, iteration))
         if not size <= MAX_STEP_NORM:
             break
         previous = size

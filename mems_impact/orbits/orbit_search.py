@@ -98,8 +98,8 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     if turning:
         return Drift(tuple(turning), rates[turning], "angle")
     if len(grows) > 1:
-        most = np.abs(rates / units)[grows].max()
-        if unaffected(f * most * unit[grows].sum(axis=0) for f in SHIFT_RATIOS):
+        largest = np.abs(rates / units)[grows].max()
+        if unaffected(f * largest * unit[grows].sum(axis=0) for f in SHIFT_RATIOS):
             return Drift(tuple(grows), rates[grows], "together")
     return None
 
@@ -193,9 +193,9 @@ def find_periodic_orbit(
     recognized = detect_forcing_periods(problem, start)
     if recognized.start_periods <= 1:
         try:
-            found = closed(read_signature(recognized.first_period, 1, problem.switches))
-            if found.admissible or recognized.start_periods or not recognized.end_periods:
-                return found
+            solution = closed(read_signature(recognized.first_period, 1, problem.switches))
+            if solution.admissible or recognized.start_periods or not recognized.end_periods:
+                return solution
         except OrbitError as error:
             if recognized.start_periods:
                 raise
@@ -208,13 +208,13 @@ def find_periodic_orbit(
                     "converge",
                     error.partial,
                 ) from error
-        found = closed(read_guess(problem, recognized.end, recognized.end_periods))
+        solution = closed(read_guess(problem, recognized.end, recognized.end_periods))
     else:
-        found = closed(read_guess(problem, start, recognized.start_periods))
-    again = _passes(found)
+        solution = closed(read_guess(problem, start, recognized.start_periods))
+    again = _passes(solution)
     if again == 1:
-        return found
-    return closed(read_guess(problem, found.instant, found.periods // again))
+        return solution
+    return closed(read_guess(problem, solution.instant, solution.periods // again))
 
 
 def find_cycle(
@@ -242,34 +242,34 @@ def find_cycle(
         If the motion does not return or reaches an equilibrium, or if no cycle is found.
     """
     shooting, read = limit_cycle_guess(family, guess, transient=transient, period=period)
-    found = _corrected(shooting, read)
+    solution = _corrected(shooting, read)
     lasted = float(read.times[-1])
-    if found.point.period > 0.0:
-        speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
+    if solution.point.period > 0.0:
+        speed = np.linalg.norm(flow_at(solution.problem, solution.instant)[shooting.free])
         first = HybridState(0, 0.0, read.segments[0].mode, read.states[0])
-        before = np.linalg.norm(flow_at(found.problem, first)[shooting.free])
+        before = np.linalg.norm(flow_at(solution.problem, first)[shooting.free])
         if not speed > COLLAPSE_RATIO * before:
             raise OrbitError(
                 reason="an equilibrium was reached, not a cycle",
                 remedy="take a guess farther away, or other parameters",
-                partial=found.point,
+                partial=solution.point,
             )
-    if not 0.5 < found.point.period / lasted < 2.0:
+    if not 0.5 < solution.point.period / lasted < 2.0:
         raise OrbitError(
             reason=f"the motion returns after {family.amount('period', lasted)}, but no cycle with "
             "such a period was found near it",
             remedy="raise transient (in units of time), or give a guess closer to a cycle",
-            partial=found.point,
+            partial=solution.point,
         )
-    again = _passes(found)
+    again = _passes(solution)
     if again > 1:
-        once = found.point.period / again
-        shooting, read = limit_cycle_guess(found.family, found.instant, period=once)
-        found = _corrected(shooting, read)
-    if phase_is_clear(found.shooting, found.point):
-        return found
-    shooting, unknowns, _ = rebase_phase(found.shooting, found.point)
-    return make_orbit(shooting, solve(shooting, unknowns, found.point.values))
+        once = solution.point.period / again
+        shooting, read = limit_cycle_guess(solution.family, solution.instant, period=once)
+        solution = _corrected(shooting, read)
+    if phase_is_clear(solution.shooting, solution.point):
+        return solution
+    shooting, unknowns, _ = rebase_phase(solution.shooting, solution.point)
+    return make_orbit(shooting, solve(shooting, unknowns, solution.point.values))
 
 
 def _corrected(shooting: Shooting, guess: OrbitGuess) -> PeriodicOrbit:
@@ -287,8 +287,8 @@ def _passes(orbit: PeriodicOrbit) -> int:
     if shooting.phase is None:
         cycles = [segment.cycle for segment in orbit.segments]
         begins = states[[cycles.index(c) for c in range(orbit.periods)]]
-        parts = [k for k in range(1, orbit.periods) if orbit.periods % k == 0]
-        for k in parts:
+        divisors = [k for k in range(1, orbit.periods) if orbit.periods % k == 0]
+        for k in divisors:
             if np.abs(begins - np.roll(begins, k, axis=0))[:, free].max() < SAME_STATE_RATIO * size:
                 return orbit.periods // k
         return 1

@@ -75,9 +75,9 @@ def state_enters(problem: Problem, at: HybridState, shift: Floats, *, exactly: b
     """
     try:
         for each in _functions(problem, shift):
-            here, there = each(at.mode, at.time, at.y), each(at.mode, at.time, at.y + shift)
-            size = 0.0 if exactly else float(np.abs(np.nan_to_num(here)).max(initial=0.0))
-            if not np.allclose(there, here, rtol=0.0, atol=EQUAL_RTOL * size, equal_nan=True):
+            value, shifted = each(at.mode, at.time, at.y), each(at.mode, at.time, at.y + shift)
+            size = 0.0 if exactly else float(np.abs(np.nan_to_num(value)).max(initial=0.0))
+            if not np.allclose(shifted, value, rtol=0.0, atol=EQUAL_RTOL * size, equal_nan=True):
                 return True
     except (ArithmeticError, ValueError, IndexError):
         return True
@@ -164,16 +164,18 @@ def first_return(
     if from_last:
         states, modes = states[::-1], modes[::-1]
     size = np.where(extent > 0.0, extent, 1.0)
-    apart = np.abs((states - states[0]) / size).max(axis=1)
-    apart[modes != modes[0]] = np.inf
+    distances = np.abs((states - states[0]) / size).max(axis=1)
+    distances[modes != modes[0]] = np.inf
     last = (len(states) - 1) // 3 if from_last else len(states) - 1
     for k in range(1, last + 1):
-        if apart[k] < RETURN_DISTANCE_RATIO and (
-            not from_last or apart[2 * k] < 2.0 * RETURN_DISTANCE_RATIO
+        if distances[k] < RETURN_DISTANCE_RATIO and (
+            not from_last or distances[2 * k] < 2.0 * RETURN_DISTANCE_RATIO
         ):
             multiples = [j * k for j in range(1, MULTIPLES + 1) if j * k <= last]
             # Near a period doubling every second return is much closer.
-            return next((j for j in multiples[1:] if apart[j] < CLOSER_RETURN_RATIO * apart[k]), k)
+            return next(
+                (j for j in multiples[1:] if distances[j] < CLOSER_RETURN_RATIO * distances[k]), k
+            )
     return 0
 
 
@@ -267,9 +269,9 @@ def detect_period(
                 partial=piece.final,
             )
         returns = SectionReturns.of(piece, start, int(np.sign(flow_at(problem, start)[section[0]])))
-        found = returns.recognized(free, extent)
-        if found is not None:
-            return found
+        recognized = returns.recognized(free, extent)
+        if recognized is not None:
+            return recognized
         # A run without returns is repeated with twice the length; with enough returns, or after
         # too many steps, the section is renewed at its end.
         if len(returns.times) > RENEWAL_RETURNS or steps > RENEWAL_STEPS:
@@ -344,8 +346,8 @@ def _section(
     Rates are relative to the `extent` of each component so far, if positive.
     """
     slope = flow_at(problem, start)[free] / np.where(extent > 0.0, extent, 1.0)
-    place = int(np.argmax(np.abs(slope)))
-    return free[place], float(start.y[free[place]]), 0
+    component = int(np.argmax(np.abs(slope)))
+    return free[component], float(start.y[free[component]]), 0
 
 
 def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
@@ -366,10 +368,10 @@ def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
     except (OrbitError, RunError):
         return False
     size = np.maximum(amplitude_of(longer, free), np.abs(states[0, free]))
-    apart = np.abs(states[1:, free] - states[0, free])
+    distances = np.abs(states[1:, free] - states[0, free])
     nothing = ROUNDING_ATOLS * problem.options.atol
     return bool(
-        ((apart <= RETURN_RTOL * size + nothing).all(axis=1) & (modes[1:] == modes[0])).any()
+        ((distances <= RETURN_RTOL * size + nothing).all(axis=1) & (modes[1:] == modes[0])).any()
     )
 
 

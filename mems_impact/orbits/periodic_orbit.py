@@ -187,9 +187,9 @@ def reduced_monodromy(
     For a limit cycle it is restricted to the plane normal to the flow, without the trivial
     multiplier 1. With `first` it covers only that number of segments.
     """
-    whole = shooting.monodromy(point)
-    keep = reduced_components(shooting, point, whole)
-    matrix = whole if first is None else shooting.monodromy(point, first)
+    monodromy = shooting.monodromy(point)
+    keep = reduced_components(shooting, point, monodromy)
+    matrix = monodromy if first is None else shooting.monodromy(point, first)
     matrix = matrix[np.ix_(keep, keep)]
     if shooting.phase is None or not keep:
         return matrix
@@ -274,37 +274,39 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
 
 def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:
     """Return all violations of the automaton's conditions by `point`."""
-    found: list[AdmissibilityViolation] = []
+    violations: list[AdmissibilityViolation] = []
     automaton: Automaton = shooting.automaton
     m, segments = len(automaton.guards), shooting.segments
     for i, segment in enumerate(segments):
         arc, event = point.arcs[i], point.events[i]
         if point.ends[i] < point.starts[i] - ORBIT_MARGIN_TOLERANCE:
             length = float(point.ends[i] - point.starts[i])
-            found.append(AdmissibilityViolation(i, "", "order", length))
+            violations.append(AdmissibilityViolation(i, "", "order", length))
             continue
         (at_start, at_end), (rising, _) = arc.margins, arc.rates
-        own = segment.guard(m)
+        ending = segment.guard(m)
         for j, guard in enumerate(automaton.guards):
             if guard.records:
                 continue  # its margin is unrestricted
             worst = float(arc.minima[j])
-            if j != own:
+            if j != ending:
                 worst = min(worst, float(at_end[j]))
             if not (at_start[j] > -1e-7 and rising[j] > 0.0):
                 worst = min(worst, float(at_start[j]))
             if worst < -ORBIT_MARGIN_TOLERANCE:
-                found.append(AdmissibilityViolation(i, guard.name, "missed", worst))
-        if own >= 0 and event is not None and event.rates[own] > ORBIT_MARGIN_TOLERANCE:
-            found.append(
+                violations.append(AdmissibilityViolation(i, guard.name, "missed", worst))
+        if ending >= 0 and event is not None and event.rates[ending] > ORBIT_MARGIN_TOLERANCE:
+            violations.append(
                 AdmissibilityViolation(
-                    i, automaton.guards[own].name, "reversed", float(event.rates[own])
+                    i, automaton.guards[ending].name, "reversed", float(event.rates[ending])
                 )
             )
         # At zero rate, rounding determines the mode after the event.
-        touched = own >= 0 and event is not None and abs(event.rates[own]) <= ORBIT_MARGIN_TOLERANCE
+        touched = (
+            ending >= 0 and event is not None and abs(event.rates[ending]) <= ORBIT_MARGIN_TOLERANCE
+        )
         following = segments[(i + 1) % len(segments)].mode
         if event is not None and not touched and event.mode != following:
-            name = automaton.guards[own].name if own >= 0 else "switch"
-            found.append(AdmissibilityViolation(i, name, "mode", float(event.mode)))
-    return tuple(found)
+            name = automaton.guards[ending].name if ending >= 0 else "switch"
+            violations.append(AdmissibilityViolation(i, name, "mode", float(event.mode)))
+    return tuple(violations)

@@ -214,8 +214,8 @@ class ShootingEvaluation:
     def matrix(self, key: object, compute: Callable[[], Floats]) -> Floats:
         """Return a matrix of this evaluation, such as that of monodromy, computed once."""
         if key not in self._matrices:
-            found = self._matrices[key] = np.asarray(compute())
-            found.setflags(write=False)
+            matrix = self._matrices[key] = np.asarray(compute())
+            matrix.setflags(write=False)
         return self._matrices[key]
 
     @property
@@ -333,9 +333,9 @@ class Shooting:
         """
         count, f = len(self.segments), len(self.free)
         squares = np.square(vector)
-        own = squares[: f * count].reshape(count, f).sum(axis=1)
-        own[self.events] += squares[f * count : f * count + len(self.events)]
-        return math.sqrt(own.max() + squares[f * count + len(self.events) :].sum())
+        own_norms = squares[: f * count].reshape(count, f).sum(axis=1)
+        own_norms[self.events] += squares[f * count : f * count + len(self.events)]
+        return math.sqrt(own_norms.max() + squares[f * count + len(self.events) :].sum())
 
     def parameter_point(self, values: Floats) -> ParameterPoint:
         """Return the problem's numbers at values of the active parameters.
@@ -361,8 +361,8 @@ class Shooting:
 
     def variational(self, at: ParameterPoint) -> Variational:
         """Return the engine of arcs and events at a point of the parameters."""
-        there = at.time_scale / self._variational.time_scale
-        if not 1.0 / TIME_SCALE_RATIO < there < TIME_SCALE_RATIO:
+        ratio = at.time_scale / self._variational.time_scale
+        if not 1.0 / TIME_SCALE_RATIO < ratio < TIME_SCALE_RATIO:
             values = dict(zip(self.active, at.values.tolist(), strict=True))
             vars(self)["_variational"] = self._engine(self.family.at(**values))
         return self._variational.at(at.parameters, at.directions)
@@ -420,8 +420,8 @@ class Shooting:
             by_parameter=by_parameter,
             arcs=tuple(map(Arc._make, zip(*arcs, strict=True))),
             events=tuple(
-                Event._make(parts) if event else None
-                for event, parts in zip(has_event, zip(*events, strict=True), strict=True)
+                Event._make(pieces) if event else None
+                for event, pieces in zip(has_event, zip(*events, strict=True), strict=True)
             ),
             starts=starts,
             ends=ends,
@@ -529,14 +529,14 @@ class Shooting:
             return
         from scipy.linalg import qr  # imported on first use, which a run need not wait for
 
-        places = qr(sums, mode="r", pivoting=True)[1][: len(sums)]
-        sums = np.asarray(np.linalg.solve(sums[:, places], sums), dtype=float)
+        pivots = qr(sums, mode="r", pivoting=True)[1][: len(sums)]
+        sums = np.asarray(np.linalg.solve(sums[:, pivots], sums), dtype=float)
         sums[np.abs(sums) < RESIDUAL_TOLERANCE] = 0.0
         states, _ = self.unpack(point.unknowns)
         pairs = zip(point.arcs, point.events, strict=True)
         ends = [arc.end if event is None else event.after for arc, event in pairs]
         gained = np.sum(ends - states, axis=0)
-        for c, factors in zip(places.tolist(), sums, strict=True):
+        for c, factors in zip(pivots.tolist(), sums, strict=True):
             if abs(float(factors @ gained[self.free])) > RESIDUAL_TOLERANCE:
                 raise OrbitError(
                     reason=f"{self.automaton.states[self.free[c]]} does not return to its value at "
@@ -551,18 +551,18 @@ class Shooting:
         They are left eigenvectors of the monodromy matrix with eigenvalue 1, along which the flow
         is independent of the state, and zero for a limit cycle.
         """
-        whole = self.monodromy(point) - np.eye(len(self.free))
-        if not np.isfinite(whole).all() or not len(_left_null_space(whole)):
+        deviation = self.monodromy(point) - np.eye(len(self.free))
+        if not np.isfinite(deviation).all() or not len(_left_null_space(deviation)):
             return np.zeros((0, len(self.free)))
-        columns, (states, _) = [whole.T], self.unpack(point.unknowns)
+        columns, (states, _) = [deviation.T], self.unpack(point.unknowns)
         for segment, time, state in zip(self.segments, point.starts, states, strict=True):
-            here = self._slope(point, segment.mode, time, state)
+            slope = self._slope(point, segment.mode, time, state)
             away = CONSERVATION_STEP * max(1.0, float(np.abs(state).max()))
             shifted = state + away * np.eye(self.n)[self.free]
             beside = [self._slope(point, segment.mode, time, y) for y in shifted]
-            columns.append((np.array(beside) - here) / away)
+            columns.append((np.array(beside) - slope) / away)
             if self.phase is not None:
-                columns.append(here[None])
+                columns.append(slope[None])
         return _left_null_space(np.vstack(columns).T)
 
     def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:

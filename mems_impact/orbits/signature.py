@@ -136,10 +136,12 @@ def read_signature(
         elif kind == workspace.ACCUMULATION:
             # The event loop skips the remaining sequence after the last located impact. The
             # signature has one more flight, and an impact without rebound after it.
-            whole, since = last_events[guard]
-            seen = HybridState(cycle, (whole - cycle) * period + since, mode, y)
+            cycle_of_event, since = last_events[guard]
+            last_state = HybridState(cycle, (cycle_of_event - cycle) * period + since, mode, y)
             rest = int(events.mode_after[i])
-            for step in completion(trajectory.problem, seen, guard, time - seen.time, rest):
+            for step in completion(
+                trajectory.problem, last_state, guard, time - last_state.time, rest
+            ):
                 close(step.code, step.time)
                 mode, y = step.mode, step.after
         else:
@@ -187,15 +189,15 @@ class TransitionRecord(NamedTuple):
 
 
 def completion(
-    problem: Problem, seen: HybridState, guard: int, length: float, rest: int
+    problem: Problem, state: HybridState, guard: int, length: float, rest: int
 ) -> Iterator[TransitionRecord]:
-    """Yield the transitions from `seen`, after an impact at `guard`, until the mode `rest`.
+    """Yield the transitions from `state`, after an impact at `guard`, until the mode `rest`.
 
     The next impact is one without rebound. Events that it causes (such as a slip) end within
     `length`, the remaining duration of the chatter sequence.
     """
-    automaton, mode = problem.automaton, seen.mode
-    for step in _transitions(problem, seen, length):
+    automaton, mode = problem.automaton, state.mode
+    for step in _transitions(problem, state, length):
         if step.code != guard:
             yield step
             mode = step.mode
@@ -203,7 +205,7 @@ def completion(
         code, time, p = len(automaton.guards) + guard, step.time, problem.parameters
         mode, y = automaton.state_after(mode, code, time, step.before, p)
         yield TransitionRecord(code, time, mode, step.before, y)
-        for later in _transitions(problem, replace(seen, time=time, mode=mode, y=y), length):
+        for later in _transitions(problem, replace(state, time=time, mode=mode, y=y), length):
             if mode == rest:
                 return
             yield later

@@ -102,15 +102,15 @@ def _symmetries(
     if count > MAX_STATES:
         return ()
     patterns = sorted(itertools.product((1, -1), repeat=count), key=sum)
-    found = []
+    symmetries = []
     for signs in patterns[:-1]:  # the last changes none
         for half in (False, True) if forced else (False,):
             if half and not _switches_repeat(problem):
                 continue
             modes = _images(problem, points, np.array(signs), half)
             if modes is not None:
-                found.append(SignSymmetry(signs, half, modes))
-    return tuple(found)
+                symmetries.append(SignSymmetry(signs, half, modes))
+    return tuple(symmetries)
 
 
 def _switches_repeat(problem: Problem) -> bool:
@@ -126,14 +126,14 @@ def _images(
     """Return the images of the modes under a symmetry; None if it is none."""
     images: dict[int, int] = {}
     for mode in dict.fromkeys(point.mode for point in points):
-        here = [point for point in points if point.mode == mode]
-        fits = (
+        in_mode = [point for point in points if point.mode == mode]
+        matching = (
             other
             for other in _likely(problem.automaton, mode)
             if other not in images.values()
-            and all(_equal(problem, point, other, signs, half) for point in here)
+            and all(_equal(problem, point, other, signs, half) for point in in_mode)
         )
-        image = next(fits, None)
+        image = next(matching, None)
         if image is None:
             return None
         images[mode] = image
