@@ -84,17 +84,17 @@ def energy_lost(events: Events, actuator: Actuator) -> Floats:
     """
     if not is_compliant(actuator):
         speeds = events.before[:, V2], events.after[:, V2]
-        lost: Floats = impact_law.impact_loss(actuator.m1, actuator.m2, *speeds)
-        return np.where(is_impact(events) | (events.kind == workspace.ACCUMULATION), lost, 0.0)
+        loss: Floats = impact_law.impact_loss(actuator.m1, actuator.m2, *speeds)
+        return np.where(is_impact(events) | (events.kind == workspace.ACCUMULATION), loss, 0.0)
     rows = np.flatnonzero(is_impact(events))
     ends = np.flatnonzero(is_release(events) | (events.kind == workspace.ACCUMULATION))
     total = events.after[:, contact_loss(actuator)]
-    place = np.searchsorted(ends, rows)
-    ended = place < ends.size
-    lost = np.zeros(len(events))
-    lost[rows] = math.nan
-    lost[rows[ended]] = total[ends[place[ended]]] - total[rows[ended]]
-    return lost
+    indices = np.searchsorted(ends, rows)
+    ended = indices < ends.size
+    loss = np.zeros(len(events))
+    loss[rows] = math.nan
+    loss[rows[ended]] = total[ends[indices[ended]]] - total[rows[ended]]
+    return loss
 
 
 def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
@@ -116,10 +116,10 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     ends = np.flatnonzero(impact | rests)
     x1 = events.after[:, X1]
     # An impact that leaves the frame at rest ends its own step, of length zero.
-    place = np.searchsorted(ends, rows, side="right")
+    indices = np.searchsorted(ends, rows, side="right")
     steps = np.full(rows.size, math.nan)
-    ended = place < ends.size
-    steps[ended] = x1[ends[place[ended]]] - x1[rows[ended]]
+    ended = indices < ends.size
+    steps[ended] = x1[ends[indices[ended]]] - x1[rows[ended]]
     struck = events.before[rows, V2] != events.after[rows, V2]  # else a contact begins
     steps[struck & ~is_slipping(events.mode_after[rows])] = 0.0
     return rows, steps
@@ -145,16 +145,16 @@ def blow_of(log: Events) -> tuple[NDArray[np.int64], int]:
         Later events do not affect the rows before this one, at which a chatter sequence starts that
         may still end in rest.
     """
-    place = np.arange(len(log))
+    indices = np.arange(len(log))
     ends = log.kind == workspace.ACCUMULATION
     speed = np.abs(log.before[:, V2])
     goes_on = np.zeros(len(log), dtype=bool)
     goes_on[1:] = (log.guard[1:] == log.guard[:-1]) & ~ends[:-1]
     goes_on[1:] &= ends[1:] | (speed[1:] < speed[:-1])
-    start = np.maximum.accumulate(np.where(goes_on, 0, place))
+    start = np.maximum.accumulate(np.where(goes_on, 0, indices))
     rests = np.zeros(len(log), dtype=bool)
     rests[start[ends & goes_on]] = True
-    first = np.where(rests[start], start, place)
+    first = np.where(rests[start], start, indices)
     first[ends & ~goes_on] = -1
     settled = int(start[-1]) if len(log) and not ends[-1] else len(log)
     return first, settled
@@ -210,13 +210,13 @@ class BlowCounter:
             log = Events.joined([events, log])
             steps, inside = np.concatenate([before, steps]), np.concatenate([within, inside])
         first, settled = blow_of(log)
-        done = len(log) if last else settled
+        counted = len(log) if last else settled
         begins = np.flatnonzero((first == np.arange(len(log))) & inside)
-        begins = begins[begins < done]
+        begins = begins[begins < counted]
         self.count += begins.size
         moved = _sums(first, steps)[begins]
         self.displacements.add(moved[~np.isnan(moved)])
-        self._held = (log[done:], steps[done:], inside[done:])
+        self._held = (log[counted:], steps[counted:], inside[counted:])
 
 
 @dataclass(frozen=True)
@@ -298,9 +298,9 @@ class RestDetector:
         impact = is_impact(events)
         new = np.stack([time, np.abs(events.before[:, V2]), events.guard], axis=1)[impact]
         hits = np.concatenate([self._hits, new])
-        known = np.cumsum(impact) + len(self._hits)  # hits until each event
-        ends = np.flatnonzero(is_release(events) & (known > 0))
-        begun = hits[known[ends] - 1]
+        hit_counts = np.cumsum(impact) + len(self._hits)  # hits until each event
+        ends = np.flatnonzero(is_release(events) & (hit_counts > 0))
+        begun = hits[hit_counts[ends] - 1]
         lasted = time[ends] - begun[:, 0]
         rests = lasted > MAX_BOUNCE_RATIO * contact_time(self._actuator, begun[:, 1])
         self._hits = hits[-1:]

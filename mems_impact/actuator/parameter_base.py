@@ -121,9 +121,9 @@ class Checked(BaseModel, metaclass=_Kind):
     def _with_texts(self, changed: Self, changes: Container[str]) -> Self:
         """Return a changed copy with the texts of its unchanged values."""
         texts = vars(self).get(TEXTS, {})
-        kept = {name: text for name, text in texts.items() if name not in changes}
-        if kept:
-            changed._note_texts({**kept, **vars(changed).get(TEXTS, {})})
+        remaining = {name: text for name, text in texts.items() if name not in changes}
+        if remaining:
+            changed._note_texts({**remaining, **vars(changed).get(TEXTS, {})})
         return changed
 
     def check_without_units(self) -> None:
@@ -162,12 +162,12 @@ class Checked(BaseModel, metaclass=_Kind):
         """Convert texts with units, such as "4 um", and quantities of pint to numbers in SI."""
         if not isinstance(values, Mapping):
             return values
-        found = dict(values)
+        numbers = dict(values)
         for name, value in values.items():
             if name in cls.model_fields and has_unit(value) and _is_numeric(cls.model_fields[name]):
                 cls._check_takes_units(name, value, values)
-                found[name] = cls._magnitude(name, value)
-        return found
+                numbers[name] = cls._magnitude(name, value)
+        return numbers
 
     @classmethod
     def _magnitude(cls, name: str, value: Any) -> float:
@@ -215,9 +215,11 @@ def _unnamed(
 ) -> TypeError:
     """Return the error about positional values, with an example of keywords."""
     names = [name for name in kind.model_fields if name not in values]
-    given = dict(zip(names, positional, strict=False)) if len(positional) <= len(names) else {}
-    call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
-    example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
+    named_values = (
+        dict(zip(names, positional, strict=False)) if len(positional) <= len(names) else {}
+    )
+    call = ", ".join(f"{name}={value!r}" for name, value in {**named_values, **values}.items())
+    example = f"{kind.__name__}({call})" if named_values else f"they are {', '.join(names)}"
     return TypeError(f"{kind.__name__} takes its parameters by name: {example}")
 
 
@@ -257,10 +259,10 @@ def _translated(error: ValidationError, model: type[BaseModel]) -> InvalidParame
 
 def _from_finding(finding: ErrorDetails, model: type[BaseModel]) -> InvalidParameter:
     name = str(finding["loc"][0]) if finding["loc"] else model.__name__
-    known = model.model_fields
+    fields = model.model_fields
     if finding["type"] == "extra_forbidden":
-        return unknown(name, finding["input"], known)
-    allowed = _allowed(known[name]) if name in known else finding["msg"]
+        return unknown(name, finding["input"], fields)
+    allowed = _allowed(fields[name]) if name in fields else finding["msg"]
     if finding["type"] == "missing":
         return InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
     return InvalidParameter(name, finding["input"], allowed)
@@ -290,11 +292,11 @@ def _allowed(field: FieldInfo) -> str:
 
 def limits_of(field: FieldInfo) -> Limits:
     """Return the range of a number."""
-    found: dict[str, Any] = {}
+    limits: dict[str, Any] = {}
     for limit in field.metadata:
         match limit:
             case Gt(gt=value) | Ge(ge=value):
-                found |= {"low": value, "low_excluded": isinstance(limit, Gt)}
+                limits |= {"low": value, "low_excluded": isinstance(limit, Gt)}
             case Lt(lt=value) | Le(le=value):
-                found |= {"high": value, "high_excluded": isinstance(limit, Lt)}
-    return Limits(**found)
+                limits |= {"high": value, "high_excluded": isinstance(limit, Lt)}
+    return Limits(**limits)

@@ -149,11 +149,11 @@ class Actuator(Checked):
             if self.units == "dimensionless":
                 term.check_without_units()
             for other in self.terms[:i]:
-                both = f"{type(other).__name__} and {type(term).__name__}"
+                names = f"{type(other).__name__} and {type(term).__name__}"
                 if term.name() == other.name():
-                    problem = f"{both} have the same class; give one of them"
+                    problem = f"{names} have the same class; give one of them"
                 elif shared := [rule for rule in term.replaced if rule in other.replaced]:
-                    problem = f"{both} both determine the {shared[0]}; give one of them"
+                    problem = f"{names} both determine the {shared[0]}; give one of them"
                 else:
                     continue
                 raise InvalidParameter("terms", self.terms, "", problem=problem)
@@ -181,8 +181,8 @@ class Actuator(Checked):
 
     def _repr_html_(self) -> str:
         label = self.scales.label
-        named = {label(name, PARAMETER_UNITS.get(name, "")): value for name, value in self}
-        return html_table(type(self).__name__, named)
+        rows = {label(name, PARAMETER_UNITS.get(name, "")): value for name, value in self}
+        return html_table(type(self).__name__, rows)
 
     def adding(self, *terms: Term) -> Self:
         """Return the device with additional terms, each in place of a term of the same class.
@@ -201,8 +201,8 @@ class Actuator(Checked):
         >>> import mems_impact as mi
         >>> uphill = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
         """
-        found = {getattr(term, "name", str)(): term for term in (*self.terms, *terms)}
-        return self.replace(terms=tuple(found.values()))
+        by_name = {getattr(term, "name", str)(): term for term in (*self.terms, *terms)}
+        return self.replace(terms=tuple(by_name.values()))
 
     def without(self, *names: str) -> Self:
         """Return the device without the named terms, or without all terms if none is named.
@@ -212,12 +212,12 @@ class Actuator(Checked):
         InvalidParameter
             If there is no such term.
         """
-        known = [term.name() for term in self.terms]
+        present = [term.name() for term in self.terms]
         for name in names:
-            if name not in known:
-                raise InvalidParameter("term", name, f"one of {', '.join(known) or 'none'}")
-        kept = (term for term in self.terms if names and term.name() not in names)
-        return self.replace(terms=tuple(kept))
+            if name not in present:
+                raise InvalidParameter("term", name, f"one of {', '.join(present) or 'none'}")
+        remaining = (term for term in self.terms if names and term.name() not in names)
+        return self.replace(terms=tuple(remaining))
 
     def changed(self, /, **values: float) -> Self:
         """Return the device with other values of some numbers, including those of terms.
@@ -238,16 +238,16 @@ class Actuator(Checked):
         >>> import mems_impact as mi
         >>> uphill = mi.load_actuator("zhao2004").changed(e=0.7, **{"tilt.angle": 0.05})
         """
-        own: dict[str, Any] = {}
+        device_changes: dict[str, Any] = {}
         of_terms: dict[str, dict[str, float]] = {}
         for name, value in values.items():
             owner, dot, number = name.partition(".")
             if dot:
                 of_terms.setdefault(owner, {})[number] = value
             else:
-                own[parameter_named(name)] = value
-        device = self.replace(**own) if own else self
-        terms = [term_with(name, self.term(name), given) for name, given in of_terms.items()]
+                device_changes[parameter_named(name)] = value
+        device = self.replace(**device_changes) if device_changes else self
+        terms = [term_with(name, self.term(name), numbers) for name, numbers in of_terms.items()]
         return device.adding(*terms) if terms else device
 
     def term(self, name: str) -> Term | None:
@@ -496,7 +496,9 @@ def parameter_named(name: str, field: str = "") -> str:
     if entry is None or name in PARAMETER_NAMES:
         return name
     if not entry.parameter:
-        names = ", ".join(f"{each.parameter} ({own})" for own, each in PARAMETERS_OF_DATA_SHEETS)
+        names = ", ".join(
+            f"{each.parameter} ({quantity})" for quantity, each in PARAMETERS_OF_DATA_SHEETS
+        )
         problem = f"a quantity derived from parameters; give one of {names}"
         raise InvalidParameter(field or name, name if field else None, "", problem=problem)
     return entry.parameter

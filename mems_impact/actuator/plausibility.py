@@ -123,15 +123,15 @@ def check_plausible_device(actuator: Device) -> None:
         return
     for name, within in DEVICE_RANGES.items():
         value, unit = getattr(actuator, name), PARAMETER_UNITS.get(name, "")
-        named = f"{OF_PARAMETER[name]} {name}"  # as in a data sheet and in the paper
+        label = f"{OF_PARAMETER[name]} {name}"  # as in a data sheet and in the paper
         if name == "alpha" and value > within.high:
             if not LENGTH.low <= actuator.d <= LENGTH.high:
                 continue  # computed from pull-in voltage and gap, it is wrong as the gap is
             alpha = HALF_PERMITTIVITY * value
-            message = _range_message(named, value, unit, within)
+            message = _range_message(label, value, unit, within)
             _warn_once(f"{message}; an area of {value:g} m^2, for which alpha is {alpha:.4g} F m?")
         else:
-            _check(named, value, unit, within)
+            _check(label, value, unit, within)
     for term in actuator.terms:
         _check_term(term)
 
@@ -198,9 +198,9 @@ def _contact_voltage(actuator: Device) -> float:
 
 def _check_term(term: Term) -> None:
     """Warn of implausible numbers of a term, except for defaults."""
-    for field, given in type(term).model_fields.items():
+    for field, info in type(term).model_fields.items():
         name, value = f"{term.name()}.{field}", getattr(term, field)
-        if name not in TERM_RANGES or value is None or value == given.default:
+        if name not in TERM_RANGES or value is None or value == info.default:
             continue
         if name == "compliant_stopper.stiffness" and not _is_stiffness(term):
             continue
@@ -226,11 +226,11 @@ def check_plausible_target(actuator: Device, quantity: str, value: float, unit: 
     if unit in TARGET_RANGES:
         _check(quantity, value, unit, TARGET_RANGES[unit])
     if quantity == "resonance" and value > 0.0:
-        own = math.sqrt(actuator.k / actuator.m2)
-        turned = 2.0 * math.pi * value
-        if 1.0 / EQUAL_RESONANCE_RATIO < turned / own < EQUAL_RESONANCE_RATIO:
-            _warn_once(f"resonance = {value:g} rad/s, that of the device is {own:.4g}; "
-                  f"{value:g} Hz, {turned:.6g} rad/s?")  # fmt: skip
+        resonance = math.sqrt(actuator.k / actuator.m2)
+        angular = 2.0 * math.pi * value
+        if 1.0 / EQUAL_RESONANCE_RATIO < angular / resonance < EQUAL_RESONANCE_RATIO:
+            _warn_once(f"resonance = {value:g} rad/s, that of the device is {resonance:.4g}; "
+                  f"{value:g} Hz, {angular:.6g} rad/s?")  # fmt: skip
 
 
 def _check(name: str, value: float, unit: str, within: Range) -> None:

@@ -138,11 +138,11 @@ class ReportMaker:
     def run(self) -> ActuatorRun:
         """The motion after the transient."""
         first, length = self.lengths["transient"], self.lengths["periods"]
-        found = simulate(
+        run = simulate(
             self.system, first + length, window=(first, first + length), initial=self.start
         )
-        assert isinstance(found, ActuatorRun)
-        return found
+        assert isinstance(run, ActuatorRun)
+        return run
 
     @property
     def sections(self) -> dict[str, Callable[[], Content]]:
@@ -204,11 +204,11 @@ class ReportMaker:
             name = term.name().replace("_", " ")
             for field_, value in dict(term).items():
                 unit = term.unit_of(field_)
-                shown = self.text(value, unit) if is_number(value) else str(value)
+                text = self.text(value, unit) if is_number(value) else str(value)
                 if isinstance(value, tuple):
                     ends = (self.text(end(value), unit) for end in (min, max))
-                    shown = f"{len(value)} values, {' to '.join(ends)}"
-                yield name, field_, shown
+                    text = f"{len(value)} values, {' to '.join(ends)}"
+                yield name, field_, text
                 name = ""
 
     def pull_in(self) -> Content:
@@ -217,8 +217,8 @@ class ReportMaker:
         if device.term("charge_drive") is not None:
             charge = self.text(pull_in_charge(device), "C")
             rows = {"pull-in charge": charge, "resonance of the block": self._resonance()}
-            words = "Above the pull-in charge, raised slowly, the block snaps to the stopper."
-            return Content([words, values(rows)], {"pull-in": charge})
+            sentence = "Above the pull-in charge, raised slowly, the block snaps to the stopper."
+            return Content([sentence, values(rows)], {"pull-in": charge})
         release = resting_voltage(device)
         try:
             static = pull_in_voltage(device)
@@ -228,21 +228,21 @@ class ReportMaker:
                 "resonance of the block": self._resonance(),
             }
             reason = error.problem or str(error)
-            words = f"{reason[:1].upper()}{reason[1:].partition(';')[0]}."
-            return Content([words, values(rows)], {"contact": rows["voltage of contact"]})
+            sentence = f"{reason[:1].upper()}{reason[1:].partition(';')[0]}."
+            return Content([sentence, values(rows)], {"contact": rows["voltage of contact"]})
         rows = {
             "static pull-in voltage": self.text(static, "V"),
             "dynamic pull-in voltage": self.text(pull_in_voltage(device, dynamic=True), "V"),
             "release voltage": self.text(release, "V"),
             "resonance of the block": self._resonance(),
         }
-        words = (
+        sentence = (
             "Above the static pull-in voltage, raised slowly, the block snaps to the stopper; the "
             "dynamic one, switched on suddenly, suffices to reach it from rest. Below the release "
             "voltage the block leaves the stopper."
         )
         facts = {"pull-in": rows["static pull-in voltage"], "release": rows["release voltage"]}
-        return Content([words, values(rows)], facts)
+        return Content([sentence, values(rows)], facts)
 
     def _resonance(self) -> str:
         omega = math.sqrt(self.actuator.k / self.actuator.m2)
@@ -279,37 +279,37 @@ class ReportMaker:
         from mems_impact.actuator.plots import plot_run
 
         run, text = self.run, self.text
-        found = run.statistics
-        cycle = found["displacement per period"]
+        statistics = run.statistics
+        cycle = statistics["displacement per period"]
         rows = {
             "step per cycle": text(cycle, "m"),
-            "step per blow": text(found["displacement per blow"], "m"),
-            "blows per cycle": amount(found["blows per period"]),
-            "impacts per cycle": amount(found["impacts per period"]),
-            "mean speed": text(found["mean speed"], "m/s"),
-            "largest impact speed": text(found["impact speed max"], "m/s"),
-            "share of time in which the frame slips": percent(found["share slipping"]),
+            "step per blow": text(statistics["displacement per blow"], "m"),
+            "blows per cycle": amount(statistics["blows per period"]),
+            "impacts per cycle": amount(statistics["impacts per period"]),
+            "mean speed": text(statistics["mean speed"], "m/s"),
+            "largest impact speed": text(statistics["impact speed max"], "m/s"),
+            "share of time in which the frame slips": percent(statistics["share slipping"]),
             "motion": self._kind(cycle),
         }
         begin, end = self.lengths["transient"], sum(self.lengths.values())
-        words = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
-        blocks: list[Block] = [words, values(rows)]
+        sentence = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
+        blocks: list[Block] = [sentence, values(rows)]
         if self._sheet.regime == SLIPS and cycle != 0.0:
             blocks.append(
                 "The frame slips before the blow, so that it also moves between blows; the step "
                 "per cycle may then differ in sign from the displacement by the blow."
             )
-        if found["blows per period"] == 0.0:
-            moves = abs(cycle) > LEAST_STEP * self.actuator.delta
+        if statistics["blows per period"] == 0.0:
+            walks = abs(cycle) > LEAST_STEP * self.actuator.delta
             outcome = (
-                "and the frame moves by slip alone" if moves else "so the device makes no step"
+                "and the frame moves by slip alone" if walks else "so the device makes no step"
             )
             blocks.append(
                 f"The block does not strike here, {outcome}; raise the voltage, or change the "
                 "frequency."
             )
         needed = _drift_periods(self.system)
-        drifts = found["share slipping"] > NEVER_AT_REST and needed > begin
+        drifts = statistics["share slipping"] > NEVER_AT_REST and needed > begin
         if drifts and not rows["motion"].startswith("periodic"):
             blocks.append(
                 f"The frame never rests, and friction needs some {needed} cycles to end a drift of "
@@ -355,13 +355,13 @@ class ReportMaker:
         low, high = chart.frequencies
         unit = "Hz" if self.si else ""
         force_periods = round(2.0 * math.pi / self.drive.replace(omega=1.0).period)
-        words = (
+        text = (
             f"Voltages at which the device switches on, and off again, between {amount(low, unit)} "
             f"and {amount(high, unit)}{RESONANCES.get(force_periods, '')}."
         )
         data: ChartData = chart
         blocks: list[Block] = [
-            words,
+            text,
             picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
         ]
         if any(boundary == "slip" for boundary, *_ in chart.pieces):
@@ -386,11 +386,11 @@ class ReportMaker:
             transient=self.lengths["transient"], periods=self.lengths["periods"], workers=1,
         )  # fmt: skip
         summary = sweep_summary(table)
-        words = (
+        text = (
             "The amplitude is raised from rest and lowered from a kick; each value starts from the "
             "motion at the previous one."
         )
-        blocks: list[Block] = [words]
+        blocks: list[Block] = [text]
         if not summary["impacting"].any():
             blocks.append("The block strikes at none of these voltages.")
         blocks.append(
@@ -415,23 +415,26 @@ class ReportMaker:
     def _voltages(self, name: str) -> Any:
         if self.voltages is not None:
             return self.voltages
-        here = self.system.value(name)
-        low, high = (part * here for part in SWEEP_RANGE)
+        present = self.system.value(name)
+        low, high = (part * present for part in SWEEP_RANGE)
         with contextlib.suppress(InvalidParameter):  # of terms whose equilibrium is unknown
             low = min(low, BELOW_PULL_IN * contact_voltage(self.actuator) or low)
         if not 0.0 < low < high:
             problem = "must be > 0 for a range of voltages; give voltages"
-            raise InvalidParameter(name, here, "", problem=problem)
+            raise InvalidParameter(name, present, "", problem=problem)
         return np.linspace(low, high, self.counts["voltages"])
 
     def _speed_rows(self, summary: pd.DataFrame, name: str) -> Listing:
         rows = []
         chains = dict(iter(summary.set_index(name).groupby("direction")))
-        places = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
-        for value in chains["up"].index[np.unique(places)]:
+        chosen = np.linspace(0, len(chains["up"]) - 1, SHOWN_VOLTAGES).round().astype(int)
+        for value in chains["up"].index[np.unique(chosen)]:
             cells = [self.text(value, self.system.unit(name))]
             for column, unit in (("displacement per period", "m"), ("mean speed", "m/s")):
-                cells += [self.text(chains[way].loc[value, column], unit) for way in ("up", "down")]
+                cells += [
+                    self.text(chains[direction].loc[value, column], unit)
+                    for direction in ("up", "down")
+                ]
             rows.append(cells)
         headings = (name, "step per cycle, raised", "lowered", "mean speed, raised", "lowered")
         return listing(headings, rows, range(5), "Some of the values")
@@ -440,13 +443,13 @@ class ReportMaker:
         """Return the energy balance."""
         from mems_impact.actuator.plots import NEGLIGIBLE_SHARE, plot_energy
 
-        found = energy(self.run)
-        per_cycle = found.given / found.periods
+        balance = energy(self.run)
+        per_cycle = balance.given / balance.periods
         blows = self.run.statistics["blows per period"]
         rows = {"energy from the drive per cycle": self.text(per_cycle, "J")}
         rows["per blow"] = self.text(per_cycle / blows if blows > 0.0 else math.nan, "J")
         rows["mean power"] = self.text(per_cycle / float(self.system.forcing_period), "W")
-        table = found.table
+        table = balance.table
         accounts = []
         for row in table.to_dict("records"):
             share, each = float(row["share"]), float(row["energy per period"])
@@ -454,44 +457,44 @@ class ReportMaker:
                 share = each = 0.0
             name = str(row["account"]).replace("_", " ")
             accounts.append((name, str(row["kind"]), self.text(each, "J"), percent(share)))
-        words = (
+        text = (
             "The balance of the work of the electrodes on the block. The field energy of the "
             "electrodes returns to the voltage source and is not counted."
         )
         blocks: list[Block] = [
-            words,
+            text,
             values(rows),
             listing(("account", "kind", "energy per cycle", "share"), accounts, (2, 3)),
         ]
-        if found.given > 0.0:
-            blocks.append(picture(lambda: plot_energy(found).figure, "Energy per cycle."))
+        if balance.given > 0.0:
+            blocks.append(picture(lambda: plot_energy(balance).figure, "Energy per cycle."))
         return Content(blocks, {"energy per cycle": rows["energy from the drive per cycle"]})
 
     def life(self) -> Content:
         """Return wear and life."""
         if not self.si:
             return Content(problem="A wear rate is in SI, but the device is dimensionless.")
-        found = life(self.run, **self.wear)
+        result = life(self.run, **self.wear)
         rows = {
             "specific wear rate": f"{self.wear['wear']:.3g} m³/(N m)",
             "contact area of the frame": f"{self.wear['area']:.3g} m²",
             "allowed wear depth": amount(self.wear["depth"], "m"),
-            "normal force": amount(found.normal_force, "N"),
-            "slip path per cycle": amount(found.slip_per_period, "m"),
-            "slip path per blow": amount(found.slip_per_blow, "m"),
-            "blows until then": amount(found.blows),
-            "time until then": duration(found.time),
-            "distance until then": amount(abs(found.distance), "m"),
+            "normal force": amount(result.normal_force, "N"),
+            "slip path per cycle": amount(result.slip_per_period, "m"),
+            "slip path per blow": amount(result.slip_per_blow, "m"),
+            "blows until then": amount(result.blows),
+            "time until then": duration(result.time),
+            "distance until then": amount(abs(result.distance), "m"),
         }
-        words = (
+        text = (
             "Wear by Archard's law: volume = wear rate × normal force × slip path. The life ends "
             "where the frame has lost the allowed depth."
         )
         if self.assumed_wear:
-            words += " Wear rate, area and depth are assumed: replace them by measured ones."
+            text += " Wear rate, area and depth are assumed: replace them by measured ones."
         label = "life (assumed wear)" if self.assumed_wear else "life"
-        lasting = duration(found.time)
-        return Content([words, values(rows)], {label: lasting})
+        lasting = duration(result.time)
+        return Content([text, values(rows)], {label: lasting})
 
     def spread(self) -> Content:
         """Return a sample of manufacturing tolerances and its yield."""
@@ -506,37 +509,37 @@ class ReportMaker:
             specification = {column: (ends[0], ends[1])}
         if specification is None:
             return Content(problem="The device makes no step here; give a specification.")
-        found = tolerance_analysis(
+        analysis = tolerance_analysis(
             self.system, over=over, parameters=making, samples=self.counts["samples"],
             seed=self.seed, specification=specification, initial=self.start,
             recurrence=RecurrenceOptions(exponents="none", **self.lengths), workers=1,
         )  # fmt: skip
-        last = found.yields.iloc[-1]
+        last = analysis.yields.iloc[-1]
         share = f"{percent(last['share'])} ({percent(last['low'])} to {percent(last['high'])})"
         bounds = [
             (str(row["quantity"]), self._bound(row, "from"), self._bound(row, "to"),
              percent(row["share"]))
-            for row in found.yields.iloc[:-1].to_dict("records")
+            for row in analysis.yields.iloc[:-1].to_dict("records")
         ]  # fmt: skip
-        words = (
+        text = (
             f"{self.counts['samples']} devices with parameters from these distributions (seed "
             f"{self.seed}). Yield within the specification: {share}, with the 95 % interval."
         )
         if self.tolerances is None or self.specification is None:
             assumed = [
                 name
-                for name, given in (("tolerances", self.tolerances),
+                for name, chosen in (("tolerances", self.tolerances),
                                     ("specification", self.specification))
-                if given is None
+                if chosen is None
             ]  # fmt: skip
-            words += f" Assumed: {' and '.join(assumed)}; give your own."
+            text += f" Assumed: {' and '.join(assumed)}; give your own."
         blocks: list[Block] = [
-            words,
+            text,
             listing(("parameter", "distribution"), rows),
             listing(("quantity", "from", "to", "yield"), bounds, (1, 2, 3), "Specification"),
-            self._quantiles(found.quantiles(QUANTILES)),
+            self._quantiles(analysis.quantiles(QUANTILES)),
             picture(
-                lambda: plot_tolerance_analysis(found, quantity=list(specification)).figure,
+                lambda: plot_tolerance_analysis(analysis, quantity=list(specification)).figure,
                 "Distribution over the devices; dashed lines bound the specification.",
             ),
         ]
@@ -570,8 +573,8 @@ class ReportMaker:
             rows.append((f"{name}, {PARAMETER_MEANINGS[name]}", f"normal, {over[name]}"))
         spread = SPREAD["e"] * device.e
         if spread > 0.0:
-            most = min(3.0, (1.0 - device.e) / spread)
-            over["e"] = stats.truncnorm(-3.0, most, device.e, spread)
+            largest = min(3.0, (1.0 - device.e) / spread)
+            over["e"] = stats.truncnorm(-3.0, largest, device.e, spread)
             rows.append((f"e, {PARAMETER_MEANINGS['e']}", f"normal, {100.0 * SPREAD['e']:g}%"))
         over["friction"] = stats.norm(1.0, SPREAD["friction"])
         rows.append(("mu_s and mu_d in common, friction", f"normal, {100 * SPREAD['friction']:g}%"))
@@ -626,13 +629,16 @@ def _chart_tables(chart: Any, text: Callable[[float, str], str]) -> list[Block]:
     return [listing(headings, rows, range(1, 1 + len(ends)), "Types of switching")]
 
 
-def _distribution_text(given: Any) -> str:
-    if isinstance(given, list | tuple):
-        return ", ".join(map(str, given))
-    if hasattr(given, "dist"):
-        numbers = [*map(str, given.args), *(f"{key}={v}" for key, v in given.kwds.items())]
-        return f"{given.dist.name}({', '.join(numbers)})"
-    return str(given)
+def _distribution_text(distribution: Any) -> str:
+    if isinstance(distribution, list | tuple):
+        return ", ".join(map(str, distribution))
+    if hasattr(distribution, "dist"):
+        numbers = [
+            *map(str, distribution.args),
+            *(f"{key}={v}" for key, v in distribution.kwds.items()),
+        ]
+        return f"{distribution.dist.name}({', '.join(numbers)})"
+    return str(distribution)
 
 
 def _oscillations(system: ActuatorSystem) -> float:
@@ -748,10 +754,10 @@ def report(
     whole("seed", seed, 0)
     per_period = _oscillations(system)
     lengths = {
-        name: whole(name, given, 1)
-        if given is not None
+        name: whole(name, length, 1)
+        if length is not None
         else max(MIN_PERIODS, min(MAX_PERIODS[name], math.ceil(OSCILLATIONS[name] / per_period)))
-        for name, given in (("transient", transient), ("periods", periods))
+        for name, length in (("transient", transient), ("periods", periods))
     }
     numbers = {}
     for name, value in (("wear", wear), ("area", area), ("depth", depth)):
@@ -773,39 +779,39 @@ def report(
         assumed_wear=None in (wear, area, depth),
         initial=initial,
     )
-    if transient is None and (needed := _drift_periods(system)) > lengths["transient"]:
+    if transient is None and (drift_periods := _drift_periods(system)) > lengths["transient"]:
         with contextlib.suppress(MemsImpactError):  # the sections say what it is
             if maker.run.statistics["share slipping"] > NEVER_AT_REST:
-                lengths["transient"] = min(needed, MOST_DRIFT)
+                lengths["transient"] = min(drift_periods, MOST_DRIFT)
                 maker = replace(maker, lengths=lengths)
-    wanted = list(maker.sections if only is None else only)
-    for name in wanted:
+    titles = list(maker.sections if only is None else only)
+    for name in titles:
         if name not in maker.sections:
             raise InvalidParameter("only", name, f"titles among {', '.join(maker.sections)}")
     page = DeviceReport(
         title=title or "Impact microactuator",
         description=description,
-        missing=tuple(wanted),
+        missing=tuple(titles),
         command=command or f"mi.report({actuator!r}, {system.drive!r})",
         made=_versions(),
     )
     if path is not None:
         page.save(path)  # now, not after minutes of work
-    with progress_bar(progress, "sections", len(wanted), "report") as shown:
-        for done, name in enumerate(wanted):
-            if shown is not None:
-                shown(done, name)
+    with progress_bar(progress, "sections", len(titles), "report") as show:
+        for number, name in enumerate(titles):
+            if show is not None:
+                show(number, name)
             try:
                 section = _computed(name, maker.sections[name])
             except KeyboardInterrupt:
-                raise ReportInterrupted(page, done, len(wanted)) from None
+                raise ReportInterrupted(page, number, len(titles)) from None
             page = replace(
-                page, sections=(*page.sections, section), missing=tuple(wanted[done + 1 :])
+                page, sections=(*page.sections, section), missing=tuple(titles[number + 1 :])
             )
             if path is not None:
                 page.save(path)
-        if shown is not None:
-            shown(len(wanted))
+        if show is not None:
+            show(len(titles))
     return page
 
 
@@ -813,17 +819,17 @@ def _computed(title: str, compute: Callable[[], Content]) -> ReportSection:
     """Return a section, or the reason why it cannot be computed."""
     with collected_warnings() as collected:
         try:
-            found = compute()
+            content = compute()
         except MemsImpactError as error:
             text = str(error)
             return ReportSection(title=title, problem=text[:1].upper() + text[1:].rstrip(".") + ".")
     warned = [each.message for each in first_of_each(collected)]
     return ReportSection(
         title=title,
-        problem=found.problem,
-        blocks=tuple(found.blocks),
-        facts=dict(found.facts),
-        notes=(*found.notes, *warned),
+        problem=content.problem,
+        blocks=tuple(content.blocks),
+        facts=dict(content.facts),
+        notes=(*content.notes, *warned),
     )
 
 

@@ -259,9 +259,9 @@ def _html(page: DeviceReport) -> str:
         f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>"
         for name, text in page.facts.items()
     )
-    made = f"<p>{escape(page.made)}</p>"
+    footer = f"<p>{escape(page.made)}</p>"
     if page.command:
-        made += f"<pre>{escape(page.command)}</pre>"
+        footer += f"<pre>{escape(page.command)}</pre>"
     return template.substitute(
         title=escape(page.title),
         generator=escape(f"mems-impact {version('mems-impact')}"),
@@ -271,19 +271,19 @@ def _html(page: DeviceReport) -> str:
             f'<li><a href="#{slug}">{escape(title)}</a></li>' for title, slug in slugs.items()
         ),
         sections="\n".join(_section(each, slugs[each.title]) for each in page.sections),
-        made=made,
+        made=footer,
     )
 
 
 def _section(section: ReportSection, slug: str) -> str:
-    parts = [f'<section id="{slug}">', f"<h2>{escape(section.title)}</h2>"]
+    lines = [f'<section id="{slug}">', f"<h2>{escape(section.title)}</h2>"]
     if section.problem:
-        parts.append(f'<p class="problem">{escape(section.problem)}</p>')
-    parts += map(_block, section.blocks)
+        lines.append(f'<p class="problem">{escape(section.problem)}</p>')
+    lines += map(_block, section.blocks)
     if section.notes:
         notes = "".join(f"<li>{escape(note)}</li>" for note in section.notes)
-        parts.append(f'<ul class="notes">{notes}</ul>')
-    return "\n".join([*parts, "</section>"])
+        lines.append(f'<ul class="notes">{notes}</ul>')
+    return "\n".join([*lines, "</section>"])
 
 
 def _block(block: Block) -> str:

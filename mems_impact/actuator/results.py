@@ -260,8 +260,8 @@ def speed(
     """Return one row per value of `parameter`, a voltage: steps and mean speed, in device units."""
 
     def each(number: Floats) -> Floats:
-        none = np.full(number.size, np.nan)
-        return np.divide(displacement_per_period, number, out=none, where=number > 0.0)
+        missing = np.full(number.size, np.nan)
+        return np.divide(displacement_per_period, number, out=missing, where=number > 0.0)
 
     columns = {
         parameter: voltage,
@@ -304,10 +304,10 @@ def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) ->
 
 def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
     """Return one row per cycle of the block: time, and half the peak-to-peak deflection."""
-    found = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
-    units = found.attrs["units"]
-    found.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
-    return found
+    result = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
+    units = result.attrs["units"]
+    result.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
+    return result
 
 
 def _stopper(impacts: Events) -> Any:

@@ -75,12 +75,12 @@ def actuator_of(parts: Mapping[str, Any]) -> Actuator:
 
 
 def _parts(system: ActuatorSystem) -> dict[str, Any]:
-    own = not system.is_data_only
+    has_functions = not system.is_data_only
     return {
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
         "scales": system.scales,
-        "description": describe(system, system.functions) if own else None,
+        "description": describe(system, system.functions) if has_functions else None,
     }
 
 

@@ -76,25 +76,25 @@ def load_system(name: str) -> HybridSystem:
     >>> mi.load_system("decay.py:decay").states
     ('x',)
     """
-    place, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
+    source, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
     if isinstance(name, str) and not colon:
         return _plugin_system(name)
-    if not place or not attribute.isidentifier():
+    if not source or not attribute.isidentifier():
         raise InvalidParameter("system", name, f"a {FORM}")
-    if place.endswith(".py"):
-        path = Path(place)
+    if source.endswith(".py"):
+        path = Path(source)
         if not path.is_file():
-            raise InvalidFile(place, "no such file", f"give a {FORM}")
+            raise InvalidFile(source, "no such file", f"give a {FORM}")
         module = execute_code(path, SYSTEM_REQUEST)
     else:
-        module = _imported(place)
-    return made_system(getattr(module, attribute, None), place, attribute)
+        module = _imported(source)
+    return made_system(getattr(module, attribute, None), source, attribute)
 
 
 def is_system_name(name: str) -> bool:
     """Return whether a name may be that of a system, rather than of a device."""
-    place, colon, attribute = name.rpartition(":")
-    return name in system_names() or bool(colon and place and attribute.isidentifier())
+    source, colon, attribute = name.rpartition(":")
+    return name in system_names() or bool(colon and source and attribute.isidentifier())
 
 
 def system_names() -> tuple[str, ...]:
@@ -102,44 +102,44 @@ def system_names() -> tuple[str, ...]:
     return plugins.names(plugins.SYSTEM_GROUP)
 
 
-def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSystem:
+def made_system(value: Any, source: str | PathLike[str], name: str) -> HybridSystem:
     """Return a system, or that returned by a function; InvalidFile if it is not a system."""
-    if callable(found) and not isinstance(found, HybridSystem):
+    if callable(value) and not isinstance(value, HybridSystem):
         try:
-            found = found()
+            value = value()
         except Exception as error:
             reason = f"{name}() fails ({type(error).__name__}: {error})"
-            raise InvalidFile(place, reason, f"give a {FORM}") from None
-    if not isinstance(found, HybridSystem):
-        raise InvalidFile(place, f"holds no system {name}", f"give a {FORM}")
-    return found
+            raise InvalidFile(source, reason, f"give a {FORM}") from None
+    if not isinstance(value, HybridSystem):
+        raise InvalidFile(source, f"holds no system {name}", f"give a {FORM}")
+    return value
 
 
 def _plugin_system(name: str) -> HybridSystem:
-    found = plugins.plugin(
+    system = plugins.plugin(
         plugins.SYSTEM_GROUP, name, _is_system_or_function, "a System or a function"
     )
-    if found is None:
-        known = ", ".join(system_names())
-        raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {FORM}")
-    return made_system(found, name, name)
+    if system is None:
+        names = ", ".join(system_names())
+        raise InvalidParameter("system", name, f"{f'one of {names}, or ' if names else ''}a {FORM}")
+    return made_system(system, name, name)
 
 
-def _is_system_or_function(found: Any) -> bool:
-    return isinstance(found, HybridSystem) or callable(found)
+def _is_system_or_function(value: Any) -> bool:
+    return isinstance(value, HybridSystem) or callable(value)
 
 
 def _imported(name: str) -> Any:
     """Import a module, also from the working directory."""
-    here = str(Path.cwd())
-    sys.path.insert(0, here)
+    folder = str(Path.cwd())
+    sys.path.insert(0, folder)
     try:
         return import_module(name)
     except (Exception, SystemExit) as error:
         reason = f"cannot be imported ({type(error).__name__}: {error})"
         raise InvalidFile(name, reason, f"give a {FORM}") from None
     finally:
-        sys.path.remove(here)
+        sys.path.remove(folder)
 
 
 # --- Study files
@@ -277,17 +277,17 @@ class _Reader:
 
     def study(self) -> StudyFile:
         """Return the study."""
-        words = dict(self.content["study"])
-        kind = words.pop("kind", None)
-        start = words.pop("initial", None) if words.get("initial") == KICKED else None
+        table = dict(self.content["study"])
+        kind = table.pop("kind", None)
+        start = table.pop("initial", None) if table.get("initial") == KICKED else None
         try:
             # Imported on first use, since it imports all of SciPy's statistics.
             from mems_impact.studies.engine.config import verb_arguments
 
-            given = verb_arguments(kind, words, self.file.parent)
+            arguments = verb_arguments(kind, table, self.file.parent)
         except InvalidParameter as error:
             raise error.located(owner="study") from None
-        varied = {name: values[0] for name, values in _varied(given)}
+        varied = {name: values[0] for name, values in _varied(arguments)}
         if "system" in self.content:
             system, actuator = self._own_system(), None
         else:
@@ -297,8 +297,8 @@ class _Reader:
             if actuator is None:
                 allowed = "a table of components of the state: only a device has a kicked state"
                 raise InvalidParameter("study.initial", start, allowed)
-            given["initial"] = kicked_state(actuator)
-        return StudyFile(path=str(self.file), kind=kind, system=system, arguments=given)
+            arguments["initial"] = kicked_state(actuator)
+        return StudyFile(path=str(self.file), kind=kind, system=system, arguments=arguments)
 
     def _own_system(self) -> HybridSystem:
         for name in ("device", "drive"):
@@ -312,12 +312,12 @@ class _Reader:
         if not source or not name.isidentifier():
             raise InvalidParameter("system", value, f"a {STUDY_REQUEST.what}")
         path = resolve_code_path(source, self.file, self.allow_code, STUDY_REQUEST)
-        found = getattr(execute_code(path, STUDY_REQUEST), name, None)
-        return self._changed(made_system(found, path, name))
+        system = getattr(execute_code(path, STUDY_REQUEST), name, None)
+        return self._changed(made_system(system, path, name))
 
-    def _changed(self, found: HybridSystem) -> HybridSystem:
+    def _changed(self, system: HybridSystem) -> HybridSystem:
         changes = dict(_flat(self.content.get("set", {}), "set"))
-        return found.changed(**changes) if changes else found
+        return system.changed(**changes) if changes else system
 
     def _actuator(self, varied: Mapping[str, float]) -> Actuator:
         """Return the device, with the terms whose parameters are varied."""
@@ -334,30 +334,30 @@ class _Reader:
 
     def _drive(self, varied: Mapping[str, float]) -> Drive:
         """Return the drive; varied parameters may be absent from its table."""
-        given = self.content.get("drive")
+        table = self.content.get("drive")
         device = str(self.file.parent / self.content["device"])
-        if given is None and holds_drive(device):
-            given = self.content["device"]
-        if isinstance(given, str):
-            return load_drive(self.file.parent / given, allow_code=self.allow_code)
-        if not isinstance(given, dict):
+        if table is None and holds_drive(device):
+            table = self.content["device"]
+        if isinstance(table, str):
+            return load_drive(self.file.parent / table, allow_code=self.allow_code)
+        if not isinstance(table, dict):
             allowed = "a table of lines like kind = 'sine', or the path of a drive file"
-            problem = f"missing, must be {allowed}" if given is None else None
-            raise InvalidParameter("drive", given, allowed, problem=problem)
+            problem = f"missing, must be {allowed}" if table is None else None
+            raise InvalidParameter("drive", table, allowed, problem=problem)
         try:
-            if "kind" in given:
-                fields = drive_of_kind(given["kind"]).model_fields
-                given = {**{name: varied[name] for name in varied if name in fields}, **given}
-            return drive_in_table(given, self.file, self.allow_code)
+            if "kind" in table:
+                fields = drive_of_kind(table["kind"]).model_fields
+                table = {**{name: varied[name] for name in varied if name in fields}, **table}
+            return drive_in_table(table, self.file, self.allow_code)
         except InvalidParameter as error:
             raise error if error.source else error.located(owner="drive") from None
 
 
-def _varied(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _varied(arguments: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield names and values of the axes of a study that are parameters."""
     for word in ("x", "y"):
-        if word in given and len(given[word][1]):
-            yield given[word]
+        if word in arguments and len(arguments[word][1]):
+            yield arguments[word]
 
 
 def _flat(table: Any, owner: str) -> Iterator[tuple[str, float]]:

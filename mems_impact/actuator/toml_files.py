@@ -49,7 +49,7 @@ class CodeRequest(NamedTuple):
     reader: str
 
 
-def resolve_code_path(source: Any, file: Path, allowed: bool, wanted: CodeRequest) -> Path:
+def resolve_code_path(source: Any, file: Path, allowed: bool, request: CodeRequest) -> Path:
     """Return the path of the Python file `source` that `file` names, if it may be executed.
 
     Raises
@@ -59,37 +59,39 @@ def resolve_code_path(source: Any, file: Path, allowed: bool, wanted: CodeReques
     InvalidFile
         If code is not allowed, or the resolved path lies outside the folder of `file`.
     """
-    field, what, kind, reader = wanted
+    field, description, kind, reader = request
     if not isinstance(source, str) or not source.endswith(".py"):
-        raise InvalidParameter(field, source, f"a {what}")
-    named = f"{field} = {shown(source)}"
+        raise InvalidParameter(field, source, f"a {description}")
+    entry = f"{field} = {shown(source)}"
     if not allowed:
-        reason = f"names Python code, {named}, which would be executed"
+        reason = f"names Python code, {entry}, which would be executed"
         remedy = f"read it, then allow it (--allow-code, or allow_code=True in {reader})"
         raise InvalidFile(file, reason, remedy)
     try:
         path = (file.parent / source).resolve()
         inside = path.is_relative_to(file.parent.resolve())
     except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a null character
-        raise InvalidFile(file, f"{named} is not a path ({error})", f"give a {what}") from None
+        raise InvalidFile(
+            file, f"{entry} is not a path ({error})", f"give a {description}"
+        ) from None
     if not inside:
-        reason = f"{named} lies outside the folder of the {kind}"
+        reason = f"{entry} lies outside the folder of the {kind}"
         raise InvalidFile(file, reason, "read it, then copy it into that folder")
     if not path.is_file():
-        raise InvalidFile(path, "no such file", f"give a {what}")
+        raise InvalidFile(path, "no such file", f"give a {description}")
     return path
 
 
-def execute_code(path: Path, wanted: CodeRequest) -> ModuleType:
+def execute_code(path: Path, request: CodeRequest) -> ModuleType:
     """Execute a Python file and return it as a module; InvalidFile if it fails."""
     # Not imported: two files may have the same name, and cached bytecode may differ from the text.
-    module = ModuleType(f"mems_impact_{wanted.field}_{path.stem}")
+    module = ModuleType(f"mems_impact_{request.field}_{path.stem}")
     module.__file__ = str(path)
     try:
         exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), vars(module))
     except (Exception, SystemExit) as error:
         reason = f"fails ({type(error).__name__}: {error})"
-        raise InvalidFile(path, reason, f"give a {wanted.what}") from None
+        raise InvalidFile(path, reason, f"give a {request.what}") from None
     return module
 
 
@@ -149,13 +151,13 @@ def parse_toml(raw: bytes, source: str, remedy: str) -> dict[str, Any]:
     return content
 
 
-def _deeper_than(most: int, content: Any) -> bool:
-    """Return whether tables and lists are nested more than `most` deep.
+def _deeper_than(depth: int, content: Any) -> bool:
+    """Return whether tables and lists are nested more than `depth` deep.
 
     A dotted name may hold thousands of tables, which recursive functions cannot process.
     """
     level = [content]
-    for _ in range(most):
+    for _ in range(depth):
         holders = [one.values() if isinstance(one, dict) else one for one in level]
         level = [one for each in holders for one in each if isinstance(one, dict | list)]
     return bool(level)
@@ -229,7 +231,7 @@ _UNIT_WORDS = {
 
 
 def _heading_factors(
-    line: str, units: Sequence[Sequence[str]], before: list[float], where: str, source: str
+    line: str, units: Sequence[Sequence[str]], before: list[float], location: str, source: str
 ) -> list[float]:
     """Return the factors of the units in a heading; those `before` where it has none."""
     line = line.lstrip("# ")
@@ -239,27 +241,27 @@ def _heading_factors(
     if len(cells) != len(units) or any(map(_is_number, cells)):
         return before
     pairs = list(zip(cells, units, strict=True))
-    found = [_heading_factor(cell, allowed, where, source) for cell, allowed in pairs]
-    if None in found:  # a unit without brackets may be a word, or the value of a setting
-        found = [
+    factors = [_heading_factor(cell, allowed, location, source) for cell, allowed in pairs]
+    if None in factors:  # a unit without brackets may be a word, or the value of a setting
+        factors = [
             factor if _IN_BRACKETS.search(cell) else None
-            for cell, factor in zip(cells, found, strict=True)
+            for cell, factor in zip(cells, factors, strict=True)
         ]
-    return [old if own is None else own for own, old in zip(found, before, strict=True)]
+    return [old if new is None else new for new, old in zip(factors, before, strict=True)]
 
 
-def _heading_factor(cell: str, allowed: Sequence[str], where: str, source: str) -> float | None:
+def _heading_factor(cell: str, allowed: Sequence[str], location: str, source: str) -> float | None:
     """Return the factor of the unit in one heading, if it has one."""
     bracketed = _IN_BRACKETS.search(cell)
-    found = bracketed or _AT_THE_END.search(cell)
-    if found is None:
+    match = bracketed or _AT_THE_END.search(cell)
+    if match is None:
         return None
-    unit = found[1]
+    unit = match[1]
     for word, short in _UNIT_WORDS.items():
         unit = re.sub(word, short, unit, flags=re.IGNORECASE)
-    for own in allowed:
+    for allowed_unit in allowed:
         try:
-            return magnitude(f"1 {unit}", own)
+            return magnitude(f"1 {unit}", allowed_unit)
         except QuantityError:
             continue
     try:
@@ -267,7 +269,7 @@ def _heading_factor(cell: str, allowed: Sequence[str], where: str, source: str) 
     except KeyError:
         is_other = False
     if is_other:
-        reason = f"{where} has the unit {found[1]} for numbers in {' or '.join(allowed)}"
+        reason = f"{location} has the unit {match[1]} for numbers in {' or '.join(allowed)}"
         raise InvalidFile(source, reason, "correct the unit, or omit it for numbers in SI")
     return None
 

@@ -79,12 +79,12 @@ def blows(run: ActuatorRun) -> BlowStatistics:
     >>> mi.blows(run).count  # the 80 impacts of run.statistics are bounces of these
     4
     """
-    found, scales = run.measured, run.system.scales
-    still = found.blows == 0 and found.displacement_per_period == 0.0
+    measured, scales = run.measured, run.system.scales
+    still = measured.blows == 0 and measured.displacement_per_period == 0.0
     return BlowStatistics(
-        count=found.blows,
-        per_period=found.blows_per_period,
-        displacement_per_blow=0.0 if still else scales.out(found.displacement_per_blow, "m"),
-        displacement_std=scales.out(found.displacement_per_blow_std, "m"),
+        count=measured.blows,
+        per_period=measured.blows_per_period,
+        displacement_per_blow=0.0 if still else scales.out(measured.displacement_per_blow, "m"),
+        displacement_std=scales.out(measured.displacement_per_blow_std, "m"),
         si=scales.named,
     )

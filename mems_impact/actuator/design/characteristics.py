@@ -136,8 +136,8 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
         lasted[arc.begin.mode] += max(0.0, min(end, last) - max(begin, first))
     shares = lasted / (last - first)
     slips, sides = np.array([[direction_of(mode), side_of(mode)] for mode in range(len(modes))]).T
-    there = np.flatnonzero(shares)
-    table = results.duty([modes[mode] for mode in there], shares[there], period, motion.system)
+    indices = np.flatnonzero(shares)
+    table = results.duty([modes[mode] for mode in indices], shares[indices], period, motion.system)
     return DutyCycle(
         flying=float(shares[sides == 0].sum()),
         in_contact=float(shares[sides != 0].sum()),
@@ -208,10 +208,10 @@ def frequency_response(
     parameter = system.frequency_parameter
     for name in (parameter, "amplitude"):
         system.check_parameter(name)
-    given = system.value("amplitude") if amplitudes is None else amplitudes
-    given = system.without_unit("amplitude", given, "amplitudes")
-    values = np.atleast_1d(np.asarray(given, dtype=float))
-    parts = []
+    amplitude_values = system.value("amplitude") if amplitudes is None else amplitudes
+    amplitude_values = system.without_unit("amplitude", amplitude_values, "amplitudes")
+    values = np.atleast_1d(np.asarray(amplitude_values, dtype=float))
+    tables = []
     for amplitude in values.tolist():
         table = sweep(
             system.changed(amplitude=amplitude), parameter, frequencies, direction=direction,
@@ -219,19 +219,19 @@ def frequency_response(
         )  # fmt: skip
         summary = sweep_summary(table)
         summary.insert(0, "amplitude", amplitude)
-        parts.append(summary)
-    found = pd.concat(parts, ignore_index=True)
-    gap = found["closest approach"].to_numpy()
-    deflection = np.where(found["impacting"], actuator.delta, actuator.delta - gap)
+        tables.append(summary)
+    joined = pd.concat(tables, ignore_index=True)
+    gap = joined["closest approach"].to_numpy()
+    deflection = np.where(joined["impacting"], actuator.delta, actuator.delta - gap)
     columns = ["impacting", "impacts per period", "blows per period", "displacement per period",
                "mean speed", "status"]  # fmt: skip
-    first = found[["amplitude", "direction", parameter]].assign(deflection=deflection)
-    result = pd.concat([first, found[columns]], axis=1)
+    first = joined[["amplitude", "direction", parameter]].assign(deflection=deflection)
+    result = pd.concat([first, joined[columns]], axis=1)
     units = {**table.attrs["units"]}
     if system.units:
         units |= {"deflection": "m", "amplitude": system.drive_unit}
-    shown = {name: unit for name, unit in units.items() if name in result}
-    result.attrs = {"units": shown, "system": repr(system), "symbols": dict(system.symbols)}
+    kept_units = {name: unit for name, unit in units.items() if name in result}
+    result.attrs = {"units": kept_units, "system": repr(system), "symbols": dict(system.symbols)}
     return result
 
 
@@ -275,13 +275,13 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
         on = group[group["impacting"]]
-        where, speed = on[parameter], on["mean speed"]
+        value, speed = on[parameter], on["mean speed"]
         rows.append(
             {
                 "amplitude": amplitude,
                 "direction": direction,
-                f"{parameter} from": where.min(),
-                f"{parameter} to": where.max(),
+                f"{parameter} from": value.min(),
+                f"{parameter} to": value.max(),
                 "mean speed min": speed.min(),
                 "mean speed max": speed.max(),
             }
@@ -419,9 +419,9 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
             f"the frame moves forward at none of the {int(one.sum())} voltages with one blow in a "
             "period; take a drive that pulls the block to the right"
         )
-    seen = f", but {blows.min():g} to {blows.max():g}" if blows.notna().any() else ""
+    suffix = f", but {blows.min():g} to {blows.max():g}" if blows.notna().any() else ""
     return (
-        f"no voltage in the table makes one blow in a period{seen}; add voltages at which the "
+        f"no voltage in the table makes one blow in a period{suffix}; add voltages at which the "
         "device walks (see period_one_window), or a longer transient"
     )
 
@@ -615,12 +615,12 @@ def end_of(branch: Branch, stop: float) -> tuple[float, str]:
         Bound of the branch: the kind of an end there is "bound".
     """
     values = [orbit.system.value(branch.parameter) for orbit in branch.orbits]
-    way = math.copysign(1.0, stop - values[0])
+    sign = math.copysign(1.0, stop - values[0])
     for special in branch.special_points:
         beyond = (
             orbit.stable and orbit.admissible
             for value, orbit in zip(values, branch.orbits, strict=True)
-            if way * (value - special.value) > 0.0
+            if sign * (value - special.value) > 0.0
         )
         if special.label in STABILITY_LOSS_LABELS or not next(beyond, False):
             return special.value, special.kind

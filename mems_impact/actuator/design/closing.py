@@ -164,14 +164,14 @@ def closing(
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Step(amplitude=…)")
     si = actuator.units == "SI"
-    given = quantity("duration", duration, "s" if si else None, "device")
-    if given is not None and not (is_number(given) and given > 0.0):
+    fixed = quantity("duration", duration, "s" if si else None, "device")
+    if fixed is not None and not (is_number(fixed) and fixed > 0.0):
         raise InvalidParameter("duration", duration, "a finite number > 0")
     if not (is_number(smallest_bounce) and 0.0 < smallest_bounce < 1.0):
         raise InvalidParameter("smallest_bounce", smallest_bounce, "between 0 and 1 (exclusive)")
     natural = natural_period(actuator)
-    if given is not None:
-        lengths = [float(given)]
+    if fixed is not None:
+        lengths = [float(fixed)]
     elif not isinstance(drive, AperiodicDrive):
         lengths = [drive.period]
     elif drive.duration is not None:
@@ -221,8 +221,8 @@ def rest_start(trajectory: Trajectory) -> float:
 def times(trajectory: Trajectory) -> Floats:
     """Return the times of all events since the start of the first forcing period."""
     log = trajectory.events
-    found: Floats = log.cycle * trajectory.period + log.time
-    return found
+    result: Floats = log.cycle * trajectory.period + log.time
+    return result
 
 
 def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
@@ -235,9 +235,9 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
     contact, flight, height = (np.full(hits.size, math.nan) for _ in range(3))
     for i, row in enumerate(hits.tolist()):
         end, following = row, int(hits[i + 1]) if i + 1 < hits.size else len(log)
-        held = np.flatnonzero(contact_side(log.mode_after[row:following]))
-        if held.size:  # in a compliant contact, or after the end of a chatter sequence
-            end = row + int(held[-1]) + 1
+        closed_rows = np.flatnonzero(contact_side(log.mode_after[row:following]))
+        if closed_rows.size:  # in a compliant contact, or after the end of a chatter sequence
+            end = row + int(closed_rows[-1]) + 1
             if end == following:
                 continue
         contact[i] = when[end] - when[row]
@@ -248,7 +248,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
     stays = closed and contact_side(trajectory.final.mode) == side[0]
     settled = rest_start(trajectory) if stays else math.nan
     speeds = np.abs(log.before[hits, V2])
-    own = side == side[0] if closed else np.zeros(0, dtype=bool)
+    same_side = side == side[0] if closed else np.zeros(0, dtype=bool)
     columns = {
         "t": when[hits],
         "impact speed": speeds,
@@ -256,16 +256,16 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
         "flight": flight,
         "height": height,
     }
-    found = table(columns, system)
-    found.insert(1, "stopper", category_column(["right", "left"], (side != 1).astype(np.int64)))
+    contacts = table(columns, system)
+    contacts.insert(1, "stopper", category_column(["right", "left"], (side != 1).astype(np.int64)))
     return Closing(
         closing_time=float(system.out("time", when[hits[0]])) if closed else math.nan,
         impact_speed=float(system.out("impact speed", speeds[0])) if closed else math.nan,
-        bounces=int((height[own] >= smallest_bounce * delta).sum()),
+        bounces=int((height[same_side] >= smallest_bounce * delta).sum()),
         settling_time=float(system.out("time", settled)),
         stopper=("right" if side[0] == 1 else "left") if closed else "",
         smallest_bounce=float(smallest_bounce),
-        table=found,
+        table=contacts,
         run=run,
         si=system.scales.named,
     )
@@ -286,13 +286,13 @@ def bounce_height(
     y = resample(trajectory.problem, start, end, count).y
     x2 = np.concatenate([[start.y[X2]], y[:, X2], [end.y[X2]]])
     v2 = np.concatenate([[start.y[V2]], y[:, V2], [end.y[V2]]])
-    turns = np.flatnonzero((side * v2[:-1] < 0.0) & (side * v2[1:] >= 0.0))
+    minima = np.flatnonzero((side * v2[:-1] < 0.0) & (side * v2[1:] >= 0.0))
     step = period / count
     # Cubic Hermite interpolation around each turning point.
-    found = [float((delta - side * x2).max())]
-    for i in turns.tolist():
+    heights = [float((delta - side * x2).max())]
+    for i in minima.tolist():
         if 0 < i < x2.size - 2:
             piece = CubicHermiteSpline([0.0, step], x2[i : i + 2], v2[i : i + 2])
-            places = piece.derivative().roots(extrapolate=False)
-            found += (delta - side * piece(places)).tolist()
-    return max(found)
+            roots = piece.derivative().roots(extrapolate=False)
+            heights += (delta - side * piece(roots)).tolist()
+    return max(heights)

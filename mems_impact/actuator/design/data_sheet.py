@@ -127,8 +127,8 @@ class HoldingVoltage(Relation):
 
     def squared(self, known: Mapping[str, float]) -> float:
         """Return the squared voltage times the electrode constant over the stiffness."""
-        place = min(known["travel"], self.limit * known["gap"])
-        return place * (known["gap"] - place) ** 2
+        position = min(known["travel"], self.limit * known["gap"])
+        return position * (known["gap"] - position) ** 2
 
     def solve(self, name: str, known: Mapping[str, float]) -> float | None:
         """Return the quantity `name` from all others; None if they do not determine it."""
@@ -148,13 +148,13 @@ class HoldingVoltage(Relation):
         return None  # the travel: two solutions, or any
 
     def _gap(self, known: Mapping[str, float]) -> float:
-        wanted = known[self.voltage] ** 2 * known["electrode_constant"] / known["stiffness"]
+        target = known[self.voltage] ** 2 * known["electrode_constant"] / known["stiffness"]
         travel = known["travel"]
 
         def difference(gap: float) -> float:
-            return self.squared({"gap": gap, "travel": travel}) / wanted - 1.0
+            return self.squared({"gap": gap, "travel": travel}) / target - 1.0
 
-        high = travel + math.sqrt(wanted / travel) + (wanted / (SNAP * (1.0 - SNAP) ** 2)) ** SNAP
+        high = travel + math.sqrt(target / travel) + (target / (SNAP * (1.0 - SNAP) ** 2)) ** SNAP
         return float(brentq(difference, travel, 2.0 * high, xtol=1e-30, rtol=1e-15))
 
 
@@ -179,12 +179,12 @@ VOLTAGES: tuple[Relation, ...] = (HoldingVoltage("pull_in", SNAP), HoldingVoltag
 
 def relations_of(terms: Sequence[Term]) -> tuple[Relation, ...]:
     """Return the relations of devices with these terms."""
-    found = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
+    relations = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
     if not any(term.name() == "tabulated_spring" for term in terms):
-        found = (*found, SPRING_FORCE)
+        relations = (*relations, SPRING_FORCE)
     if not any("right electrode" in term.replaced for term in terms):
-        found = (*found, CAPACITANCE)
-    return found
+        relations = (*relations, CAPACITANCE)
+    return relations
 
 
 def has_plates(terms: Sequence[Term]) -> bool:
@@ -196,9 +196,9 @@ def has_plates(terms: Sequence[Term]) -> bool:
 # --- From a data sheet to an actuator
 
 
-def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -> Actuator:
+def actuator_from_design(design: Mapping[str, Any], terms: Sequence[Term] = ()) -> Actuator:
     """Return the actuator of a data sheet; see `Actuator.from_design`."""
-    known = _numbers(given)
+    known = _numbers(design)
     relations = relations_of(terms)
     known.setdefault("gravity", STANDARD_GRAVITY)
     known = _propagated(known, relations)
@@ -223,8 +223,8 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
     if by_voltage:
         actuator = _with_voltage(actuator, voltage, known[voltage])
     elif by_capacitance:
-        own = _capacitance(actuator)
-        actuator = actuator.replace(alpha=actuator.alpha * known["capacitance"] / own)
+        computed = _capacitance(actuator)
+        actuator = actuator.replace(alpha=actuator.alpha * known["capacitance"] / computed)
     elif unknown_constant and not plates:  # that of a plate with the same force at x2 = 0
         force = StaticForces(actuator).attraction(0.0) * actuator.alpha / actuator.d**2
         actuator = actuator.replace(alpha=force * actuator.d**2)
@@ -241,33 +241,33 @@ def actuator_from_design(given: Mapping[str, Any], terms: Sequence[Term] = ()) -
     return actuator
 
 
-def _numbers(given: Mapping[str, Any]) -> dict[str, float]:
+def _numbers(design: Mapping[str, Any]) -> dict[str, float]:
     """Return the given quantities as numbers in SI."""
-    found: dict[str, float] = {}
-    for name, value in given.items():
+    numbers: dict[str, float] = {}
+    for name, value in design.items():
         if name == "friction":
-            both = value if isinstance(value, tuple | list) else (value, value)
-            if len(both) != 2:
+            pair = value if isinstance(value, tuple | list) else (value, value)
+            if len(pair) != 2:
                 allowed = "one coefficient, or a pair (static, dynamic)"
                 raise InvalidParameter("friction", value, allowed)
-            for own, each in zip(("static_friction", "dynamic_friction"), both, strict=True):
-                if own in given:
-                    raise InvalidParameter("friction", value, f"omitted if {own} is given")
-                found[own] = _number("friction", each, "")
+            for coefficient, each in zip(
+                ("static_friction", "dynamic_friction"), pair, strict=True
+            ):
+                if coefficient in design:
+                    raise InvalidParameter("friction", value, f"omitted if {coefficient} is given")
+                numbers[coefficient] = _number("friction", each, "")
             continue
         if name not in QUANTITIES:
             raise unknown(name, value, [*QUANTITIES, "friction", "terms"])
-        found[name] = _number(name, value, QUANTITIES[name].unit)
-    return found
+        numbers[name] = _number(name, value, QUANTITIES[name].unit)
+    return numbers
 
 
 def _number(name: str, value: Any, unit: str) -> float:
     number = quantity(name, value, unit)
-    least = ">=" if name in MAY_BE_ZERO else ">"
-    if not is_number(number) or number < 0.0 or (number == 0.0 and least == ">"):
-        raise InvalidParameter(
-            name, value, f"a finite number {least} 0 [{unit}]".replace(" []", "")
-        )
+    sign = ">=" if name in MAY_BE_ZERO else ">"
+    if not is_number(number) or number < 0.0 or (number == 0.0 and sign == ">"):
+        raise InvalidParameter(name, value, f"a finite number {sign} 0 [{unit}]".replace(" []", ""))
     return float(number)
 
 
@@ -275,7 +275,7 @@ def _by_quantities(error: InvalidParameter) -> InvalidParameter:
     """Return an error on parameters as one on the quantities of a data sheet."""
 
     def renamed(text: str) -> str:
-        return re.sub(r"\b(\w+)(?= =)", lambda found: OF_PARAMETER.get(found[1], found[1]), text)
+        return re.sub(r"\b(\w+)(?= =)", lambda match: OF_PARAMETER.get(match[1], match[1]), text)
 
     name, problem = OF_PARAMETER.get(error.field, error.field), error.problem
     return InvalidParameter(
@@ -364,21 +364,21 @@ def _missing(
     return InvalidParameter(name, None, "", problem=problem)
 
 
-def _with_voltage(actuator: Actuator, name: str, wanted: float) -> Actuator:
+def _with_voltage(actuator: Actuator, name: str, voltage: float) -> Actuator:
     """Return the device with the electrode constant at which it has a pull-in or release voltage.
 
     The squared voltage is nearly inverse to the constant, so that the iteration converges.
     """
     compute = pull_in_voltage if name == "pull_in" else resting_voltage
     for _ in range(PULL_IN_ITERATIONS):
-        ratio = (compute(actuator) / wanted) ** 2
+        ratio = (compute(actuator) / voltage) ** 2
         if ratio == 0.0:
             break
         actuator = actuator.replace(alpha=actuator.alpha * ratio)
         if abs(ratio - 1.0) < PULL_IN_RTOL:
             return actuator
     problem = "no electrode gives it with these terms; give electrode_area"
-    raise InvalidParameter(name, wanted, "", problem=problem)
+    raise InvalidParameter(name, voltage, "", problem=problem)
 
 
 # --- From an actuator to a data sheet
@@ -424,10 +424,12 @@ class DataSheet(Mapping[str, Any]):
 
     @cached_property
     def _values(self) -> dict[str, Any]:
-        given = {name: getattr(self.actuator, own) for own, name in OF_PARAMETER.items()}
+        parameters = {
+            name: getattr(self.actuator, parameter) for parameter, name in OF_PARAMETER.items()
+        }
         terms = self.actuator.terms
-        plain = [each for each in relations_of(terms) if each not in VOLTAGES]
-        known = _propagated(given, plain)
+        without_voltages = [each for each in relations_of(terms) if each not in VOLTAGES]
+        known = _propagated(parameters, without_voltages)
         if "capacitance" not in known:
             known["capacitance"] = _capacitance(self.actuator)
         if not has_plates(terms):
@@ -439,8 +441,8 @@ class DataSheet(Mapping[str, Any]):
             voltage = self._voltage(compute)
             if voltage is not None:
                 known[name] = voltage
-        found: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
-        return found | ({"terms": self.actuator.terms} if self.actuator.terms else {})
+        values: dict[str, Any] = {name: known[name] for name in QUANTITIES if name in known}
+        return values | ({"terms": self.actuator.terms} if self.actuator.terms else {})
 
     def _voltage(self, compute: Callable[[Actuator], float]) -> float | None:
         try:

@@ -104,16 +104,16 @@ def _slip(problem: Problem, start: HybridState) -> float:
 
 def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
     """Return the arcs of an orbit; rows are those of its event log."""
-    found = orbit.found
-    cyclic = list(found.problem.automaton.cyclic)
-    states, _ = found.shooting.unpack(found.point.unknowns)
+    solution = orbit.found
+    cyclic = list(solution.problem.automaton.cyclic)
+    states, _ = solution.shooting.unpack(solution.point.unknowns)
     gathered: Floats = np.zeros(len(orbit.system.states))
     row = 0
-    for i, segment in enumerate(found.segments):
-        start, end = float(found.point.starts[i]), float(found.point.ends[i])
-        event = found.point.events[i]
+    for i, segment in enumerate(solution.segments):
+        start, end = float(solution.point.starts[i]), float(solution.point.ends[i])
+        event = solution.point.events[i]
         y = orbit.system.snap_to_mode(segment.mode, states[i]) + gathered
-        last = found.point.arcs[i].end
+        last = solution.point.arcs[i].end
         after = last if event is None else event.after
         v2 = float(last[V2]), float(after[V2])
         yield EnergyArc(
@@ -189,14 +189,14 @@ class ArcNotes:
     """Records work and losses during the integration of arcs."""
 
     def __init__(self, system: ActuatorSystem, problem: Problem) -> None:
-        own, drive = accounts_of(system), system.source
+        accounts, drive = accounts_of(system), system.source
         self.problem, self.n = problem, len(system.states)
-        self.stored = tuple(own.stored.values())
+        self.stored = tuple(accounts.stored.values())
         first = problem.parameters.size - drive.parameters().size
         self.volts = voltages(drive.voltage, drive.left_voltage, first)
-        losses = (*SUMMED[2:], *own.lost, IMPACT_LABEL)
+        losses = (*SUMMED[2:], *accounts.lost, IMPACT_LABEL)
         self.columns = tuple(
-            [f"lost {name}" for name in losses] + [f"stored {name}" for name in own.stored]
+            [f"lost {name}" for name in losses] + [f"stored {name}" for name in accounts.stored]
         )
         self.place: list[float] = []
         self.work: list[float] = []
@@ -208,20 +208,20 @@ class ArcNotes:
         """Record the sums and the stored energies; return the number of the row."""
         p = self.problem.parameters
         v, w = self.volts(now.time, p)
-        work, slip, *lost = self.summed.tolist()
+        work, slip, *losses = self.summed.tolist()
         self.place.append(now.cycle + now.time / self.problem.period)
         self.work.append(work)
         self.slip.append(slip)
-        self.sums.append([*lost, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
+        self.sums.append([*losses, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
         return len(self.place) - 1
 
     def follow(self, now: HybridState, length: float, *, summing: bool) -> Floats:
         """Integrate an arc over `length`; return the state at its end."""
         y = np.concatenate([now.y, np.zeros(self.summed.size - 1)])
-        done = integrate(self.problem, replace(now, y=y), length / self.problem.period).final.y
+        final = integrate(self.problem, replace(now, y=y), length / self.problem.period).final.y
         if summing:
-            self.summed[:-1] += done[self.n :]
-        return done[: self.n]
+            self.summed[:-1] += final[self.n :]
+        return final[: self.n]
 
 
 def summed(
@@ -252,11 +252,11 @@ def summed(
     for arc in arcs:
         y, inside = arc.begin.y, False
         for begin, end in pairwise(_cuts(arc, low, high, period)):
-            whole = math.floor(begin + MIN_STRETCH_PERIODS)
+            begin_cycle = math.floor(begin + MIN_STRETCH_PERIODS)
             now = replace(
                 arc.begin,
-                cycle=arc.begin.cycle + whole,
-                time=max(0.0, (begin - whole) * period),
+                cycle=arc.begin.cycle + begin_cycle,
+                time=max(0.0, (begin - begin_cycle) * period),
                 y=y,
             )
             inside = (
@@ -389,12 +389,12 @@ class Energy(Result):
         import pandas as pd
 
         total = self._between(0, self.end)
-        given = total["in", "electrodes"]
+        supplied = total["in", "electrodes"]
         kinds, names = zip(*total, strict=True)
         values = np.array(list(total.values()))
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = values / given if given != 0.0 else np.full(values.size, math.nan)
-        found = pd.DataFrame(
+            share = values / supplied if supplied != 0.0 else np.full(values.size, math.nan)
+        table = pd.DataFrame(
             {
                 "kind": kinds,
                 "account": names,
@@ -403,7 +403,7 @@ class Energy(Result):
                 "share": share,
             }
         )
-        return self._labelled(found, ("energy", "energy per period"))
+        return self._labelled(table, ("energy", "energy per period"))
 
     @cached_property
     def by_period(self) -> pd.DataFrame:
@@ -442,30 +442,30 @@ class Energy(Result):
         return accounts_of(self.system)
 
     def _total(self, kind: str) -> float:
-        found = self._between(0, self.end)
-        return float(sum(value for (of, _), value in found.items() if of == kind))
+        totals = self._between(0, self.end)
+        return float(sum(value for (of, _), value in totals.items() if of == kind))
 
     def _between(self, begin: int, end: int) -> dict[tuple[str, str], float]:
         """Return the change of each account between two rows, in the units of the device."""
-        own, rows, work = self._accounts, self.sums.sums, self.sums.work
+        accounts, rows, work = self._accounts, self.sums.sums, self.sums.work
         changes = self.system.scales.out(rows[end] - rows[begin], "J")
         change = dict(zip(self.sums.columns, changes.tolist(), strict=True))
-        given = float(self.system.scales.out(work[end] - work[begin], "J"))
-        given += sum(change[f"lost {name}"] for name in own.at_electrodes)
-        given += sum(change[f"stored {name}"] for name in own.fields)
-        found = {("in", "electrodes"): given}
+        supplied = float(self.system.scales.out(work[end] - work[begin], "J"))
+        supplied += sum(change[f"lost {name}"] for name in accounts.at_electrodes)
+        supplied += sum(change[f"stored {name}"] for name in accounts.fields)
+        totals = {("in", "electrodes"): supplied}
         for column, value in change.items():
             kind, _, name = column.partition(" ")
-            found["load" if name in own.loads else kind, name] = value
-        return found
+            totals["load" if name in accounts.loads else kind, name] = value
+        return totals
 
     def _by(self, rows: NDArray[np.int64], first: Mapping[str, Any]) -> pd.DataFrame:
         import pandas as pd
 
         ends = zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)
-        found = [self._between(begin, end) for begin, end in ends]
+        totals = [self._between(begin, end) for begin, end in ends]
         keys = list(self._between(0, 0))
-        columns = {_heading(key): np.array([each[key] for each in found]) for key in keys}
+        columns = {_heading(key): np.array([each[key] for each in totals]) for key in keys}
         return self._labelled(pd.DataFrame({**first, **columns}), tuple(columns))
 
     def _labelled(self, table: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:

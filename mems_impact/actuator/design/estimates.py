@@ -173,8 +173,8 @@ def contact_voltage(actuator: Actuator) -> float:
 def _dynamic_pull_in(actuator: Actuator) -> float:
     """Return the dynamic pull-in voltage."""
     if actuator.c == 0.0 and not actuator.terms:
-        place = min(actuator.delta, 0.5 * actuator.d)
-        energy = actuator.k * actuator.d * place * (actuator.d - place) / 2.0
+        position = min(actuator.delta, 0.5 * actuator.d)
+        energy = actuator.k * actuator.d * position * (actuator.d - position) / 2.0
         return math.sqrt(energy / actuator.alpha)
     from mems_impact.actuator.drives.sine import Sine
     from mems_impact.actuator.system import ActuatorSystem
@@ -182,12 +182,12 @@ def _dynamic_pull_in(actuator: Actuator) -> float:
 
     # The frame is held by friction that no force overcomes.
     gravity = actuator.g or actuator.scales.out(1.0, "m/s^2")
-    held = actuator.replace_unchecked(mu_s=HOLDING_FRICTION, mu_d=HOLDING_FRICTION, g=gravity)
+    held_frame = actuator.replace_unchecked(mu_s=HOLDING_FRICTION, mu_d=HOLDING_FRICTION, g=gravity)
     omega = math.sqrt(actuator.k / actuator.m2)
 
     def strikes(voltage: float) -> bool:
         drive = Sine(amplitude=0.0, omega=omega, bias=voltage)
-        system = ActuatorSystem(held, drive)
+        system = ActuatorSystem(held_frame, drive)
         run = simulate(system, DYNAMIC_PERIODS, keep="statistics", window=(0, DYNAMIC_PERIODS))
         return bool(run.statistics["impacts"] > 0)
 

@@ -131,15 +131,15 @@ class Target:
         A tolerance in per cent is relative to the value.
         """
         for name in ("value", "tolerance"):
-            given = getattr(self, name)
-            if not has_unit(given):
+            value = getattr(self, name)
+            if not has_unit(value):
                 continue
-            part = percentage(given) if name == "tolerance" else None
+            part = percentage(value) if name == "tolerance" else None
             if part is not None and is_number(self.value):
                 number = part * abs(self.value)
             else:
-                number = quantity(name, given, self.unit)
-                vars(self).setdefault("_text", (name, given) if self.unit else None)
+                number = quantity(name, value, self.unit)
+                vars(self).setdefault("_text", (name, value) if self.unit else None)
             object.__setattr__(self, name, number)
 
     def check_on(self, actuator: Actuator) -> None:
@@ -259,8 +259,8 @@ class Fit(SummaryRepr):
         return {"verdict": self.verdict, "note": self.note, "misfit": self.misfit, **dict(rows)}
 
     def __str__(self) -> str:
-        shown = {"index": False, "float_format": "{:.6g}".format}
-        tables_ = f"{self.parameters.to_string(**shown)}\n\n{self.residuals.to_string(**shown)}"
+        form = {"index": False, "float_format": "{:.6g}".format}
+        tables_ = f"{self.parameters.to_string(**form)}\n\n{self.residuals.to_string(**form)}"
         return f"{self.verdict}: {self.note}\n\n{tables_}"
 
 
@@ -335,10 +335,10 @@ def fit(
     for target in targets:
         target.check_on(actuator)
         check_plausible_target(actuator, target.quantity, target.value, target.unit)
-    bounds = {parameter_named(name): given for name, given in (bounds or {}).items()}
-    for name, given in bounds.items():
+    bounds = {parameter_named(name): bound for name, bound in (bounds or {}).items()}
+    for name, bound in bounds.items():
         if name not in free:
-            raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")
+            raise InvalidParameter(f"bounds of {name}", bound, f"for one of {', '.join(free)}")
     limits = np.array([_limits(actuator, name, bounds) for name in free])
     drives = dict.fromkeys(target.drive for target in targets if target.drive is not None)
     begin = np.array([getattr(actuator, name) for name in free])
@@ -350,13 +350,13 @@ def fit(
         values = np.clip(begin * np.exp(unknowns - ORIGIN), limits[:, 0], limits[:, 1]).tolist()
         return actuator.replace(**dict(zip(free, values, strict=True)))
 
-    def computed(here: Actuator, end: int = transient + periods) -> Floats:
+    def computed(candidate: Actuator, end: int = transient + periods) -> Floats:
         window = (float(end - periods), float(end))
         runs = {
-            drive: simulate(here, drive, end, initial=initial, window=window, options=options)
+            drive: simulate(candidate, drive, end, initial=initial, window=window, options=options)
             for drive in drives
         }
-        return np.array([target.computed(here, runs) for target in targets])
+        return np.array([target.computed(candidate, runs) for target in targets])
 
     measured = np.array([target.value for target in targets])
     weights = np.array([target.weight for target in targets])
@@ -421,7 +421,7 @@ def fit(
         *_at_bounds(free, solved.active_mask),
         *_indifferent(targets, np.asarray(solved.jac)),
     ]
-    found = Fit(
+    fitted = Fit(
         actuator=best,
         parameters=table,
         residuals=shown,
@@ -432,10 +432,10 @@ def fit(
         converged=bool(solved.success),
         evaluations=int(solved.nfev),
     )
-    if found.verdict != "good":
-        message = f"{found.verdict}: {found.note}; {REMEDIES[found.verdict]}"
+    if fitted.verdict != "good":
+        message = f"{fitted.verdict}: {fitted.note}; {REMEDIES[fitted.verdict]}"
         warn(message, FitWarning)
-    return found
+    return fitted
 
 
 def _checked_free(actuator: Actuator, free: Sequence[str]) -> list[str]:
@@ -477,8 +477,8 @@ def _errors(sizes: Floats, directions: Floats) -> Floats:
     """Return the relative standard errors of the parameters."""
     with np.errstate(divide="ignore"):
         inverse = np.where(sizes > NEGLIGIBLE * max(sizes[0], 1e-300), 1.0 / sizes, np.inf)
-    parts = np.where(np.abs(directions) > 1e-6, directions, 0.0)
-    spread = np.where(parts != 0.0, inverse[:, None], 0.0) * np.abs(parts)
+    components = np.where(np.abs(directions) > 1e-6, directions, 0.0)
+    spread = np.where(components != 0.0, inverse[:, None], 0.0) * np.abs(components)
     return np.asarray(np.sqrt((spread**2).sum(axis=0)))
 
 
@@ -508,9 +508,9 @@ def _unsettled(
     targets: Sequence[Target], reached: Floats, later: Floats, moving: NDArray[np.bool_]
 ) -> list[str]:
     return [
-        f"the motion has not settled: {target.quantity} = {now:.6g} becomes {then:.6g} in a run "
+        f"the motion has not settled: {target.quantity} = {now:.6g} becomes {end:.6g} in a run "
         f"{LATER} times as long"
-        for target, now, then, yes in zip(targets, reached, later, moving, strict=True)
+        for target, now, end, yes in zip(targets, reached, later, moving, strict=True)
         if yes
     ]
 
@@ -549,9 +549,9 @@ def _undetermined(
     for size, direction in zip(sizes, directions, strict=True):
         if size > NEGLIGIBLE * sizes[0]:
             continue
-        parts = sorted(zip(direction, free, strict=True), key=lambda part: -abs(part[0]))
-        largest = parts[0][0]
-        telling = [(w / largest, name) for w, name in parts if abs(w / largest) > 1e-3]
+        components = sorted(zip(direction, free, strict=True), key=lambda part: -abs(part[0]))
+        largest = components[0][0]
+        telling = [(w / largest, name) for w, name in components if abs(w / largest) > 1e-3]
         if len(telling) == 1:
             sentences.append(f"the data do not determine {telling[0][1]}")
         else:

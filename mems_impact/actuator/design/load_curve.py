@@ -157,9 +157,9 @@ def load_curve(
     """
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
-    given = numbers_for(actuator, "loads", loads, "N")
+    load_values = numbers_for(actuator, "loads", loads, "N")
     try:
-        values = np.sort(np.atleast_1d(np.asarray(given, dtype=float)))
+        values = np.sort(np.atleast_1d(np.asarray(load_values, dtype=float)))
     except (TypeError, ValueError):
         values = np.array([])
     if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
@@ -169,7 +169,7 @@ def load_curve(
     start = system.start_of("down") if initial is None else initial
     chain = _Chain(system, start, transient, periods, options)
     rows = [chain.at(load) for load in values.tolist()]
-    sliding, holding = _held(system)
+    sliding, holding = _holding_loads(system)
     moved = np.array([row.displacement for row in rows])
     speed = moved / float(system.forcing_period)
     table = results.load(
@@ -203,12 +203,12 @@ class _Chain:
         if self.away:
             return _Row(math.nan, AWAY, "run")
         system = self.system.changed(**{LOAD: load})
-        known = self.orbit is not None and load < self.expected
-        if known and (row := self._follow(system, load)):
+        continues = self.orbit is not None and load < self.expected
+        if continues and (row := self._follow(system, load)):
             return row
-        run, way = self._run(system)
-        if way != 0:
-            self.away, self.state = way < 0, self.start
+        run, direction = self._run(system)
+        if direction != 0:
+            self.away, self.state = direction < 0, self.start
             return _Row(math.nan, AWAY, "run")
         self.state, self.expected = run.final, math.inf
         row = self._follow(system, load)
@@ -228,8 +228,8 @@ class _Chain:
             expected = self.expected
             beyond = expected + 1e-6 * abs(expected)
             system = self.system.changed(**{LOAD: beyond})
-            _, way = self._run(system)
-            if way != 0:
+            _, direction = self._run(system)
+            if direction != 0:
                 return expected
             if not self._follow(system, beyond):
                 return math.nan
@@ -246,33 +246,33 @@ class _Chain:
             )  # fmt: skip
         except RunError as error:
             run = error.trajectory
-            way = _runaway(run, self.periods)
-            if way == 0:
+            direction = _runaway(run, self.periods)
+            if direction == 0:
                 raise
-            return run, way
+            return run, direction
         return run, _runaway(run, self.periods)
 
     def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
         """Find the stable orbit near the last state; return its row."""
         periods = None if self.orbit is None else self.orbit.periods
         try:
-            found: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
+            orbit: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
         except (OrbitError, RunError):
             self.orbit = None
             return None
-        if not (found.stable and found.admissible):
+        if not (orbit.stable and orbit.admissible):
             self.orbit = None
             return None
-        self.orbit, self.state, self.load = found, found.state, load
+        self.orbit, self.state, self.load = orbit, orbit.state, load
         # The force on a frame at rest grows with the load, all else being equal. A rest that ends
         # by break-away does so without additional load.
         margins = [
             float(arc.minima[BREAK_AWAY])
-            for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
+            for segment, arc in zip(orbit.found.segments, orbit.found.point.arcs, strict=True)
             if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
         ]
         self.expected = load + _unheld(system, min(margins)) if margins else math.inf
-        return self._row(found.step / found.periods, "orbit")
+        return self._row(orbit.step / orbit.periods, "orbit")
 
     def _row(self, moved: float, by: str) -> _Row:
         moved = 0.0 if abs(moved) < MIN_DISPLACEMENT * self.system.actuator.delta else moved
@@ -291,11 +291,11 @@ def _runaway(run: ActuatorRun, periods: int) -> int:
     """Return the direction (1, -1) in which the frame runs away at the end of a run, or 0."""
     trajectory = run.trajectory
     log, final = trajectory.events, trajectory.final
-    way = direction_of(final.mode)
+    direction = direction_of(final.mode)
     first = final.cycle + final.time / trajectory.period - periods
     late = log[log.cycle + log.time / trajectory.period >= first]
     modes = {*late.mode_before.tolist(), *late.mode_after.tolist()}
-    if way == 0 or any(direction_of(mode) != way for mode in modes):
+    if direction == 0 or any(direction_of(mode) != direction for mode in modes):
         return 0
     system = run.system
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
@@ -304,12 +304,12 @@ def _runaway(run: ActuatorRun, periods: int) -> int:
         y = final.y.copy()
         y[[X1, V1]] *= factor
         outside = model.on_frame(y, p) + model.on_block(y, p)
-        if way * (outside - model.sliding_friction(way, y[V1], p)) <= 0.0:
+        if direction * (outside - model.sliding_friction(direction, y[V1], p)) <= 0.0:
             return 0
-    return way
+    return direction
 
 
-def _held(system: ActuatorSystem) -> tuple[float, float]:
+def _holding_loads(system: ActuatorSystem) -> tuple[float, float]:
     """Return the loads that friction holds on a slipping frame, and on a frame at rest."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters

@@ -113,12 +113,12 @@ class OperatingChart(Result):
     def summary(self) -> dict[str, Any]:
         """Return the range, the types and the points between them."""
         low, high = self.frequencies
-        found = [f"{s.kind} at {s.values[self._name]:.6g}" for s in self.special_points]
+        points = [f"{s.kind} at {s.values[self._name]:.6g}" for s in self.special_points]
         return {
             "system": repr(self.system),
             self.system.label(self._name): f"{low:g} to {high:g}",
             "types": self._types(),
-            "special points": ", ".join(found) or "none",
+            "special points": ", ".join(points) or "none",
             "notes": "; ".join(self.notes) or "none",
         }
 
@@ -198,11 +198,11 @@ def settled(
         transient=0.75 * periods, periods=0.25 * periods, exponents="none", chaos_persistence=1.0
     )
     case = InitialCondition(system, start)
-    (found,) = map_attractors([case], recurrence, options, watch)
-    if found.final is None:
-        raise OrbitError(f"the motion cannot be computed: {found.status}", "take another range")
-    strikes = found.measures["impacts per period"] > 0.0
-    return strikes, found.measures["closest approach"], found.final
+    (attractor,) = map_attractors([case], recurrence, options, watch)
+    if attractor.final is None:
+        raise OrbitError(f"the motion cannot be computed: {attractor.status}", "take another range")
+    strikes = attractor.measures["impacts per period"] > 0.0
+    return strikes, attractor.measures["closest approach"], attractor.final
 
 
 def locate_crisis(
@@ -260,13 +260,13 @@ def locate_crisis(
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
         """Return states of the attractor at `amplitude`; none if all `starts` leave it."""
-        here = drive.replace(amplitude=amplitude)
+        trial_drive = drive.replace(amplitude=amplitude)
         for start in starts:
-            strikes, _, final = settled(actuator.under(here), start, periods, options, watch)
+            strikes, _, final = settled(actuator.under(trial_drive), start, periods, options, watch)
             if strikes:
                 states = [final]
                 for _ in range(TRIALS - 1):
-                    more = simulate(actuator, here, 7, initial=states[-1], options=options)
+                    more = simulate(actuator, trial_drive, 7, initial=states[-1], options=options)
                     states.append(more.final)
                 return states
         return []
@@ -276,26 +276,28 @@ def locate_crisis(
     if not states:
         raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
     for amplitude in np.linspace(begin, below, RAMP)[1:].tolist() if begin != below else ():
-        here = drive.replace(amplitude=amplitude)
-        states = [simulate(actuator, here, 50, initial=s, options=options).final for s in states]
+        ramp_drive = drive.replace(amplitude=amplitude)
+        states = [
+            simulate(actuator, ramp_drive, 50, initial=s, options=options).final for s in states
+        ]
     step, bottom = tolerance * below, 0.0
-    least = below - (below if width is None else width)
+    lowest = below - (below if width is None else width)
     while True:
         trial = top - step
-        if trial <= least:
+        if trial <= lowest:
             reason = f"the attractor with impacts is still there at amplitude {top:.9g}"
             raise OrbitError(reason, "look further down", top)
-        found = attractor(trial, states)
-        if not found:
+        reached = attractor(trial, states)
+        if not reached:
             bottom = trial
             break
-        top, states, step = trial, found, 2.0 * step
+        top, states, step = trial, reached, 2.0 * step
 
     def persists(amplitude: float) -> bool:
         nonlocal states
-        found = attractor(amplitude, states)
-        states = found or states
-        return bool(found)
+        reached = attractor(amplitude, states)
+        states = reached or states
+        return bool(reached)
 
     return bisect(persists, top, bottom, tolerance * below)[0]
 
@@ -314,7 +316,7 @@ GRAZING, FOLD, JUMP = "grazing", "fold", "jump"
 
 
 def onset(
-    system: ActuatorSystem, first: float, most: float, watch: Watch | None
+    system: ActuatorSystem, first: float, highest: float, watch: Watch | None
 ) -> tuple[float, str, SpecialPoint | None, State]:
     """Return the amplitude above `first` at which impacts begin with rising amplitude.
 
@@ -345,19 +347,19 @@ def onset(
     """
 
     def trial(amplitude: float, state: State) -> tuple[bool, float, State]:
-        here = system.changed(amplitude=amplitude)
-        return settled(here, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
+        trial_system = system.changed(amplitude=amplitude)
+        return settled(trial_system, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
 
     low, state, step = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first
     while True:
-        strikes, clearance, there = trial(low + step, state)
+        strikes, clearance, final_state = trial(low + step, state)
         if not strikes:
-            low, state = low + step, there
-            if low >= (1.0 - THRESHOLD_RTOL) * most:
-                reason = f"no impacts up to amplitude = {most:.9g}"
+            low, state = low + step, final_state
+            if low >= (1.0 - THRESHOLD_RTOL) * highest:
+                reason = f"no impacts up to amplitude = {highest:.9g}"
                 raise OrbitError(reason, "take another frequency")
             far = _search_step(clearance / system.actuator.delta) * low
-            step = min(2.0 * step, far, most - low)
+            step = min(2.0 * step, far, highest - low)
         elif step > MAX_AMPLITUDE_STEP * low:
             step = MAX_AMPLITUDE_STEP * low  # the strike may be due to the size of the step
         else:
@@ -371,16 +373,16 @@ def onset(
             return special.value, special.kind, special, beyond
 
     def rests(amplitude: float) -> bool:
-        nonlocal state, there
+        nonlocal state, final_state
         strikes, _, final = trial(amplitude, state)
-        state, there = (state, final) if strikes else (final, there)
+        state, final_state = (state, final) if strikes else (final, final_state)
         return not strikes
 
     low, high = bisect(rests, low, high, THRESHOLD_RTOL * low)
     special = _ending(system.changed(amplitude=low), state, high, watch)
     if special is not None:
-        return special.value, special.kind, special, there
-    return high, JUMP, None, there
+        return special.value, special.kind, special, final_state
+    return high, JUMP, None, final_state
 
 
 def _search_step(clearance: float) -> float:
@@ -414,7 +416,7 @@ def _ending(
 
 
 def steady(
-    system: ActuatorSystem, on: float, most: float, state: State, watch: Watch | None
+    system: ActuatorSystem, on: float, highest: float, state: State, watch: Watch | None
 ) -> list[tuple[str, float, str, SpecialPoint | None]]:
     """Return the ends of the window of a period-1 orbit with impacts: boundary, amplitude.
 
@@ -432,27 +434,27 @@ def steady(
         As for `onset`.
     """
     amplitude, orbit = on * (1.0 + IMPACT_OFFSET_RATIO), None
-    while orbit is None and amplitude < most:
+    while orbit is None and amplitude < highest:
         try:
-            there: Any = find_orbit(
+            candidate: Any = find_orbit(
                 system.changed(amplitude=amplitude),
                 guess=state,
                 periods=1,
                 transient=TRANSIENT_PERIODS,
             )
-            if there.stable and there.admissible and len(there.impacts):
-                orbit = there
+            if candidate.stable and candidate.admissible and len(candidate.impacts):
+                orbit = candidate
         except OrbitError:
             pass
         amplitude *= AMPLITUDE_FACTOR
     if orbit is None:
         return []
-    found = []
-    for boundary, stop in ((STEADY_FROM, MIN_AMPLITUDE_RATIO * on), (STEADY_TO, most)):
+    ends = []
+    for boundary, stop in ((STEADY_FROM, MIN_AMPLITUDE_RATIO * on), (STEADY_TO, highest)):
         value, kind, special = lasts_until(orbit, stop, TRANSIENT_PERIODS, watch)
         if kind != "bound":
-            found.append((boundary, value, kind if special is not None else JUMP, special))
-    return found
+            ends.append((boundary, value, kind if special is not None else JUMP, special))
+    return ends
 
 
 def switching_off(
@@ -580,10 +582,10 @@ class ChartBuilder:
                 if piece[:3] == (ON, region, "fold"):
                     simulated.append((region, left, right, piece[3]))
         for region, left, right, folds in simulated:
-            found: list[Point] = []
-            self.pieces.append((OFF, region, CRISIS, found))
+            points: list[Point] = []
+            self.pieces.append((OFF, region, CRISIS, points))
             if crises:
-                self._crises(left, right, folds, crises, periods, workers, found)
+                self._crises(left, right, folds, crises, periods, workers, points)
             self.done += 1
 
     def chart(self) -> OperatingChart:
@@ -627,8 +629,10 @@ class ChartBuilder:
         """Return the branch at one frequency, empty, and its points."""
         for amplitude in (self.pull_in * START_AMPLITUDE_RATIO**i for i in range(1, 1 + STARTS)):
             family = self.family.at(**{AMPLITUDE: amplitude, self.name: omega})
-            here = self._system_at(omega).changed(amplitude=self.system.out(AMPLITUDE, amplitude))
-            rest = here.hybrid_state(State(), family.problem())
+            start_system = self._system_at(omega).changed(
+                amplitude=self.system.out(AMPLITUDE, amplitude)
+            )
+            rest = start_system.hybrid_state(State(), family.problem())
             try:
                 orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
             except OrbitError as error:
@@ -641,8 +645,8 @@ class ChartBuilder:
                 continue
             branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
             return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
-        where = f"{self._at(omega)} and {self._voltage(amplitude)}"
-        raise OrbitError(f"at {where}: {reason}", SLIDES)
+        location = f"{self._at(omega)} and {self._voltage(amplitude)}"
+        raise OrbitError(f"at {location}: {reason}", SLIDES)
 
     def _grazings(self, low: float, high: float) -> OrbitCurve:
         """Return the grazing curve of the orbit without impacts."""
@@ -667,32 +671,32 @@ class ChartBuilder:
             return _grazes(special) or _slips(special)
 
         try:
-            met = [special for special in self._special(omega, wanted) if wanted(special)]
+            passed = [special for special in self._special(omega, wanted) if wanted(special)]
         except OrbitError:  # the frame moves at the smallest voltage
             return START_AMPLITUDE_RATIO**STARTS * self.pull_in, SLIPS
-        return (met[0].value, met[0].kind) if met else (self.pull_in, "")
+        return (passed[0].value, passed[0].kind) if passed else (self.pull_in, "")
 
     def _thresholds(self, columns: int, periods: int, workers: int) -> None:
         """Locate the thresholds of slip and impacts at equally spaced frequencies."""
         omegas = np.linspace(*self.omega, columns or FREQUENCY_COLUMNS).tolist()
-        found: dict[str, list[_Place]] = {}
-        self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
+        located: dict[str, list[_Place]] = {}
+        self.total, highest = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
 
         def one(omega: float) -> Iterator[tuple[str, _Place]]:
             first, kind = self._first(omega)
             if kind == SLIPS:
                 yield SLIP, _Place(omega, first, kind, self._slip(omega))
-            here = self._system_at(omega)
-            least = max(first, START_AMPLITUDE_RATIO * self.pull_in)  # of the search for impacts
-            begin = self.system.out(AMPLITUDE, least)
+            system = self._system_at(omega)
+            lowest = max(first, START_AMPLITUDE_RATIO * self.pull_in)  # of the search for impacts
+            begin = self.system.out(AMPLITUDE, lowest)
             try:
-                on, kind, special, state = onset(here, begin, most, watch)
+                on, kind, special, state = onset(system, begin, highest, watch)
                 yield ON, self._place(omega, on, kind, special)
                 if columns:
-                    off = min(on, switching_off(here, on, state, periods, watch))
+                    off = min(on, switching_off(system, on, state, periods, watch))
                     yield OFF, self._place(omega, off, CRISIS, None)
-                for side, end, what, special in steady(here, on, most, state, watch):
-                    yield side, self._place(omega, end, what, special)
+                for side, end, kind_of_end, special in steady(system, on, highest, state, watch):
+                    yield side, self._place(omega, end, kind_of_end, special)
             except OrbitError as error:
                 self.notes.append(f"at {self._at(omega)}: {error}")
 
@@ -700,18 +704,18 @@ class ChartBuilder:
         try:
             with stoppable_threads(workers) as (threads, watch):
                 for column in threads.map(lambda omega: [*one(omega)], omegas):
-                    for side, place in column:
-                        found.setdefault(side, []).append(place)
+                    for side, point in column:
+                        located.setdefault(side, []).append(point)
                     self.done += 1
         except KeyboardInterrupt:
-            for side, places in found.items():
-                for kind in dict.fromkeys(place.kind for place in places):
-                    kept = [place.point for place in places if place.kind == kind]
-                    self.pieces.append((side, None, kind, kept))
+            for side, same_side in located.items():
+                for kind in dict.fromkeys(point.kind for point in same_side):
+                    selected = [point.point for point in same_side if point.kind == kind]
+                    self.pieces.append((side, None, kind, selected))
             raise
-        for side, places in found.items():
+        for side, same_side in located.items():
             self.report(f"the curves of {side}")
-            for kind, points in self._joined_by_curves(places):
+            for kind, points in self._joined_by_curves(same_side):
                 self.pieces.append((side, None, kind, points))
 
     def _slip(self, omega: float) -> BranchEvent | None:
@@ -727,24 +731,24 @@ class ChartBuilder:
         kind = kind if special is None else special.kind
         return _Place(omega, self.system.into(AMPLITUDE, amplitude), kind, event)
 
-    def _joined_by_curves(self, places: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
+    def _joined_by_curves(self, ends: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
         """Yield the points at ascending frequencies, joined by curves where these connect them."""
         alone: dict[str, list[Point]] = {}
         points: list[Point] = []
-        for place, following in pairwise([*places, None]):
-            assert place is not None
-            points = points or [place.point]
-            between = self._between(place, following) if following is not None else None
+        for end, following in pairwise([*ends, None]):
+            assert end is not None
+            points = points or [end.point]
+            between = self._between(end, following) if following is not None else None
             if between is not None and following is not None:
                 points += [*between, following.point]
                 continue
             if len(points) > 1:
-                yield place.kind, tuple(points)
+                yield end.kind, tuple(points)
             else:
-                alone.setdefault(place.kind, []).extend(points)
+                alone.setdefault(end.kind, []).extend(points)
             points = []
-        for kind, found in alone.items():
-            yield kind, tuple(found)
+        for kind, isolated in alone.items():
+            yield kind, tuple(isolated)
 
     def _between(self, left: _Place, right: _Place) -> list[Point] | None:
         """Return the curve from one point to another, None if it does not connect them.
@@ -756,13 +760,13 @@ class ChartBuilder:
         for begin, end in ((left, right), (right, left)):
             if begin.event is None:
                 continue
-            way = 1.0 if end is right else -1.0
+            direction = 1.0 if end is right else -1.0
             try:
-                curve = self._curve(begin.event, left.omega, right.omega, way)
+                curve = self._curve(begin.event, left.omega, right.omega, direction)
             except OrbitError:
                 continue
             points = [(p.values[1], p.values[0]) for p in curve.points if p.orbit.admissible]
-            risen = all(way * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
+            risen = all(direction * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
             if len(points) < len(curve.points) or not points or not risen:
                 continue
             omega, amplitude = points[-1]
@@ -782,11 +786,13 @@ class ChartBuilder:
 
     def _not_grazing(self, omega: float) -> str:
         """Return a description of the special points at a frequency without grazing."""
-        all_of_them = self._special(omega, lambda special: False)
-        met = [f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
+        special_points = self._special(omega, lambda special: False)
+        listed = [
+            f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in special_points
+        ]
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to static contact "
-            f"at {self._voltage(self.pull_in)} (special points: {', '.join(met) or 'none'})"
+            f"at {self._voltage(self.pull_in)} (special points: {', '.join(listed) or 'none'})"
         )
 
     def _voltage(self, amplitude: float) -> str:
@@ -816,8 +822,8 @@ class ChartBuilder:
         try:
             return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
         except OrbitError as error:
-            where = f"{self._at(middle)} and {self._voltage(touching.value)}"
-            raise OrbitError(f"at {where}: {error.reason}", error.remedy) from error
+            location = f"{self._at(middle)} and {self._voltage(touching.value)}"
+            raise OrbitError(f"at {location}: {error.reason}", error.remedy) from error
 
     def _followed(
         self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
@@ -844,15 +850,15 @@ class ChartBuilder:
     ) -> tuple[Point, ...]:
         """Return the fold curve of the orbit with or without impacts between two frequencies."""
         middle = 0.5 * (left + right)
-        what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
-        self.report(what)
+        subject = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
+        self.report(subject)
 
         def wanted(special: BranchEvent) -> bool:
             return special.kind == "fold" and (not special.orbit.impacts) == without_impact
 
         folds = [special for special in self._special(middle, wanted) if wanted(special)]
         if not folds:
-            self.notes.append(f"{what}: none at {self._at(middle)}")
+            self.notes.append(f"{subject}: none at {self._at(middle)}")
             return ()
         ending = [end for end in ends if end[0] in self.marks]
         points: list[CurvePoint] = []
@@ -861,11 +867,11 @@ class ChartBuilder:
             at_mark = [end for end in ending if end[0] == bound]
             goal = bound + 0.02 * direction * (right - left) * len(at_mark)
             curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
-            here = [p for p in curve.points if p.orbit.admissible]
-            points += here
-            reached = here[-1].values[1] if here else middle
+            admissible = [p for p in curve.points if p.orbit.admissible]
+            points += admissible
+            reached = admissible[-1].values[1] if admissible else middle
             if not at_mark and abs(reached - bound) > 1e-9:
-                self.notes.append(f"{what} ends at {self._at(reached)}: {curve.ended}")
+                self.notes.append(f"{subject} ends at {self._at(reached)}: {curve.ended}")
         values = dict(_values(points))
         touching = [end for end in ending if self._ends_in_grazing(end, values)]
         return _joined(values, touching)
@@ -883,29 +889,29 @@ class ChartBuilder:
         crises: int,
         periods: int,
         workers: int,
-        found: list[Point],
+        points: list[Point],
     ) -> None:
         """Locate the crisis at equally spaced frequencies, from just above the fold."""
         if not folds:
             return
-        found += [end for end in folds if end[0] in self.marks]
+        points += [end for end in folds if end[0] in self.marks]
         # The two boundaries meet where the type ends in a point of codimension two.
-        known = len(self.marks & {left, right})
-        omegas = np.linspace(left, right, crises + known)
+        known_ends = len(self.marks & {left, right})
+        omegas = np.linspace(left, right, crises + known_ends)
         omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
         out = self.system.out
 
         def one(omega: float) -> Point | str:
             try:
                 specials = self._special(omega, lambda special: special.kind == "fold", watch)
-                met = [s.value for s in specials if s.kind == "fold"]
-                if not met:
+                folds_below = [s.value for s in specials if s.kind == "fold"]
+                if not folds_below:
                     raise OrbitError("no fold to begin at", "take another range of frequency")
-                fold = met[0]
-                here = self._system_at(omega)
+                fold = folds_below[0]
+                system = self._system_at(omega)
                 value = locate_crisis(
-                    here.actuator,
-                    here.drive,
+                    system.actuator,
+                    system.drive,
                     below=out(AMPLITUDE, fold),
                     begin=out(AMPLITUDE, fold * (1.0 + IMPACT_OFFSET_RATIO)),
                     width=0.2 * out(AMPLITUDE, fold),
@@ -923,7 +929,7 @@ class ChartBuilder:
                 if isinstance(result, str):
                     self.notes.append(result)
                 else:
-                    found.append(result)
+                    points.append(result)
 
 
 def _grazes(special: BranchEvent) -> bool:
@@ -946,12 +952,12 @@ def _joined(
 
     A common end point of two curves is located on both, with a difference by rounding.
     """
-    kept = {
+    distinct = {
         w: a
         for w, a in values.items()
         if all(abs(w - end) > SAME_FREQUENCY_RTOL * end for end, _ in ends)
     }
-    return tuple(sorted({**kept, **dict(ends)}.items()))
+    return tuple(sorted({**distinct, **dict(ends)}.items()))
 
 
 # --- Computation of an operating chart
@@ -1089,21 +1095,21 @@ def _uncharted(term: Term, reason: str) -> InvalidParameter:
 
 def _band(system: ActuatorSystem) -> tuple[float, float]:
     """Return the band of omega or frequency in which the force is near the block's resonance."""
-    own = math.sqrt(system.actuator.k / system.actuator.m2)
-    drive = system.drive.replace(omega=own)
-    repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega
+    omega = math.sqrt(system.actuator.k / system.actuator.m2)
+    drive = system.drive.replace(omega=omega)
+    repeats = 2.0 * math.pi / (omega * drive.period)  # times the force repeats in 2 pi/omega
     unit = 2.0 * math.pi if system.frequency_parameter == "frequency" else 1.0
-    return BAND[0] * own / repeats / unit, BAND[1] * own / repeats / unit
+    return BAND[0] * omega / repeats / unit, BAND[1] * omega / repeats / unit
 
 
 def _range(
-    name: str, given: tuple[float | None, float | None], system: ActuatorSystem
+    name: str, bounds: tuple[float | None, float | None], system: ActuatorSystem
 ) -> tuple[float, float]:
     allowed = "(lowest, highest) with 0 < lowest < highest"
     try:
-        given_low, given_high = given
+        given_low, given_high = bounds
     except (TypeError, ValueError):
-        raise InvalidParameter(name, given, allowed) from None
+        raise InvalidParameter(name, bounds, allowed) from None
     low, high = (
         usual if end is None else system.without_unit(name, end)
         for end, usual in zip((given_low, given_high), _band(system), strict=True)

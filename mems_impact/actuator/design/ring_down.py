@@ -229,14 +229,14 @@ def slow_decay(
         If the oscillation does not decay.
     """
     log = run.trajectory.events
-    turns = np.flatnonzero((log.kind == workspace.APPROACH) & (log.guard == 0))
-    mode, state = int(log.mode_after[turns[-1]]), log.after[turns[-1]]
+    extrema = np.flatnonzero((log.kind == workspace.APPROACH) & (log.guard == 0))
+    mode, state = int(log.mode_after[extrema[-1]]), log.after[extrema[-1]]
     last = swings(run.trajectory, True)[1][-1]
     middle = state[X2] - last
     method = "dop853" if options.method == "dop853" else "auto"
     fine = replace(options, method=method)
     heights = math.log(amplitude) + math.log(share) * np.linspace(0.0, 1.0, LEVELS)
-    found = []
+    rows = []
     for height in heights:
         part = math.exp(height) / last
         begin = state.copy()
@@ -244,8 +244,8 @@ def slow_decay(
         begin[V1], begin[V2] = part * state[V1], part * state[V2]
         initial = off.state_of(HybridState(0, 0.0, mode, begin))
         for _ in range(2):  # the first run determines the tolerances of the second
-            there = simulate(off, PERIODS, initial=initial, options=fine)
-            t, high = (each[SKIPPED:] for each in swings(there.trajectory, True))
+            decay = simulate(off, PERIODS, initial=initial, options=fine)
+            t, high = (each[SKIPPED:] for each in swings(decay.trajectory, True))
             count = len(t) - 1
             decrement = math.log(high[0] / high[-1]) / count
             rtol = max(1e-14, ERROR * decrement)
@@ -253,11 +253,11 @@ def slow_decay(
         if decrement < MIN_DECREMENT:
             problem = "the oscillation of the block does not decay"
             raise InvalidParameter("initial", initial, "", problem=problem)
-        found.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
-    places, decrements, times = np.array(found).T
+        rows.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
+    amplitudes, decrements, times = np.array(rows).T
     span = [heights[-1], heights[0]]
     swung, passed = (
-        Chebyshev.fit(places, values / decrements, LEVELS - 1, span).integ()
+        Chebyshev.fit(amplitudes, values / decrements, LEVELS - 1, span).integ()
         for values in (np.ones(LEVELS), times)
     )
     return (
@@ -335,8 +335,8 @@ def swings(trajectory: Trajectory, sticks: bool) -> tuple[Floats, Floats]:
     """
     log, period = trajectory.events, trajectory.period
     time = log.cycle * period + log.time
-    turned = (log.kind == workspace.APPROACH) & (time > free_from(trajectory, sticks))
-    log, time = log[turned], time[turned]
+    turning = (log.kind == workspace.APPROACH) & (time > free_from(trajectory, sticks))
+    log, time = log[turning], time[turning]
     right = np.flatnonzero((log.guard[:-1] == 0) & (log.guard[1:] == 1))
     x2 = log.before[:, X2]
     return time[right], 0.5 * (x2[right] - x2[right + 1])

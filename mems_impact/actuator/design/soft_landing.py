@@ -178,12 +178,12 @@ def soft_landing(
         drive = default_drive(actuator, natural)
     elif not isinstance(drive, PulseAndHold):
         raise InvalidParameter("drive", drive, "a PulseAndHold")
-    most = whole("iterations", iterations, 1)
+    max_iterations = whole("iterations", iterations, 1)
     step = closing(actuator, Step(amplitude=drive.amplitude), options=options)
     if over is None:
         over = default_bounds(drive, natural, step)
     landing = Landing(actuator, drive, checked_bounds(actuator, drive, over), step, options)
-    return landing.result(*landing.search(most))
+    return landing.result(*landing.search(max_iterations))
 
 
 def default_drive(actuator: Actuator, natural: float) -> PulseAndHold:
@@ -218,11 +218,11 @@ def checked_bounds(
     system = ActuatorSystem(actuator, drive.lasting(2.0 * drive.switching_time))
     if not isinstance(over, Mapping) or not over:
         raise InvalidParameter("over", over, "one or more parameters with their bounds")
-    found = {}
-    known = [name for name in drive.names if name != "duration"]
+    bounds = {}
+    allowed = [name for name in drive.names if name != "duration"]
     for name, pair in over.items():
-        if name not in known:
-            raise InvalidParameter("over", name, f"among {', '.join(known)}")
+        if name not in allowed:
+            raise InvalidParameter("over", name, f"among {', '.join(allowed)}")
         unit = system.units.get(name, "") if system.scales.named else None
         try:
             low, high = quantities(f"over {name}", pair, unit, "device")
@@ -232,10 +232,10 @@ def checked_bounds(
             low, high = math.nan, math.nan
         if not (is_number(low) and is_number(high) and low < high):
             raise InvalidParameter(f"over {name}", pair, "(lowest, highest), in this order")
-        found[name] = (float(low), float(high))
-    for corner in product(*found.values()):
-        drive.varied(dict(zip(found, corner, strict=True)))  # raises if it is not allowed
-    return found
+        bounds[name] = (float(low), float(high))
+    for corner in product(*bounds.values()):
+        drive.varied(dict(zip(bounds, corner, strict=True)))  # raises if it is not allowed
+    return bounds
 
 
 class Landing:
@@ -301,7 +301,7 @@ class Landing:
         ended = CONVERGED
         for _, x in closed[:SEARCHES]:
             simplex = np.array(x) + SIMPLEX_SIZE * np.vstack([np.zeros(n), np.eye(n)])
-            found = minimize(
+            result = minimize(
                 lambda x: min(self.at(np.asarray(x)), sys.float_info.max), x,
                 method="Nelder-Mead", bounds=[(0.0, 1.0)] * n,
                 options={"initial_simplex": np.clip(simplex, 0.0, 1.0), "maxiter": iterations,
@@ -310,26 +310,26 @@ class Landing:
             if self.history[-1][0] < SOFT_RATIO and not math.isnan(self.step_speed):
                 ended = SOFT
                 break
-            if found.fun <= self.history[-1][0]:
-                ended = CONVERGED if found.success else SPENT
+            if result.fun <= self.history[-1][0]:
+                ended = CONVERGED if result.success else SPENT
         return self.history[-1][1], ended
 
     def result(self, x: Floats, ended: str) -> SoftLanding:
         """Return the result of a search."""
         import pandas as pd
 
-        drive, named = self.voltage(x), self.system.scales.named
+        drive, in_units = self.voltage(x), self.system.scales.named
         rows = [
             {
-                **dict(zip(self.over, (self.low + place * self.size).tolist(), strict=True)),
+                **dict(zip(self.over, (self.low + point * self.size).tolist(), strict=True)),
                 "impact speed": self.system.out("impact speed", self.scale * math.sqrt(best)),
             }
-            for best, place in self.history
+            for best, point in self.history
         ]
         history = pd.DataFrame(rows)
         units = {name: self.system.units.get(name, "") for name in self.over}
         units["impact speed"] = "m/s"
-        history.attrs = {"units": units if named else {}}
+        history.attrs = {"units": units if in_units else {}}
         landed = closing(self.actuator, drive, options=self.options)
         return SoftLanding(
             drive=drive,
@@ -340,5 +340,5 @@ class Landing:
             converged=ended != SPENT,
             closing=landed,
             history=history,
-            si=named,
+            si=in_units,
         )

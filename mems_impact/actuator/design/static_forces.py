@@ -51,13 +51,13 @@ class StaticForces:
     def force(self, x2: float) -> float:
         """Return the force on the block without voltage, positive to the right."""
         y = self._state(x2)
-        own: float = self.model.force(y, self.p) + self.model.on_block(y, self.p)
-        return own - self.actuator.k * x2
+        force: float = self.model.force(y, self.p) + self.model.on_block(y, self.p)
+        return force - self.actuator.k * x2
 
     def needed(self, x2: float) -> float:
         """Return the squared voltage that holds the block at `x2`; negative if there is none."""
-        own: float = self.model.electrodes[0].slope(x2, self.p)
-        return -2.0 * self.force(x2) / own * self._squared_drive(x2)
+        slope: float = self.model.electrodes[0].slope(x2, self.p)
+        return -2.0 * self.force(x2) / slope * self._squared_drive(x2)
 
     def _squared_drive(self, x2: float) -> float:
         """Return the squared value of the drive at the unit of voltage: 1, or with a charge."""
@@ -75,18 +75,18 @@ class StaticForces:
             If the force of the electrode does not depend on the position, as that of a comb.
         """
         delta = self.actuator.delta
-        places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
-        squares = [self.needed(x2) for x2 in places.tolist()]
+        positions = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
+        squares = [self.needed(x2) for x2 in positions.tolist()]
         if self._start == -delta:
             squares[0] += self._adhesion(-delta)
         i = int(np.argmax(squares))
         best = squares[i]
         if 0 < i < FORCE_CURVE_POINTS - 1:
-            bounds = places[i - 1], places[i + 1]
-            found = minimize_scalar(
+            bounds = positions[i - 1], positions[i + 1]
+            result = minimize_scalar(
                 lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
             )
-            best = max(best, -float(found.fun))
+            best = max(best, -float(result.fun))
         elif i > 0 and not self._parasitic and self._constant:
             names = [type(term).__name__ for term in self._terms if term.instead == "electrode"]
             problem = (
@@ -116,8 +116,8 @@ class StaticForces:
     @cached_property
     def _constant(self) -> bool:
         """Whether the force of the right electrode is the same at all positions."""
-        places = np.linspace(-self.actuator.delta, self.actuator.delta, FORCE_CURVE_POINTS)
-        forces = [self.attraction(x2) for x2 in places.tolist()]
+        positions = np.linspace(-self.actuator.delta, self.actuator.delta, FORCE_CURVE_POINTS)
+        forces = [self.attraction(x2) for x2 in positions.tolist()]
         return max(forces) - min(forces) <= CONSTANT_RTOL * max(forces)
 
     def resting(self) -> float:
@@ -127,8 +127,8 @@ class StaticForces:
 
     def _adhesion(self, x2: float) -> float:
         """Return the squared voltage whose force equals the adhesion at `x2`."""
-        own: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
-        return 2.0 * own * self._squared_drive(x2)
+        ratio: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
+        return 2.0 * ratio * self._squared_drive(x2)
 
     @cached_property
     def _start(self) -> float:
@@ -137,8 +137,8 @@ class StaticForces:
         if first == 0.0:
             return 0.0
         end = math.copysign(self.actuator.delta, first)
-        places = np.linspace(0.0, end, FORCE_CURVE_POINTS).tolist()
-        for before, after in pairwise(places):
+        positions = np.linspace(0.0, end, FORCE_CURVE_POINTS).tolist()
+        for before, after in pairwise(positions):
             if self.force(after) * first <= 0.0:
                 return float(brentq(self.force, before, after, xtol=1e-15))
         return end
@@ -147,37 +147,37 @@ class StaticForces:
         """Return the state of a block that rests at `x2`."""
         y = np.zeros(len(self.model.layout.states))
         y[X2] = x2
-        own = [place for at in self.model.layout.terms for place in at.y.values()]
-        if own:
-            y[own] = self._balanced(y, own)
+        indices = [index for at in self.model.layout.terms for index in at.y.values()]
+        if indices:
+            y[indices] = self._balanced(y, indices)
         return y
 
-    def _balanced(self, y: Floats, own: Sequence[int]) -> Floats:
+    def _balanced(self, y: Floats, indices: Sequence[int]) -> Floats:
         """Return the equilibrium of the states of terms, by one step of Newton's method.
 
         The step is exact for terms that are linear in their states.
         """
 
         def rates(values: Floats) -> Floats:
-            trial, found = y.copy(), np.zeros_like(y)
-            trial[own] = values
-            self.model.rates(0.0, 0.0, trial, self.p, found)
-            return found[own]
+            trial, slopes = y.copy(), np.zeros_like(y)
+            trial[indices] = values
+            self.model.rates(0.0, 0.0, trial, self.p, slopes)
+            return slopes[indices]
 
-        zero: Floats = np.zeros(len(own))
+        zero: Floats = np.zeros(len(indices))
         first = rates(zero)
         if np.abs(first).max() <= BALANCED:
             return zero
-        columns = [rates(unit) - first for unit in np.eye(len(own))]
+        columns = [rates(unit) - first for unit in np.eye(len(indices))]
         try:
-            found = np.array(np.linalg.solve(np.array(columns).T, -first), dtype=np.float64)
+            shift = np.array(np.linalg.solve(np.array(columns).T, -first), dtype=np.float64)
         except np.linalg.LinAlgError:
-            found = np.full(len(own), np.nan)
-        if not np.abs(rates(found)).max() <= BALANCED * max(1.0, np.abs(first).max()):
+            shift = np.full(len(indices), np.nan)
+        if not np.abs(rates(shift)).max() <= BALANCED * max(1.0, np.abs(first).max()):
             names = ", ".join(term.name() for term in self._terms if term.states(term.shape))
             problem = f"the equilibrium of the states of {names} is unknown; simulate instead"
             raise InvalidParameter("terms", self._given, "", problem=problem)
-        return found
+        return shift
 
     def after_impact(self, speed: float) -> Floats:
         """Return the state just after the block strikes a frame at rest on the right with `speed`.

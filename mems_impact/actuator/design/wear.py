@@ -121,16 +121,16 @@ def life(
     for field, value in (("wear", wear), ("area", area), ("depth", depth)):
         if not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")
-    found = energy(motion)
-    force = normal_force(found.system)
-    slip = found.slip_path / found.periods
+    balance = energy(motion)
+    force = normal_force(balance.system)
+    slip = balance.slip_path / balance.periods
     if isinstance(motion, ActuatorOrbit):
-        blows = len(found.by_blow) / found.periods
+        blows = len(balance.by_blow) / balance.periods
     else:
         blows = motion.measured.blows_per_period
     volume = wear * force * slip  # per period
     periods = area * depth / volume if volume > 0.0 else math.inf
-    period = float(found.system.forcing_period)
+    period = float(balance.system.forcing_period)
     walked = _walked(motion)
     return WearLife(
         normal_force=force,
@@ -140,7 +140,7 @@ def life(
         blows=periods * blows if periods < math.inf else math.inf,
         time=periods * period,
         distance=periods * walked if walked != 0.0 else 0.0,
-        si=found.system.scales.named,
+        si=balance.system.scales.named,
     )
 
 
