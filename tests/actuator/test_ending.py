@@ -30,7 +30,8 @@ def test_the_frame_comes_to_a_place():
 
 def test_a_run_of_it_in_a_file(tmp_path):
     zhao = mi.load_actuator("zhao2004")
-    run = mi.simulate(zhao, DRIVE, until=arrived, initial=mi.kicked_state(zhao))
+    start = mi.kicked_state(zhao)
+    run = mi.simulate(zhao, DRIVE, until=arrived, initial=start, options=INTERPRETED)
     place = tmp_path / "run.mi"
     run.save(place)
     there = mi.load(place)
