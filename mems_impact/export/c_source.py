@@ -118,8 +118,8 @@ class Fixed:
             return len(mine) == len(yours) and all(
                 map(operator.eq, map(Fixed, mine), map(Fixed, yours))
             )
-        plain = (bool, int, float, str)
-        return isinstance(mine, plain) and repr(mine) == repr(yours)  # 0.0 is not -0.0
+        scalar_types = (bool, int, float, str)
+        return isinstance(mine, scalar_types) and repr(mine) == repr(yours)  # 0.0 is not -0.0
 
     def __hash__(self) -> int:
         return hash(type(self.value))
@@ -194,13 +194,13 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
     if text is None and code.co_filename == GENERATED:
         text = function.__globals__.get("SOURCE")
     if text is not None:
-        named = (node for node in _functions_of(text) if _name(node) == code.co_name)
-        return SourceText(next(named))
+        candidates = (node for node in _functions_of(text) if _name(node) == code.co_name)
+        return SourceText(next(candidates))
 
-    def refuse(what: str, remedy: str, file: str = code.co_filename) -> NoReturn:
+    def refuse(problem: str, remedy: str, file: str = code.co_filename) -> NoReturn:
         line = code.co_firstlineno if file else 0
-        what = f"cannot be translated to C: {what}"
-        raise FunctionError(f"function {function.__name__!r}", what, remedy, file, line)
+        problem = f"cannot be translated to C: {problem}"
+        raise FunctionError(f"function {function.__name__!r}", problem, remedy, file, line)
 
     try:
         text = "".join(inspect.findsource(code)[0])  # that of a function may be one it wraps
@@ -210,18 +210,20 @@ def source_of(function: FunctionType, generated: Mapping[Any, str]) -> SourceTex
         remedy = "import it again, in a new process or by importlib.reload"
         refuse("its file has changed since it was imported", remedy)
     arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    places: list[Any] = [each for each in code.co_positions() if None not in each and any(each[2:])]
-    found = [
+    positions: list[Any] = [
+        each for each in code.co_positions() if None not in each and any(each[2:])
+    ]
+    matching = [
         node
         for node in _functions_of(text)
         if _name(node) == code.co_name
         and _first_line(node) == code.co_firstlineno
         and tuple(_arguments(node)) == arguments
-        and all(_contains(node, *each) for each in places)
+        and all(_contains(node, *each) for each in positions)
     ]
-    if len(found) != 1:
+    if len(matching) != 1:
         refuse("its source text is ambiguous", "define it by def, on lines of its own")
-    return SourceText(found[0], code.co_filename)
+    return SourceText(matching[0], code.co_filename)
 
 
 @lru_cache(maxsize=64)
@@ -249,8 +251,8 @@ def _first_line(node: ast.FunctionDef | ast.Lambda) -> int:
 
 def _arguments(node: ast.FunctionDef | ast.Lambda) -> list[str]:
     """Return the names of the arguments, but for those by * and **."""
-    given = node.args
-    return [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+    arguments = node.args
+    return [each.arg for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
 
 
 @lru_cache(maxsize=64)
@@ -260,12 +262,12 @@ def _codes_of(text: str) -> frozenset[CodeType]:
         left = [compile(text, "", "exec", dont_inherit=True)]
     except SyntaxError:
         return frozenset()
-    found = set()
+    codes = set()
     while left:
         code = left.pop()
-        found.add(code)
+        codes.add(code)
         left += [each for each in code.co_consts if isinstance(each, CodeType)]
-    return frozenset(found)
+    return frozenset(codes)
 
 
 # --- Functions of libraries
@@ -433,9 +435,9 @@ class CSource:
 
     def function(self, function: Callable[..., Any], kinds: Sequence[Kind]) -> Translated:
         """Translate a function for arguments of these kinds, and keep it in the source."""
-        found = self.translate(function, kinds)
-        self.roots.append(found)
-        return found
+        translated = self.translate(function, kinds)
+        self.roots.append(translated)
+        return translated
 
     def translate(self, function: Any, kinds: Sequence[Kind]) -> Translated:
         """Translate a function, once."""
@@ -453,11 +455,11 @@ class CSource:
             )
         self.pending.append(key)
         try:
-            made = FunctionWriter(self, function, kinds).write()
+            translated = FunctionWriter(self, function, kinds).write()
         finally:
             self.pending.pop()
-        self.translated[key] = made
-        return made
+        self.translated[key] = translated
+        return translated
 
     def name(self, stem: str) -> str:
         """Return an unused name."""
@@ -481,27 +483,29 @@ class CSource:
         for root in self.roots:
             _ordered(root, order)
         body = "\n\n".join(each.text for each in order)
-        parts = [self._structures(order)]
+        sections = [self._structures(order)]
         for numbers, name in self.tables.items():
             if name in body:
                 values = np.frombuffer(numbers, dtype=np.float64).tolist()
                 rows = textwrap.fill(", ".join(map(literal, values)), 96)
-                parts.append(f"static const double {name}[{max(1, len(values))}] = {{\n{rows}\n}};")
-        return "\n\n".join(part for part in [*parts, body] if part) + "\n"
+                sections.append(
+                    f"static const double {name}[{max(1, len(values))}] = {{\n{rows}\n}};"
+                )
+        return "\n\n".join(part for part in [*sections, body] if part) + "\n"
 
     def _structures(self, order: Sequence[Translated]) -> str:
-        found: dict[str, Tuple] = {}
+        structures: dict[str, Tuple] = {}
 
         def visit(kind: Any) -> None:
             if isinstance(kind, Tuple):
                 for item in kind.items:
                     visit(item)
-                found.setdefault(kind.ctype, kind)
+                structures.setdefault(kind.ctype, kind)
 
         for function in order:
             for kind in self.kinds_of.get(function.name, ()):
                 visit(kind)
-        return "\n\n".join(_structure(kind) for kind in found.values())
+        return "\n\n".join(_structure(kind) for kind in structures.values())
 
     @property
     def kinds_of(self) -> dict[str, list[Any]]:
@@ -598,46 +602,48 @@ class FunctionWriter:
             self.note(result)
         given, copies = [], []
         for name in arguments:
-            kind, own = self.arguments[name], self.variables[name]
+            kind, target = self.arguments[name], self.variables[name]
             if isinstance(kind, Fixed):
-                if not isinstance(own, Fixed):
+                if not isinstance(target, Fixed):
                     value = self.runtime(Expression(kind))
                     copies.append(
-                        f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};"
+                        f"{target.ctype} v_{_identifier(name)} = {self.converted(value, target)};"
                     )
                 continue
             self.note(kind)
-            if own == kind:
+            if target == kind:
                 given.append(f"{kind.ctype} v_{_identifier(name)}")
             else:
                 given.append(f"{kind.ctype} a_{_identifier(name)}")
                 value = Expression(kind, f"a_{_identifier(name)}")
-                copies.append(f"{own.ctype} v_{_identifier(name)} = {self.converted(value, own)};")
+                copies.append(
+                    f"{target.ctype} v_{_identifier(name)} = {self.converted(value, target)};"
+                )
         for name, kind in self.variables.items():
             if name not in self.arguments and not isinstance(kind, Fixed):
                 self.note(kind)
                 start = " = {0}" if isinstance(kind, Tuple) else " = 0"
                 copies.append(f"{kind.ctype} v_{_identifier(name)}{start};")
-        made = Translated(self.source.name(self.function.__name__), result)
-        signature = f"static {ctype} {made.name}({', '.join(given) or 'void'})"
+        translated = Translated(self.source.name(self.function.__name__), result)
+        signature = f"static {ctype} {translated.name}({', '.join(given) or 'void'})"
         lines = [*copies, *self.temporaries]
         body = ["    " + line for line in lines] + self.lines
         if ctype != "void":
             body.append(f"    return {_no_value(result)};")
-        made.text = "\n".join([signature, "{", *body, "}"])
-        made.calls = list(self.calls)
-        made.signature = signature
-        made.tuples = self.tuples  # type: ignore[attr-defined]
-        return made
+        translated.text = "\n".join([signature, "{", *body, "}"])
+        translated.calls = list(self.calls)
+        translated.signature = signature
+        translated.tuples = self.tuples  # type: ignore[attr-defined]
+        return translated
 
     # --- Errors, lines and names
 
-    def refuse(self, what: str, remedy: str, node: ast.AST | None = None) -> NoReturn:
+    def refuse(self, problem: str, remedy: str, node: ast.AST | None = None) -> NoReturn:
         """Raise FunctionError for something without a translation."""
         line = getattr(node or self.node, "lineno", 1)
         raise FunctionError(
             f"function {self.function.__name__!r}",
-            f"cannot be translated to C: {what}",
+            f"cannot be translated to C: {problem}",
             remedy,
             self.text.file,
             line if self.text.file else 0,
@@ -662,8 +668,8 @@ class FunctionWriter:
         if expression.fixed or expression.kind == NOTHING:
             return expression
         if expression.items is not None:
-            parts = tuple(self.temporary(item) for item in expression.items)
-            return replace(expression, items=parts)
+            items = tuple(self.temporary(item) for item in expression.items)
+            return replace(expression, items=items)
         if expression.code.isidentifier() and not expression.code.startswith("v_"):
             return expression
         name = f"t{len(self.temporaries)}"
@@ -718,13 +724,13 @@ class FunctionWriter:
             return Expression(Tuple(tuple(item.kind for item in items), names), "", items)
         return expression
 
-    def number(self, expression: Expression, what: str) -> Expression:
+    def number(self, expression: Expression, role: str) -> Expression:
         """Return a scalar expression, or raise FunctionError."""
-        made = self.runtime(expression)
-        if made.kind not in RANKS:
-            shown = "an array" if isinstance(made.kind, Array) else "no number"
-            self.refuse(f"{what} of {shown}", "use numbers; write a loop over an array")
-        return made
+        runtime_value = self.runtime(expression)
+        if runtime_value.kind not in RANKS:
+            kind_text = "an array" if isinstance(runtime_value.kind, Array) else "no number"
+            self.refuse(f"{role} of {kind_text}", "use numbers; write a loop over an array")
+        return runtime_value
 
     def joined(self, one: Any, two: Any) -> Any:
         """Return the least kind that holds the values of two kinds."""
@@ -748,31 +754,31 @@ class FunctionWriter:
         """Return an expression as C source of a kind that holds it."""
         if isinstance(kind, Fixed):
             return ""
-        made = self.runtime(expression)
+        runtime_value = self.runtime(expression)
         if isinstance(kind, Tuple):
             self.note(kind)
-            if made.items is None and isinstance(made.kind, Tuple):
-                if made.kind.ctype == kind.ctype:
-                    return made.code
-                held = self.temporary(made)
-                made = replace(
-                    held, items=tuple(self.item(held, i) for i in range(len(kind.items)))
+            if runtime_value.items is None and isinstance(runtime_value.kind, Tuple):
+                if runtime_value.kind.ctype == kind.ctype:
+                    return runtime_value.code
+                stored = self.temporary(runtime_value)
+                runtime_value = replace(
+                    stored, items=tuple(self.item(stored, i) for i in range(len(kind.items)))
                 )
-            if made.items is None:
+            if runtime_value.items is None:
                 self.refuse("a number in place of a tuple", "return as many values everywhere")
-            parts = ", ".join(
-                self.converted(item, own)
-                for item, own in zip(made.items, kind.items, strict=True)
-                if not isinstance(own, Fixed)
+            items = ", ".join(
+                self.converted(item, item_kind)
+                for item, item_kind in zip(runtime_value.items, kind.items, strict=True)
+                if not isinstance(item_kind, Fixed)
             )
-            return f"({kind.ctype}){{{parts}}}"
-        if made.fixed:
-            self.refuse(f"the value {made.kind.value!r}", "use numbers")
-        if made.kind == REAL and kind == INTEGER:
-            return f"(int64_t)({made.code})"
-        if made.kind in RANKS and kind not in RANKS:
+            return f"({kind.ctype}){{{items}}}"
+        if runtime_value.fixed:
+            self.refuse(f"the value {runtime_value.kind.value!r}", "use numbers")
+        if runtime_value.kind == REAL and kind == INTEGER:
+            return f"(int64_t)({runtime_value.code})"
+        if runtime_value.kind in RANKS and kind not in RANKS:
             self.refuse("a number in place of an array or tuple", "use one name for each")
-        return made.code
+        return runtime_value.code
 
     def item(self, expression: Expression, i: int) -> Expression:
         """Return an item of a tuple by its number."""
@@ -813,17 +819,17 @@ class FunctionWriter:
     def do_Expr(self, node: ast.Expr) -> None:
         if isinstance(node.value, ast.Constant):
             return
-        found = self.value(node.value)
-        if not found.fixed and found.code:
-            self.emit(f"{found.code};" if found.kind == NOTHING else f"(void)({found.code});")
+        value = self.value(node.value)
+        if not value.fixed and value.code:
+            self.emit(f"{value.code};" if value.kind == NOTHING else f"(void)({value.code});")
 
     def do_Return(self, node: ast.Return) -> bool:
-        found = Expression(NOTHING) if node.value is None else self.value(node.value)
-        if found.fixed and found.kind.value is None:
-            found = Expression(NOTHING)
-        if found.kind == NOTHING:
-            if found.code:
-                self.emit(f"{found.code};")
+        value = Expression(NOTHING) if node.value is None else self.value(node.value)
+        if value.fixed and value.kind.value is None:
+            value = Expression(NOTHING)
+        if value.kind == NOTHING:
+            if value.code:
+                self.emit(f"{value.code};")
             if self.result not in (None, NOTHING):
                 self.refuse("results with and without a value", "return as many values everywhere")
             self.result = NOTHING
@@ -831,13 +837,13 @@ class FunctionWriter:
             return False
         if self.result == NOTHING:
             self.refuse("results with and without a value", "return as many values everywhere")
-        kind = self.runtime(found).kind
-        if found.items is not None:
-            kind = Tuple(tuple(self.runtime(item).kind for item in found.items), found.kind.names)
+        kind = self.runtime(value).kind
+        if value.items is not None:
+            kind = Tuple(tuple(self.runtime(item).kind for item in value.items), value.kind.names)
         self.result = self.joined(self.result, kind)
         if _has_array(self.result):  # it may be a variable of this function
             self.refuse("an array as a result", "return its elements, or write to an argument")
-        code = self.converted(found, self.result)
+        code = self.converted(value, self.result)
         self.emit(f"return {code};" if code else "return;")
         return False
 
@@ -866,8 +872,8 @@ class FunctionWriter:
             known = self.variables.get(target.id)
             kind = value.kind
             if value.fixed and (target.id in self.variables or _is_number(value.kind.value)):
-                made = self.runtime(value)
-                kind = known if known == value.kind else made.kind
+                runtime_value = self.runtime(value)
+                kind = known if known == value.kind else runtime_value.kind
             if value.items is not None:
                 kind = Tuple(
                     tuple(self.runtime(item).kind for item in value.items), value.kind.names
@@ -884,37 +890,37 @@ class FunctionWriter:
         if isinstance(target, ast.Subscript):
             if self.value(target.value).fixed:
                 self.refuse("an assignment to an item of a constant", "make an array by np.zeros")
-            place = self.subscript(target)
-            if place.kind == Array() or isinstance(place.kind, Array):
-                self.copy(place, value)
+            element = self.subscript(target)
+            if element.kind == Array() or isinstance(element.kind, Array):
+                self.copy(element, value)
                 return
-            if place.kind not in RANKS:
+            if element.kind not in RANKS:
                 self.refuse("an assignment to an item of a tuple", "make a new tuple")
-            self.emit(f"{place.code} = {self.number(value, 'an item').code};")
+            self.emit(f"{element.code} = {self.number(value, 'an item').code};")
             return
         if isinstance(target, ast.Attribute):
-            place = self.value(_as_read(target))
-            if place.kind in RANKS and "->" in place.code:
-                self.emit(f"{place.code} = {self.number(value, 'a field').code};")
+            element = self.value(_as_read(target))
+            if element.kind in RANKS and "->" in element.code:
+                self.emit(f"{element.code} = {self.number(value, 'a field').code};")
                 return
         self.refuse("an assignment to this target", "assign to names and elements of arrays")
 
-    def copy(self, place: Expression, value: Expression) -> None:
+    def copy(self, target: Expression, value: Expression) -> None:
         """Assign to all elements of a slice."""
-        made, length = self.runtime(value), place.kind.length
+        runtime_value, length = self.runtime(value), target.kind.length
         if length is None:
             self.refuse("an assignment to a slice of unknown length", "write a loop")
-        source = self.iterable(made) if made.kind not in RANKS else None
+        source = self.iterable(runtime_value) if runtime_value.kind not in RANKS else None
         if source is not None and source.length != length:
             self.refuse("an assignment between different lengths", "write a loop")
         if source is None:
-            made = self.temporary(made)
-        held = self.temporary(place)
-        items = [made if source is None else source.item(str(i), i) for i in range(length)]
+            runtime_value = self.temporary(runtime_value)
+        stored = self.temporary(target)
+        items = [runtime_value if source is None else source.item(str(i), i) for i in range(length)]
         # All values are read before the first element changes: both slices may be of one array.
         items = [self.temporary(self.number(each, "an item")) for each in items]
         for i, each in enumerate(items):
-            self.emit(f"{held.code}[{i}] = {each.code};")
+            self.emit(f"{stored.code}[{i}] = {each.code};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Expression) -> None:
         if value.fixed:
@@ -925,8 +931,8 @@ class FunctionWriter:
         elif value.items is not None:
             items = value.items
         elif isinstance(value.kind, Tuple):
-            held = self.temporary(value)
-            items = tuple(self.item(held, i) for i in range(len(value.kind.items)))
+            stored = self.temporary(value)
+            items = tuple(self.item(stored, i) for i in range(len(value.kind.items)))
         elif isinstance(value.kind, Array) and value.kind.length is not None:
             items = tuple(Expression(REAL, f"{value.code}[{i}]") for i in range(value.kind.length))
         else:
@@ -942,9 +948,9 @@ class FunctionWriter:
             self.assign(target, item)
 
     def do_If(self, node: ast.If) -> bool | None:
-        known, code = self.truth(node.test)
-        if known is not None:
-            return self.block(node.body if known else node.orelse)
+        outcome, code = self.truth(node.test)
+        if outcome is not None:
+            return self.block(node.body if outcome else node.orelse)
         self.emit(f"if ({code}) {{")
         first = self.inner(node.body)
         second = True
@@ -957,12 +963,12 @@ class FunctionWriter:
     def do_While(self, node: ast.While) -> None:
         if node.orelse:
             self.refuse("else of a loop", "use a flag")
-        known, _ = self.peek(node.test)
-        if known is False:
+        outcome, _ = self.peek(node.test)
+        if outcome is False:
             return
         self.emit("for (;;) {")
         self.depth += 1
-        if known is None:
+        if outcome is None:
             _, code = self.truth(node.test)
             self.emit(f"if (!({code})) break;")
         self.loops.append(("continue;", "break;"))
@@ -974,9 +980,9 @@ class FunctionWriter:
     def peek(self, test: ast.expr) -> tuple[bool | None, str]:
         """Return the value of a test without its lines."""
         lines, temporaries = list(self.lines), list(self.temporaries)
-        found = self.truth(test)
+        result = self.truth(test)
         self.lines, self.temporaries = lines, temporaries
-        return found
+        return result
 
     def do_Break(self, node: ast.Break) -> bool:
         self.emit(self.loops[-1][1])
@@ -1035,20 +1041,20 @@ class FunctionWriter:
     def unroll(self, node: ast.For, each: Iterable) -> None:
         """Translate a loop over constants of several kinds, once for each."""
         assert each.length is not None
-        done = self.label()
+        end_label = self.label()
         before = dict(self.overlay)
         for i in range(each.length):
             after = self.label()
             self.emit("{")
             self.depth += 1
             self.bind(node.target, each.item(str(i), i))
-            self.loops.append((f"goto {after};", f"goto {done};"))
+            self.loops.append((f"goto {after};", f"goto {end_label};"))
             self.block(node.body)
             self.loops.pop()
             self.depth -= 1
             self.emit(f"}} {after}:;")
         self.overlay = before
-        self.emit(f"{done}:;")
+        self.emit(f"{end_label}:;")
 
     def bind(self, target: ast.expr, value: Expression) -> None:
         """Assign an item of an unrolled loop; a constant keeps its value."""
@@ -1079,23 +1085,25 @@ class FunctionWriter:
 
                 return replace(inner, item=numbered)
             if callee.fixed and callee.kind.value is zip:
-                parts = [self.iterable_of(each) for each in node.args]
-                lengths = [part.length for part in parts]
+                iterables = [self.iterable_of(each) for each in node.args]
+                lengths = [part.length for part in iterables]
                 if any(length is None for length in lengths):
                     self.refuse("zip of arrays of unknown length", "write a loop over an index")
 
                 def zipped(code: str, i: int | None) -> Expression:
-                    items = tuple(part.item(code, i) for part in parts)
+                    items = tuple(part.item(code, i) for part in iterables)
                     return Expression(Tuple(tuple(each.kind for each in items)), "", items)
 
                 length = min(each for each in lengths if each is not None)
-                return Iterable(length, str(length), zipped, any(part.unrolled for part in parts))
+                return Iterable(
+                    length, str(length), zipped, any(part.unrolled for part in iterables)
+                )
             if callee.fixed and callee.kind.value is range and len(node.args) == 1:
                 stop = self.value(node.args[0])
-                known = int(stop.kind.value) if stop.fixed else None
+                end = int(stop.kind.value) if stop.fixed else None
                 count = self.temporary(self.number(stop, "a range")).code
                 return Iterable(
-                    known,
+                    end,
                     count,
                     lambda code, i: Expression(INTEGER, code) if i is None else constant(i),
                 )
@@ -1112,25 +1120,25 @@ class FunctionWriter:
             length = len(given)
             if length and all(isinstance(each, float | int) for each in given):
                 name = f"((double *)({self.source.table(given)}))"
-                whole = all(isinstance(each, int) for each in given)
-                kind = INTEGER if whole else REAL
+                integers = all(isinstance(each, int) for each in given)
+                kind = INTEGER if integers else REAL
 
                 def listed(code: str, i: int | None) -> Expression:
                     if i is not None:
                         return constant(given[i])
-                    cast = "(int64_t)" if whole else ""
+                    cast = "(int64_t)" if integers else ""
                     return Expression(kind, f"({cast}{name}[{code}])")
 
                 return Iterable(length, str(length), listed)
             return Iterable(length, str(length), lambda code, i: constant(given[i or 0]), True)
         if value.items is not None or isinstance(value.kind, Tuple):
-            held = self.temporary(value)
-            items = tuple(self.item(held, i) for i in range(len(value.kind.items)))
+            stored = self.temporary(value)
+            items = tuple(self.item(stored, i) for i in range(len(value.kind.items)))
             return Iterable(len(items), str(len(items)), lambda code, i: items[i or 0], True)
         if isinstance(value.kind, Array) and value.kind.length is not None:
-            held = self.temporary(value)
+            stored = self.temporary(value)
             length = value.kind.length
-            return Iterable(length, str(length), lambda code, i: self.element(held, code))
+            return Iterable(length, str(length), lambda code, i: self.element(stored, code))
         self.refuse("a loop over this value", "loop over a range, an array or a tuple")
 
     # --- Tests
@@ -1138,46 +1146,46 @@ class FunctionWriter:
     def truth(self, node: ast.expr) -> tuple[bool | None, str]:
         """Return the value of a test if it is known, and its code."""
         if isinstance(node, ast.BoolOp):
-            both = isinstance(node.op, ast.And)
-            mark, codes = " && " if both else " || ", list[str]()
+            is_and = isinstance(node.op, ast.And)
+            mark, codes = " && " if is_and else " || ", list[str]()
             for each in node.values:
                 before = len(self.lines)
-                known, code = self.truth(each)
-                if known is None:
+                outcome, code = self.truth(each)
+                if outcome is None:
                     if codes and len(self.lines) > before:
-                        codes = [self.guarded(mark.join(codes), both, before, code)]
+                        codes = [self.guarded(mark.join(codes), is_and, before, code)]
                     else:
                         codes.append(code)
-                elif known is not both:
+                elif outcome is not is_and:
                     # A later operand decides only if no earlier one has side effects: none has.
-                    return known, literal(known)
+                    return outcome, literal(outcome)
             if not codes:
-                return both, literal(both)
+                return is_and, literal(is_and)
             return None, f"({mark.join(codes)})"
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            known, code = self.truth(node.operand)
-            return (None if known is None else not known), f"!({code})"
-        found = self.value(node)
-        if found.fixed:
-            known = bool(found.kind.value)
-            return known, literal(known)
-        if isinstance(found.kind, Tuple):
-            return bool(found.kind.items), literal(bool(found.kind.items))
-        return None, self.number(found, "a condition").code
+            outcome, code = self.truth(node.operand)
+            return (None if outcome is None else not outcome), f"!({code})"
+        value = self.value(node)
+        if value.fixed:
+            outcome = bool(value.kind.value)
+            return outcome, literal(outcome)
+        if isinstance(value.kind, Tuple):
+            return bool(value.kind.items), literal(bool(value.kind.items))
+        return None, self.number(value, "a condition").code
 
-    def guarded(self, first: str, both: bool, begin: int, second: str) -> str:
+    def guarded(self, first: str, is_and: bool, begin: int, second: str) -> str:
         """Return a variable with ``first and second``, or with ``first or second``.
 
         The lines from `begin` on belong to `second`, which may be invalid unless `first` holds.
         """
-        own = ["    " + line for line in self.lines[begin:]]
+        inner_lines = ["    " + line for line in self.lines[begin:]]
         del self.lines[begin:]
-        held = self.temporary(Expression(BOOLEAN, f"({first})")).code
-        self.emit(f"if ({held if both else f'!{held}'}) {{")
-        self.lines += own
-        self.emit(f"    {held} = {second};")
+        stored = self.temporary(Expression(BOOLEAN, f"({first})")).code
+        self.emit(f"if ({stored if is_and else f'!{stored}'}) {{")
+        self.lines += inner_lines
+        self.emit(f"    {stored} = {second};")
         self.emit("}")
-        return held
+        return stored
 
     # --- Expressions
 
@@ -1186,8 +1194,8 @@ class FunctionWriter:
         handler = getattr(self, f"of_{type(node).__name__}", None)
         if handler is None:
             self.refuse(f"the expression {type(node).__name__}", "use plain expressions", node)
-        found: Expression = handler(node)
-        return found
+        expression: Expression = handler(node)
+        return expression
 
     def of_Constant(self, node: ast.Constant) -> Expression:
         return constant(node.value)
@@ -1245,8 +1253,8 @@ class FunctionWriter:
                 except (TypeError, ValueError):
                     self.refuse("a variable index of this constant", "use a constant index", node)
                 if all(isinstance(each, int) for each in given):
-                    found = self.element(owner, self.number(index, "an index").code)
-                    return Expression(INTEGER, f"((int64_t){found.code})")
+                    element = self.element(owner, self.number(index, "an index").code)
+                    return Expression(INTEGER, f"((int64_t){element.code})")
             else:
                 owner = self.runtime(owner)
         if isinstance(owner.kind, Tuple):
@@ -1255,9 +1263,9 @@ class FunctionWriter:
             kinds = set(owner.kind.items)
             if len(kinds) > 1:
                 self.refuse("a variable index of a tuple of several types", "use an array", node)
-            held = self.converted(owner, owner.kind)
+            stored = self.converted(owner, owner.kind)
             (kind,) = kinds
-            code = f"{owner.kind.ctype}_at({held}, {self.number(index, 'an index').code})"
+            code = f"{owner.kind.ctype}_at({stored}, {self.number(index, 'an index').code})"
             return Expression(kind, code)
         if not isinstance(owner.kind, Array):
             self.refuse("an index of this value", "index arrays and tuples", node)
@@ -1314,16 +1322,16 @@ class FunctionWriter:
             else:
                 return constant(owner.kind.value[first:last])
         if isinstance(owner.kind, Tuple) and fixed:
-            places = range(len(owner.kind.items))[first:last]
-            held = owner if owner.items is not None else self.temporary(owner)
-            items = tuple(self.item(held, i) for i in places)
+            indices = range(len(owner.kind.items))[first:last]
+            stored = owner if owner.items is not None else self.temporary(owner)
+            items = tuple(self.item(stored, i) for i in indices)
             return Expression(Tuple(tuple(item.kind for item in items)), "", items)
         if not isinstance(owner.kind, Array) or (owner.kind.shape and len(owner.kind.shape) > 1):
             self.refuse("a slice of this value", "slice arrays of one dimension", node)
         length = owner.kind.length
         if fixed and length is not None:
-            places = range(length)[first:last]
-            return Expression(Array((len(places),)), f"({owner.code} + {places.start})")
+            indices = range(length)[first:last]
+            return Expression(Array((len(indices),)), f"({owner.code} + {indices.start})")
         if bounds[0] is None:
             return Expression(Array(), owner.code)
         begin = self.number(bounds[0], "a slice").code
@@ -1333,15 +1341,15 @@ class FunctionWriter:
 
     def of_UnaryOp(self, node: ast.UnaryOp) -> Expression:
         if isinstance(node.op, ast.Not):
-            known, code = self.truth(node)
-            return Expression(BOOLEAN, code) if known is None else constant(known)
-        found = self.value(node.operand)
-        if found.fixed and _is_number(found.kind.value):
-            return constant(UNARY[type(node.op)](found.kind.value))
-        made = self.number(found, "a sign")
-        kind = INTEGER if made.kind == BOOLEAN else made.kind
+            outcome, code = self.truth(node)
+            return Expression(BOOLEAN, code) if outcome is None else constant(outcome)
+        operand = self.value(node.operand)
+        if operand.fixed and _is_number(operand.kind.value):
+            return constant(UNARY[type(node.op)](operand.kind.value))
+        number = self.number(operand, "a sign")
+        kind = INTEGER if number.kind == BOOLEAN else number.kind
         mark = {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~"}[type(node.op)]
-        return Expression(kind, f"({mark}{made.code})")
+        return Expression(kind, f"({mark}{number.code})")
 
     def of_BinOp(self, node: ast.BinOp) -> Expression:
         return self.binary(node.op, self.value(node.left), self.value(node.right), node)
@@ -1358,11 +1366,13 @@ class FunctionWriter:
                 pass
         is_sum = kind is ast.Add
         if is_sum and all(isinstance(self.runtime(each).kind, Tuple) for each in (left, right)):
-            held = [self.runtime(each) for each in (left, right)]
-            items = tuple(self.item(part, i) for part in held for i in range(len(part.kind.items)))
+            operands = [self.runtime(each) for each in (left, right)]
+            items = tuple(
+                self.item(part, i) for part in operands for i in range(len(part.kind.items))
+            )
             return Expression(Tuple(tuple(item.kind for item in items)), "", items)
-        what = f"the operator {kind.__name__}"
-        one, two = self.number(left, what), self.number(right, what)
+        role = f"the operator {kind.__name__}"
+        one, two = self.number(left, role), self.number(right, role)
         result = max(one.kind, two.kind, INTEGER, key=RANKS.__getitem__)
         if kind is ast.Div:
             return Expression(REAL, f"((double){one.code} / (double){two.code})")
@@ -1373,23 +1383,23 @@ class FunctionWriter:
             suffix = "_i" if result == INTEGER else ""
             return Expression(result, f"{name}{suffix}({one.code}, {two.code})")
         if kind not in SIGNS:
-            self.refuse(what, "use arithmetic of numbers", node)
+            self.refuse(role, "use arithmetic of numbers", node)
         if result == INTEGER:
             codes = [f"(int64_t){each.code}" for each in (one, two)]
         else:
             codes = [one.code, two.code]
         if result == REAL and SIGNS[kind] not in "+-*":
-            self.refuse(f"{what} of real numbers", "use integers", node)
+            self.refuse(f"{role} of real numbers", "use integers", node)
         if kind in (ast.BitAnd, ast.BitOr, ast.BitXor) and one.kind == two.kind == BOOLEAN:
             result = BOOLEAN
         return Expression(result, f"({codes[0]} {SIGNS[kind]} {codes[1]})")
 
     def power(
-        self, base: Expression, exponent: Expression, given: Expression, result: Any
+        self, base: Expression, exponent: Expression, original: Expression, result: Any
     ) -> Expression:
         """Return a power; one with a small integer exponent is multiplied out."""
-        if given.fixed and isinstance(given.kind.value, int):
-            n = given.kind.value
+        if original.fixed and isinstance(original.kind.value, int):
+            n = original.kind.value
             if 0 <= n <= LARGEST_POWER:
                 suffix = "_i" if result == INTEGER else ""
                 return Expression(result, f"integer_power{suffix}({base.code}, {n})")
@@ -1408,32 +1418,32 @@ class FunctionWriter:
 
     def of_BoolOp(self, node: ast.BoolOp) -> Expression:
         lines, temporaries = list(self.lines), list(self.temporaries)
-        parts = [self.value(each) for each in node.values]
-        kinds = {self.runtime(part).kind for part in parts}
-        if kinds <= {BOOLEAN} or all(part.fixed for part in parts):
+        operands = [self.value(each) for each in node.values]
+        kinds = {self.runtime(part).kind for part in operands}
+        if kinds <= {BOOLEAN} or all(part.fixed for part in operands):
             self.lines, self.temporaries = lines, temporaries
-            known, code = self.truth(node)
-            return Expression(BOOLEAN, code) if known is None else constant(known)
+            outcome, code = self.truth(node)
+            return Expression(BOOLEAN, code) if outcome is None else constant(outcome)
         if len(self.lines) > len(lines):
             self.refuse("the value of and or or", "use if and else", node)
-        both = isinstance(node.op, ast.And)
-        found = parts[-1]
-        for part in reversed(parts[:-1]):
+        is_and = isinstance(node.op, ast.And)
+        result = operands[-1]
+        for part in reversed(operands[:-1]):
             if part.fixed:
-                found = found if bool(part.kind.value) is both else part
+                result = result if bool(part.kind.value) is is_and else part
                 continue
             if not part.code.isidentifier():
                 self.refuse("the value of and or or", "use if and else", node)
-            kind = self.joined(part.kind, self.runtime(found).kind)
-            pair = (found, part) if both else (part, found)
+            kind = self.joined(part.kind, self.runtime(result).kind)
+            pair = (result, part) if is_and else (part, result)
             one, two = (self.converted(each, kind) for each in pair)
-            found = Expression(kind, f"({part.code} ? {one} : {two})")
-        return found
+            result = Expression(kind, f"({part.code} ? {one} : {two})")
+        return result
 
     def of_IfExp(self, node: ast.IfExp) -> Expression:
-        known, code = self.truth(node.test)
-        if known is not None:
-            return self.value(node.body if known else node.orelse)
+        outcome, code = self.truth(node.test)
+        if outcome is not None:
+            return self.value(node.body if outcome else node.orelse)
         before = len(self.lines)
         one, two = self.value(node.body), self.value(node.orelse)
         if one.fixed and two.fixed and one.kind == two.kind:
@@ -1447,10 +1457,13 @@ class FunctionWriter:
 
     def literal_kind(self, expression: Expression) -> Any:
         """Return the kind of a value at run time."""
-        made = self.runtime(expression)
-        if made.items is not None:
-            return Tuple(tuple(self.literal_kind(item) for item in made.items), made.kind.names)
-        return made.kind
+        runtime_value = self.runtime(expression)
+        if runtime_value.items is not None:
+            return Tuple(
+                tuple(self.literal_kind(item) for item in runtime_value.items),
+                runtime_value.kind.names,
+            )
+        return runtime_value.kind
 
     def of_Compare(self, node: ast.Compare) -> Expression:
         operands = [self.value(each) for each in (node.left, *node.comparators)]
@@ -1460,12 +1473,12 @@ class FunctionWriter:
                 operands[i] = self.temporary(each)
         codes: list[str] = []
         for sign, one, two in zip(node.ops, operands, operands[1:], strict=False):
-            found = self.comparison(sign, one, two, node)
-            if found.fixed:
-                if not found.kind.value:
+            comparison = self.comparison(sign, one, two, node)
+            if comparison.fixed:
+                if not comparison.kind.value:
                     return constant(False)
                 continue
-            codes.append(found.code)
+            codes.append(comparison.code)
         if not codes:
             return constant(True)
         return Expression(BOOLEAN, codes[0] if len(codes) == 1 else f"({' && '.join(codes)})")
@@ -1508,19 +1521,19 @@ class FunctionWriter:
             arguments = []
             for each in node.args:
                 if isinstance(each, ast.Starred):
-                    whole = self.iterable(self.value(each.value))
-                    assert whole.length is not None
-                    arguments += [whole.item(str(i), i) for i in range(whole.length)]
+                    sequence = self.iterable(self.value(each.value))
+                    assert sequence.length is not None
+                    arguments += [sequence.item(str(i), i) for i in range(sequence.length)]
                 else:
                     arguments.append(self.value(each))
         else:
             arguments = [self.value(each) for each in node.args]
         if any(each.arg is None for each in node.keywords):
             self.refuse("arguments by **", "name all arguments", node)
-        named = {str(each.arg): self.value(each.value) for each in node.keywords}
+        keywords = {str(each.arg): self.value(each.value) for each in node.keywords}
         if not callee.fixed:
             self.refuse("a call of a variable", "call a function by its name", node)
-        return self.call(callee.kind.value, arguments, named, node)
+        return self.call(callee.kind.value, arguments, keywords, node)
 
     def call(
         self,
