@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
@@ -14,6 +15,7 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import Arc
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.shooting import (
     TOUCHING_RATE,
@@ -194,7 +196,7 @@ def reduced_monodromy(
     if shooting.phase is None or not keep:
         return matrix
     flow = point.arcs[0].slope_start[shooting.free][keep]
-    if first is None and any(np.abs(arc.by_state).max() > MAX_GROWTH for arc in point.arcs):
+    if first is None and any(_growth(arc, shooting) > MAX_GROWTH for arc in point.arcs):
         return point.matrix(
             "transverse monodromy", lambda: _transverse_monodromy(shooting, point, keep, flow)
         )
@@ -221,7 +223,7 @@ def _transverse_monodromy(
         smallest = MIN_PIECE_RATIO * (rest[0] - t)
         while rest:
             arc = variational.arc(segment.mode, y, t, rest[-1])
-            if np.abs(arc.by_state).max() > MAX_GROWTH and rest[-1] - t > smallest:
+            if _growth(arc, shooting) > MAX_GROWTH and rest[-1] - t > smallest:
                 rest.append(0.5 * (t + rest[-1]))
                 continue
             y, t = arc.end, rest.pop()
@@ -232,6 +234,14 @@ def _transverse_monodromy(
             after = point.arcs[(i + 1) % len(point.arcs)].slope_start
             columns = _without(after[free], shooting.after_event(i, point, before)[free])
     return np.asarray(across.T @ columns[keep])
+
+
+def _growth(arc: Arc, shooting: Shooting) -> float:
+    """Return the growth of perturbations in an arc, whatever the units of the components."""
+    by_state = arc.by_state[shooting.free]
+    if np.abs(by_state).max() > MAX_GROWTH and np.isfinite(by_state).all():
+        by_state, _ = matrix_balance(by_state, permute=False)
+    return float(np.abs(by_state).max())
 
 
 def _without(flow: Floats, columns: Floats) -> Floats:

@@ -114,10 +114,7 @@ def test_reasons_in_rows(swinging):
 
 def test_a_period_is_in_the_users_time():
     units = {name: UNITS[name] for name in ("x", "time")}
-    typical = {**TYPICAL["typical"], "v": 1e-6}
-    system = mi.System(
-        states=("x", "v"), flow=relaxing, units=units, typical=typical, initial={"x": 1e-6}
-    )
+    system = mi.System(states=("x", "v"), flow=relaxing, units=units, **TYPICAL)
     orbit = mi.find_orbit(system, transient=0.05, period=6e-3, options=INTERPRETED)
     assert orbit.period == pytest.approx(2e-3 * math.pi, rel=1e-9)
 

@@ -32,7 +32,10 @@ class Circle(ContinuationProblem):
     """It says where x is zero; there it is lost, if `beyond` says how it goes on."""
 
     parameters = ("p",)
-    family = SimpleNamespace(amount=lambda name, value: f"{value:.3g}")
+    family = SimpleNamespace(
+        amount=lambda name, value: f"{value:.3g}",
+        at=lambda **values: SimpleNamespace(derivative=lambda name: (np.ones(1), 0.0)),
+    )
     noun = "circle"
 
     def __init__(self, beyond=None, refused=2.0):
@@ -49,6 +52,9 @@ class Circle(ContinuationProblem):
     def check(self, point, following):
         if following.values[0] > self.refused:
             raise OrbitError("it goes too far", "take a shorter step")
+
+    def rates(self, point, name, value):
+        return np.array([point.unknowns[0] ** 2 + value**2 - 1.0])
 
     def tests(self, point, along):
         return {"top": point.unknowns[0]}
