@@ -24,7 +24,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, cached_property, lru_cache
 from itertools import count
 from types import FrameType, TracebackType
@@ -204,6 +204,17 @@ class WorkerPool:
             # RuntimeError: the executor is broken or was shut down. OSError: the queue is closed,
             # since a worker died while another one started, or the system cannot start a process.
             raise ExecutorLost(str(error)) from None
+
+    def report_dead_workers(self) -> None:
+        """Let a pool of processes notice a worker that died soon after it had started.
+
+        The pool watches the workers that it had at its last submission or result. A study whose
+        parts are all submitted would wait for a newer one forever.
+        """
+        processes = getattr(self._executor, "_processes", None)
+        if isinstance(processes, dict) and not all(p.is_alive() for p in [*processes.values()]):
+            with suppress(RuntimeError, OSError):
+                self._executor.submit(int)
 
     def warn_of_missing_workers(self) -> None:
         """Report once, after a while, that a cluster has no workers."""

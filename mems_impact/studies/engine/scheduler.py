@@ -205,6 +205,7 @@ class Scheduler:
                 self.submit_parts()
                 with deferring_ctrl_c():
                     self.take(wait(self.pending, POLL_SECONDS, FIRST_COMPLETED).done)
+                    self.crew.report_dead_workers()
                 if self.broken:
                     self.recover()
                 self.crew.warn_of_missing_workers()

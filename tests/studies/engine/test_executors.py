@@ -3,12 +3,19 @@
 import os
 import signal
 import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from types import SimpleNamespace
 
 import pytest
 
 import mems_impact as mi
+from mems_impact.studies.engine.executors import WorkerPool
 from mems_impact.studies.engine.scheduler import run_study
 from tests.studies.toys import Toy, bits
 
@@ -127,6 +134,21 @@ def test_a_pool_that_breaks_while_it_starts_a_worker_is_made_anew():
 
     assert bits(run_study(STUDY, executor=make, chunk=4)) == bits(run_study(STUDY))
     assert len(made) == 2
+
+
+def test_a_worker_that_dies_before_its_pool_watches_it(forking):
+    with ProcessPoolExecutor(3, mp_context=forking) as executor:
+        future = executor.submit(time.sleep, 60)
+        while not future.running():
+            time.sleep(0.01)
+        executor._spawn_process()  # as a submission does, after its pool has begun to wait
+        newest = list(executor._processes.values())[-1]
+        newest.kill()
+        newest.join()
+        with WorkerPool(STUDY, executor, None) as crew:
+            crew.report_dead_workers()
+            with pytest.raises(BrokenExecutor):
+                future.result(timeout=20)
 
 
 def test_a_pool_that_never_starts_a_worker_leaves_what_was_done():
