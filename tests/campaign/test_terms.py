@@ -82,7 +82,7 @@ def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
             patch.setattr(terms, "_Judged", Other)
             story = terms.check(SEED, i).story
         tried += 1
-        if story or tried == 8:
+        if story or tried == 16:
             break
     assert story != ""
     assert terms.check(SEED, i).story == ""  # with the judge as it is

@@ -236,6 +236,8 @@ def _one_of_each(names: list[str], rng: Rng) -> list[str]:
     """Return the names but those that would take the place of the same rule."""
     mixed = [names[i] for i in rng.permutation(len(names))]
     taken = {term_type(name).instead or name: name for name in mixed}
+    if "stopper" in taken:  # it has its own losses
+        taken.pop("restitution", None)
     return [name for name in names if name in taken.values()]
 
 

@@ -16,8 +16,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "terms of order six are computed and not used",
     (
         "mems_impact/continuation/equilibrium_branch.py",
-        "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < place <= length:",
-        "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < place <= length:",
+        "if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < position <= length:",
+        "if (len(self.branch.points) < PREDICTOR_POINTS) or not 0.0 < position <= length:",
     ): "no branch has come round after so few steps",
     (
         "mems_impact/continuation/orbit_branch.py",

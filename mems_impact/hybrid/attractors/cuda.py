@@ -146,6 +146,7 @@ VIEWS = (
     recurrence.scratch_row,
     recurrence.return_row,
     recurrence.return_statistics,
+    recurrence.series_row,
     recurrence.numbers_of,
     recurrence.result_of,
 )
