@@ -75,7 +75,7 @@ def model_header(model: ExportedModel) -> str:
         "EVENT_ROWS": EVENT_BUFFER_ROWS + 8 * m,
         "EVENT_WIDTH": workspace.HEAD + 2 * n,
         "ENGINE_ROWS": stepper.ROWS,
-        "ENGINE_WIDTH": max(n, 2 * m + 1),
+        "ENGINE_WIDTH": max(n, 2 * m + 2),
         "ENGINE_NUMBERS": stepper.ENGINE_NUMBERS,
         "ENGINE_STATE": stepper.STATE,
         "ENGINE_LOW": stepper.LOW,

@@ -78,7 +78,7 @@ class CompiledDop853(CompiledEngine):
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
-        n, width = equations.n, max(equations.n, 2 * equations.m + 1)
+        n, width = equations.n, max(equations.n, 2 * equations.m + 2)
         arrays = {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
         super().__init__(HANDLE, equations, arrays, functions())
         handle = self.handle

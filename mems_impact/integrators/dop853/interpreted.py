@@ -23,7 +23,7 @@ class InterpretedDop853(Functions):
         super().__init__(equations)
         n, m = equations.n, equations.m
         # Lists: access to scalars of arrays is several times slower.
-        self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
+        self.rows = [[0.0] * max(n, 2 * m + 2) for _ in range(ROWS)]
         self.components = [[0.0] * ENGINE_NUMBERS for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
         self.approaches = [int(each) for each in equations.approaches]

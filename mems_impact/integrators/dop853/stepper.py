@@ -162,8 +162,11 @@ ARGUMENT, SLOPE = 0, 1  # state of a stage, and its slope
 START, END = 2, 3  # states at both ends of the step
 STATE = 4  # state at the present time
 LOW, HIGH = 5, 6  # root functions at the present time, and at the end of the step
-SPARE = 7  # three rows of root functions for the root search
-ROWS = 10
+SPARE = 7  # two rows of root functions for the root search
+# Rows of the candidates of the root search: function, sign and bias; values at the ends of the
+# bracket, at its former end, and at the next point.
+INDEX, SIGN, BIAS, NEAR, FAR, LAST, TRIAL = range(9, 16)
+ROWS = 16
 
 
 def row(engine: Any, i: int) -> Any:
@@ -440,11 +443,6 @@ def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
     return True
 
 
-def value(engine: Any, i: int, values: Any) -> float:
-    """Return function `i`, a margin with its bias."""
-    return values[i] + interface.bias(engine, i) if i < engine.m else values[i]
-
-
 def searches_rate(engine: Any, i: int) -> bool:
     """Return whether the root search includes the rate of margin `i`.
 
@@ -454,53 +452,63 @@ def searches_rate(engine: Any, i: int) -> bool:
     return interface.bias(engine, i) != 0.0 or records_approaches(engine, i)
 
 
-def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
-    """Return how function `i` crosses zero between rows: -1 falling, +1 rising, 0 for no crossing.
-
-    Only the relevant directions count.
-    """
-    m = engine.m
-    if i < m:
-        bias = interface.bias(engine, i)
-        return -1 if low[i] + bias > 0.0 and high[i] + bias <= 0.0 else 0
-    if i < 2 * m:
-        return 1 if low[i] < 0.0 and high[i] >= 0.0 and searches_rate(engine, i - m) else 0
-    if low[i] > 0.0 and high[i] <= 0.0 and engine.direction <= 0:
-        return -1
-    return 1 if low[i] < 0.0 and high[i] >= 0.0 and engine.direction >= 0 else 0
-
-
-def passes_backwards(engine: Any, i: int, low: Any, high: Any) -> bool:
-    """Return whether function `i` crosses zero between rows in the direction that does not count.
-
-    Close to this zero, rounding may show the other direction.
-    """
-    before, after = value(engine, i, low), value(engine, i, high)
-    if i < engine.m:
-        return before < 0.0 and after > 0.0
-    return i < 2 * engine.m and before > 0.0 and after < 0.0
-
-
 def any_crossed(engine: Any, low: Any, high: Any) -> bool:
     """Return whether any function crosses zero between rows."""
-    for i in range(2 * engine.m + 1):  # noqa: SIM110
-        if crossed(engine, i, low, high) != 0:
+    m = engine.m
+    for i in range(m):
+        shift = interface.bias(engine, i)
+        if low[i] + shift > 0.0 >= high[i] + shift:
             return True
-    return False
+        if low[m + i] < 0.0 <= high[m + i] and searches_rate(engine, i):
+            return True
+    before, after = low[2 * m], high[2 * m]
+    falls, rises = before > 0.0 >= after, before < 0.0 <= after
+    return bool((falls and engine.direction <= 0) or (rises and engine.direction >= 0))
 
 
-def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
-    """Return the function with the first zero by linear interpolation, and its relative position.
+def list_candidates(engine: Any) -> int:
+    """List the root functions whose zeros between LOW and HIGH are searched; return their number.
 
-    Return NONE if no function crosses zero, except for those that are marked as passing backwards.
+    A candidate is a function with a bias and a sign, so that it falls from above zero to zero or
+    below. A margin or rate that rises instead is left out: close to its zero, rounding may show
+    the other direction. NEAR and FAR have the values at LOW and HIGH.
+    """
+    m, count = engine.m, 0
+    low, high = row(engine, LOW), row(engine, HIGH)
+    index, sign, bias = row(engine, INDEX), row(engine, SIGN), row(engine, BIAS)
+    near, far = row(engine, NEAR), row(engine, FAR)
+    for i in range(2 * m + 2):
+        if i < m:
+            direction, shift = 1.0, interface.bias(engine, i)
+        elif i < 2 * m:
+            direction, shift = -1.0, 0.0
+            if not searches_rate(engine, i - m):
+                continue
+        else:
+            # Falling and rising crossings of the section.
+            direction, shift = (1.0, 0.0) if i == 2 * m else (-1.0, 0.0)
+            if engine.section < 0 or engine.direction * direction > 0.0:
+                continue
+        k = min(i, 2 * m)
+        before, after = direction * (low[k] + shift), direction * (high[k] + shift)
+        if i >= 2 * m or not before < 0.0 < after:
+            index[count], sign[count], bias[count] = k, direction, shift
+            near[count], far[count] = before, after
+            count += 1
+    return count
+
+
+def first_crossed(count: int, near: Any, far: Any) -> tuple[int, float]:
+    """Return the candidate with the first zero by linear interpolation, and its relative position.
+
+    Return NONE if no candidate falls to zero between the rows.
     """
     first, place = NONE, 1.0
-    for i in range(2 * engine.m + 1):
-        if interface.root_directions(engine, i) == 0 and crossed(engine, i, low, high) != 0:
-            before = value(engine, i, low)
-            there = before / (before - value(engine, i, high))
+    for j in range(count):
+        if near[j] > 0.0 and far[j] <= 0.0:
+            there = near[j] / (near[j] - far[j])
             if first == NONE or there < place:
-                first, place = i, there
+                first, place = j, there
     return first, place
 
 
@@ -517,17 +525,15 @@ def first_root(engine: Any, begin: float, end: float) -> float:
     projection of ITP (Oliveira and Takahashi, ACM Trans. Math. Softw. 47, 2020) bounds the distance
     from the midpoint, so that the search needs at most one step more than bisection.
     """
-    count = 2 * engine.m + 1
-    near, far, last, trial = LOW, SPARE, SPARE + 1, SPARE + 2  # rows
-    for i in range(count):
-        row(engine, far)[i] = row(engine, HIGH)[i]
-        backwards = passes_backwards(engine, i, row(engine, near), row(engine, far))
-        set_fired(engine, i, int(backwards))
+    count = list_candidates(engine)
+    index, sign, bias = row(engine, INDEX), row(engine, SIGN), row(engine, BIAS)
+    near, far, last, trial = NEAR, FAR, LAST, TRIAL  # rows of candidates
+    functions, spare = HIGH, SPARE  # rows of all functions, at the far end and at the next point
     a, b, c = begin, end, end
     moved_far, points = False, 2
     radius = b - a
     shift = 0.2 / radius
-    i, place = first_crossed(engine, row(engine, near), row(engine, far))
+    i, place = first_crossed(count, row(engine, near), row(engine, far))
     while True:
         limit = ULP * max(abs(b), 1e-3 * (end - begin))
         width = b - a
@@ -538,8 +544,7 @@ def first_root(engine: Any, begin: float, end: float) -> float:
         side = 1.0 if middle >= t else -1.0
         push = shift * width * width
         if points == 3:
-            f_a, f_b = value(engine, i, row(engine, near)), value(engine, i, row(engine, far))
-            f_c = value(engine, i, row(engine, last))
+            f_a, f_b, f_c = row(engine, near)[i], row(engine, far)[i], row(engine, last)[i]
             new, old = (b, a) if moved_far else (a, b)
             f_new, f_old = (f_b, f_a) if moved_far else (f_a, f_b)
             if (f_new - f_old) * (f_c - f_old) > 0.0:
@@ -558,26 +563,29 @@ def first_root(engine: Any, begin: float, end: float) -> float:
         if t <= a or t >= b:
             break
         dense_at(engine, t, row(engine, ARGUMENT))
-        if not root_functions(engine, t, row(engine, ARGUMENT), row(engine, trial)):
+        values, signed = row(engine, spare), row(engine, trial)
+        if not root_functions(engine, t, row(engine, ARGUMENT), values):
             return math.nan
-        i, place = first_crossed(engine, row(engine, near), row(engine, trial))
+        for j in range(count):
+            signed[j] = sign[j] * (values[int(index[j])] + bias[j])
+        i, place = first_crossed(count, row(engine, near), signed)
         moved_far = i != NONE
         if moved_far:
             c, b = b, t
             last, far, trial = far, trial, last
+            functions, spare = spare, SPARE if spare != SPARE else SPARE + 1
         else:
             c, a = a, t
             last, near, trial = near, trial, last
-            i, place = first_crossed(engine, row(engine, near), row(engine, far))
+            i, place = first_crossed(count, row(engine, near), row(engine, far))
         points = 3
         radius *= 0.5
-    for i in range(count):
-        fired = 0
-        if interface.root_directions(engine, i) == 0:
-            fired = crossed(engine, i, row(engine, near), row(engine, far))
-        set_fired(engine, i, fired)
-    for i in range(count):
-        row(engine, LOW)[i] = row(engine, far)[i]
+    for k in range(2 * engine.m + 1):
+        set_fired(engine, k, 0)
+        row(engine, LOW)[k] = row(engine, functions)[k]
+    for j in range(count):
+        if row(engine, near)[j] > 0.0 and row(engine, far)[j] <= 0.0:
+            set_fired(engine, int(index[j]), -int(sign[j]))
     return b
 
 # --- Step size control
@@ -767,19 +775,19 @@ def check_stability(engine: Any, h: float) -> None:
 def advance_to_root(engine: Any) -> int:
     """Advance to the first root before the end of the step, or to the end."""
     low, high = row(engine, LOW), row(engine, HIGH)
-    count = 2 * engine.m + 1
+    last = 2 * engine.m
     if any_crossed(engine, low, high):
         t = first_root(engine, engine.t, engine.t_end)
         if math.isnan(t):
             return interface.ROOT_FUNCTION_FAILED
         # A root at the stop is ignored: the loop checks all margins after a switch.
         if t < engine.stop:
-            leave_section(engine, low, interface.root_directions(engine, count - 1))
+            leave_section(engine, low, interface.root_directions(engine, last))
             dense_at(engine, t, row(engine, STATE))
             engine.t = t
             engine.rest = 1 if t < engine.t_end else 0
             return interface.ROOT
-    for i in range(count):
+    for i in range(last + 1):
         low[i] = high[i]
     for j in range(engine.n):
         row(engine, STATE)[j] = row(engine, END)[j]
