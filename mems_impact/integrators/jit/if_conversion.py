@@ -22,6 +22,7 @@ from numba.core.untyped_passes import ReconstructSSA
 from numba.extending import overload
 
 from mems_impact.integrators.jit import trigonometry
+from mems_impact.integrators.jit.integer_powers import power
 from mems_impact.integrators.jit.lanes import Lanes, Mask, has_lanes, is_number, select
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 
@@ -30,7 +31,7 @@ OPERATIONS = (
     "binop", "inplace_binop", "unary", "cast", "getattr", "getitem", "static_getitem",
     "build_tuple", "exhaust_iter",
 )  # fmt: skip
-FUNCTIONS = (abs, bool, float, max, min, *trigonometry.SUBSTITUTES.values())
+FUNCTIONS = (abs, bool, float, max, min, power, *trigonometry.SUBSTITUTES.values())
 
 # --- Selection
 
