@@ -10,6 +10,7 @@ A vector contains trajectories of one mode; others wait until most places are in
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -152,7 +153,18 @@ def map_lanes(group: Any, vector: Any, quota: int) -> int:
             attempt_step(vector, group.active)
             group.plain_steps += count_lanes(vector.plain)
             quota -= 1
-            leaving, kept = group.active & ~(vector.plain | vector.rejected), 0
+            leaving, kept, due = group.active & ~(vector.plain | vector.rejected), 0, vector.due
+            while due != 0:
+                lane = first_lane(due)
+                due &= due - 1
+                place = place_at(group, words(group.lanes)[lane])
+                check_lane(vector, lane, place)
+                if changes_method(place[AUTO]):
+                    # A single run continues the point.
+                    work_of(place).begun = 0
+                    place[CONDITION] = SERVED
+                    quota = serve(group, place, quota)
+                    load_next(group, vector, lane, words(group.lanes)[lane])
             while leaving != 0:
                 lane = first_lane(leaving)
                 leaving &= leaving - 1
@@ -255,7 +267,7 @@ def serve(group: Any, place: Any, quota: int) -> int:
             w.point = group.next_point
             group.next_point += 1
             start_point(engine, s, w)
-        if not left_lane and can_load(engine, explicit, place[AUTO], s):
+        if not left_lane and can_load(engine, explicit, s):
             place[CONDITION] = READY
             words(group.ready)[s.mode] += 1
             return quota
@@ -278,7 +290,7 @@ def changes_method(auto: int) -> bool:
     return auto != 0 and (auto_at(auto).wanted == 1 or auto_at(auto).now != stiffness.EXPLICIT)
 
 
-def can_load(engine: Any, explicit: Any, auto: int, s: Any) -> bool:
+def can_load(engine: Any, explicit: Any, s: Any) -> bool:
     """Begin an arc that is due; return whether its next step may be computed in a lane."""
     if s.first_arc == 1 or s.pending_guard != NONE:
         return False
@@ -291,7 +303,7 @@ def can_load(engine: Any, explicit: Any, auto: int, s: Any) -> bool:
         or s.step_cut == 1
         or s.starts_negative == 1
         or s.negative_by_error == 1
-        or steps_before_check(explicit, auto) == 0
+        or steps_before_check(explicit) == 0
         or s.max_steps - s.arc_steps <= stepper.CHECK_INTERVAL
     ):
         return False
@@ -301,15 +313,22 @@ def can_load(engine: Any, explicit: Any, auto: int, s: Any) -> bool:
     return True
 
 
-def steps_before_check(explicit: Any, auto: int) -> int:
-    """Return the number of steps before the next one whose stiffness is checked."""
+def steps_before_check(explicit: Any) -> int:
+    """Return the number of steps before the next one whose stability is checked."""
     if explicit.at_border != 0:
         return 0
-    left = stepper.CHECK_INTERVAL - 1 - explicit.steps % stepper.CHECK_INTERVAL
-    if auto != 0:
-        half = stiffness.WINDOW // 2
-        left = min(left, half - 1 - auto_at(auto).steps % half)
-    return left
+    return stepper.CHECK_INTERVAL - 1 - explicit.steps % stepper.CHECK_INTERVAL
+
+
+def check_lane(vector: Any, lane: int, place: Any) -> None:
+    """Let `auto` check the stiffness of the motion in a lane."""
+    auto, y = auto_at(place[AUTO]), stiffness.row(auto_at(place[AUTO]), stiffness.STATE)
+    rows, x = pointer(vector.rows), pointer(vector.numbers)
+    for j in range(vector.n):
+        y[j] = rows[LANES * (START * vector.width + j) + lane]
+    auto.steps += stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
+    x[LANES * lanes.UNCHECKED + lane] = stiffness.CHECK_INTERVAL
+    stiffness.check_stiffness(auto, x[LANES * lanes.T + lane], explicit_of(place).longest)
 
 
 # --- Exchange with lanes
@@ -356,8 +375,12 @@ def load_numbers(vector: Any, lane: int, place: Any) -> None:
     x[LANES * lanes.LIMIT + lane] = limit
     x[LANES * lanes.RECENT + lane] = s.recent_step
     x[LANES * lanes.REJECTED + lane] = 0.0
-    x[LANES * lanes.LEFT + lane] = steps_before_check(explicit, place[AUTO])
+    x[LANES * lanes.LEFT + lane] = steps_before_check(explicit)
     x[LANES * lanes.TAKEN + lane] = 0.0
+    unchecked = math.inf
+    if place[AUTO] != 0:
+        unchecked = stiffness.CHECK_INTERVAL - auto_at(place[AUTO]).steps % stiffness.CHECK_INTERVAL
+    x[LANES * lanes.UNCHECKED + lane] = unchecked
     x[LANES * lanes.SEARCH + lane] = engine_of(place).approach_search
 
 
@@ -396,7 +419,9 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
     explicit.t_start = t
     explicit.h_next = x[LANES * lanes.NEXT + lane]
     if place[AUTO] != 0:
-        auto_at(place[AUTO]).steps += taken
+        auto = auto_at(place[AUTO])
+        auto.steps += stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
+        auto.steps -= int(x[LANES * lanes.UNCHECKED + lane])
     if complete == 1:
         for j in range(n):
             row(explicit, stepper.ARGUMENT)[j] = rows[LANES * j + lane]

@@ -34,6 +34,7 @@ EXPLICIT, IMPLICIT = 0, 1
 # than a part of the chord, or by so many tolerances. BDF takes over if the spectral radius times
 # the time of all steps exceeds a limit.
 WINDOW, STRAIGHTNESS_RTOL, STRAIGHTNESS_TOLERANCES, ENTER_LIMIT = 16, 0.125, 50.0, 4.0
+CHECK_INTERVAL = WINDOW // 2
 LONG_STEP_RATIO = 0.5  # part of the longest allowed step above which a step is not short
 # BDF steps per check; the explicit method takes over below a limit of step times spectral radius.
 IMPLICIT_WINDOW, LEAVE_LIMIT = 32, 0.4
@@ -152,26 +153,33 @@ def step_explicit(engine: Any, one: Any) -> int:
     if status != interface.STEPPED:
         return status
     engine.steps += 1
-    if engine.steps % WINDOW == WINDOW // 2:
-        engine.t_middle = interface.time(one)
-        interface.state(one, row(engine, MIDDLE))
-    elif engine.steps % WINDOW == 0:
-        t = interface.time(one)
+    if engine.steps % CHECK_INTERVAL == 0:
         interface.state(one, row(engine, STATE))
-        length = (t - engine.t_middle) / (WINDOW // 2)
-        grown = t - engine.t_middle > MAX_STEP_GROWTH * (engine.t_middle - engine.t_begin)
-        if grown or length > LONG_STEP_RATIO * one.longest or not straight(engine, t):
-            engine.suspected = 0
-        else:
-            engine.suspected += 1
-            if engine.suspected >= engine.patience:
-                engine.suspected = 0
-                if WINDOW * length * spectral_radius(engine, t) > ENTER_LIMIT:
-                    engine.wanted = 1
-        engine.t_begin = t
-        for j in range(engine.n):
-            row(engine, BEGIN)[j] = row(engine, STATE)[j]
+        check_stiffness(engine, interface.time(one), one.longest)
     return status
+
+
+def check_stiffness(engine: Any, t: float, longest: float) -> None:
+    """Record STATE, at `t`, after half a window of steps; check them after the whole window."""
+    y, begin, middle = row(engine, STATE), row(engine, BEGIN), row(engine, MIDDLE)
+    if engine.steps % WINDOW != 0:
+        engine.t_middle = t
+        for j in range(engine.n):
+            middle[j] = y[j]
+        return
+    length = (t - engine.t_middle) / CHECK_INTERVAL
+    grown = t - engine.t_middle > MAX_STEP_GROWTH * (engine.t_middle - engine.t_begin)
+    if grown or length > LONG_STEP_RATIO * longest or not straight(engine, t):
+        engine.suspected = 0
+    else:
+        engine.suspected += 1
+        if engine.suspected >= engine.patience:
+            engine.suspected = 0
+            if WINDOW * length * spectral_radius(engine, t) > ENTER_LIMIT:
+                engine.wanted = 1
+    engine.t_begin = t
+    for j in range(engine.n):
+        begin[j] = y[j]
 
 
 def straight(engine: Any, t: float) -> bool:

@@ -45,12 +45,12 @@ BIAS, RATE_CHANGE, CHANGE_AHEAD, SIZES = 7, 8, 9, 10
 ROWS = 11
 # Numbers of each lane: time; step to be tried, and that planned by the last step; longest step and
 # size of the largest; next stop; time at which another step is not plain; recent step length; 1
-# after a rejection; plain steps that may follow, and that were taken; error and end of the step
-# that was tried; 1 if closest approaches are searched.
+# after a rejection; plain steps that may follow, that were taken, and until the next check of
+# `auto`; error and end of the step that was tried; 1 if closest approaches are searched.
 (
-    T, TRIAL, NEXT, LONGEST, MAX_STEP, STOP, LIMIT, RECENT, REJECTED, LEFT, TAKEN, ERROR, AHEAD,
-    SEARCH, NUMBERS,
-) = range(15)  # fmt: skip
+    T, TRIAL, NEXT, LONGEST, MAX_STEP, STOP, LIMIT, RECENT, REJECTED, LEFT, TAKEN, UNCHECKED, ERROR,
+    AHEAD, SEARCH, NUMBERS,
+) = range(16)  # fmt: skip
 
 INFINITY = np.inf
 
@@ -78,6 +78,7 @@ LANE_ENGINE = np.dtype(
         ("plain", np.int64),  # lanes by bits, after `attempt_step`
         ("complete", np.int64),
         ("rejected", np.int64),
+        ("due", np.int64),
     ],
     align=True,
 )
@@ -92,7 +93,8 @@ def attempt_step(engine: Any, active: int) -> None:
     """Attempt a step in all lanes, and advance those of `active`, by bits, in which it is plain.
 
     ``engine.plain`` has the lanes that were advanced, ``engine.complete`` others with a step that
-    passes the error test, ``engine.rejected`` those whose next attempt will be shorter.
+    passes the error test, ``engine.rejected`` those whose next attempt will be shorter,
+    ``engine.due`` those that were advanced to a check of `auto`.
     """
     n, m, mode = engine.n, engine.m, engine.mode
     x, end, slope = numbers(engine), row(engine, END), row(engine, SLOPE)
@@ -148,14 +150,17 @@ def attempt_step(engine: Any, active: int) -> None:
     x[T] = select(plain, ahead, t)
     x[NEXT] = select(plain, following, x[NEXT])
     x[RECENT] = select(plain, max(h, engine.recent_step_decay * x[RECENT]), x[RECENT])
-    x[TAKEN] = x[TAKEN] + select(plain, 1.0, 0.0)
-    x[LEFT] = x[LEFT] - select(plain, 1.0, 0.0)
+    steps = select(plain, 1.0, 0.0)
+    x[TAKEN] = x[TAKEN] + steps
+    x[LEFT] = x[LEFT] - steps
+    x[UNCHECKED] = x[UNCHECKED] - steps
     tried = max(min(x[NEXT], x[LONGEST]), smallest)
     x[TRIAL] = select(plain, tried, select(rejected, shorter, trial))
     x[REJECTED] = select(plain, 0.0, select(rejected, 1.0, x[REJECTED]))
     engine.plain = bits(plain)
     engine.complete = bits(passed & mask & ~plain)
     engine.rejected = bits(rejected)
+    engine.due = bits(plain & (x[UNCHECKED] < 0.5))
 
 
 def advance_lanes(engine: Any, chosen: int) -> None:

@@ -184,6 +184,7 @@ def restless(monkeypatch):
     monkeypatch.setattr(stiffness, "straight", lambda engine, t: True)
     for name, value in {
         "WINDOW": 2,
+        "CHECK_INTERVAL": 1,
         "IMPLICIT_WINDOW": 4,
         "ENTER_LIMIT": -1.0,
         "MAX_DOUBLINGS": 1,
