@@ -41,18 +41,18 @@ from mems_impact.hybrid.event_loop.event_detection import (
 from mems_impact.hybrid.event_loop.loop import SWITCH_RTOL, begin_arc, rebase_time, resolve_instant
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
+    ACCUMULATION_STATE,
     BELOW_ZERO,
+    CONTACT_STATE,
     DONE,
-    ENTERED,
     HIT_BEGIN,
     HIT_SPEED,
     HIT_TIME,
     INADMISSIBLE,
-    LEFT,
     MARGINS_AFTER,
     MARGINS_AT,
     NONE,
-    PAST,
+    STATE_BEFORE,
     SWITCHES,
     G,
     Y,
@@ -175,18 +175,19 @@ def imported_step(engine, s):  # type: ignore[no-untyped-def]
 def flight_blurred(engine, s, guard):  # type: ignore[no-untyped-def]
     """Return whether the importer's error is no small part of the flight that ends now.
 
-    Its state before the impact, in PAST, is compared with a step of the classical Runge-Kutta
-    method, and that with two half steps. Overwrites ENTERED and LEFT.
+    Its state before the impact, in STATE_BEFORE, is compared with a step of the classical
+    Runge-Kutta method, and that with two half steps. Overwrites CONTACT_STATE and
+    ACCUMULATION_STATE.
     """
     begin, length = s.arc_start, s.t - s.arc_start
     if not (length > 0.0 and table_row(s, HIT_TIME)[guard] == begin):
         return False
     g, start, mode = table_row(s, G), stepper.row(engine, stepper.START), engine.mode
-    whole, halves = table_row(s, LEFT), table_row(s, ENTERED)
+    whole, halves = table_row(s, ACCUMULATION_STATE), table_row(s, CONTACT_STATE)
     rk4_probe(engine, s, mode, begin, start, length, whole)
     rk4_probe(engine, s, mode, begin, start, 0.5 * length, halves)
     rk4_probe(engine, s, mode, begin + 0.5 * length, halves, 0.5 * length, halves)
-    interface.margins(engine, mode, s.t, table_row(s, PAST), g)
+    interface.margins(engine, mode, s.t, table_row(s, STATE_BEFORE), g)
     imported = g[guard]
     interface.margins(engine, mode, s.t, whole, g)
     coarse = g[guard]
@@ -202,7 +203,11 @@ def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
     The event loop advances to the accumulation point. An importer does not, so the bodies move in
     contact from here on, as on average they do during the remaining flights.
     """
-    past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
+    past, entered, left = (
+        table_row(s, STATE_BEFORE),
+        table_row(s, CONTACT_STATE),
+        table_row(s, ACCUMULATION_STATE),
+    )
     mode, t, code = s.mode, s.t, s.m + guard
     blurred = flight_blurred(engine, s, guard)
     before, speed = table_row(s, HIT_SPEED)[guard], table_row(s, MARGINS_AT)[s.m + guard]

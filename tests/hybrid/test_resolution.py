@@ -6,7 +6,7 @@ import pytest
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.diagnostics.failures import depends_on_time_only
 from mems_impact.hybrid.event_loop.event_detection import margin_error_scales, rounding_error
-from mems_impact.hybrid.event_loop.workspace import EPS, TIMED, table_row
+from mems_impact.hybrid.event_loop.workspace import EPS, TIME_SIZE, table_row
 from mems_impact.hybrid.problem import LoopMemory, create_engine
 from tests.hybrid.systems import problem
 
@@ -45,7 +45,7 @@ def test_roundings_of_state_and_of_time_move_a_margin(t, rate):
     )
     y = np.array([2.0, -1.0])
     margin_error_scales(bound.engine, memory.clock, 0, t, y)
-    assert table_row(memory.clock, TIMED)[0] == pytest.approx(abs(rate) * t, rel=1e-5)
+    assert table_row(memory.clock, TIME_SIZE)[0] == pytest.approx(abs(rate) * t, rel=1e-5)
     assert rounding_error(memory.clock, 0) == pytest.approx(64.0 * EPS * (5.0 + abs(rate) * t))
 
 

@@ -15,23 +15,23 @@ from typing import Any
 from mems_impact.hybrid.event_loop.event_detection import first_violated_guard, rk4_probe
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
-    ENTERED,
+    ACCUMULATION_STATE,
+    CONTACT_STATE,
     EPS,
     GAIN,
     HIT_BEGIN,
+    HIT_HEIGHT,
     HIT_INTERVAL,
     HIT_MODE,
     HIT_OTHERS,
-    HIT_REACH,
     HIT_SPEED,
     HIT_TIME,
     IMPACT,
-    LEFT,
     MARGINS_AT,
     NONE,
-    PAST,
     SIZE,
     STATE_AHEAD,
+    STATE_BEFORE,
     STATE_SHIFTED,
     G,
     log_event,
@@ -58,58 +58,62 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     continues. Returns False if it continues and the scratch rows of `margin_error_scales` are still
     valid.
     """
-    past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
+    y_before, y_contact, y_end = (
+        table_row(s, STATE_BEFORE),
+        table_row(s, CONTACT_STATE),
+        table_row(s, ACCUMULATION_STATE),
+    )
     mode, t, code = s.mode, s.t, s.m + guard
     remaining, interval = remaining_chatter_time(engine, s, t, y, guard)
-    end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t))
-    if t + remaining >= end:
+    t_end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t))
+    if t + remaining >= t_end:
         return False
     for j in range(s.n):
-        past[j] = y[j]
-        entered[j] = y[j]
-    touch = interface.transition(engine, mode, code, t, entered)
-    if not finite(s, entered):
+        y_before[j] = y[j]
+        y_contact[j] = y[j]
+    contact_mode = interface.transition(engine, mode, code, t, y_contact)
+    if not is_finite(s, y_contact):
         remaining = 0.0  # the caller reports the failure
     if remaining > 0.0:
         # Every flight restores the gap. So on average the bodies move as if in contact, if there is
         # a mode for the contact.
-        together = touch != mode and 0 <= touch < s.modes
-        s.mode = touch if together else mode
+        has_contact_mode = contact_mode != mode and 0 <= contact_mode < s.modes
+        s.mode = contact_mode if has_contact_mode else mode
         # First-order correction for a slowly varying closing acceleration, which also affects the
         # length of the last flight and the ratio of its speeds.
-        rk4_probe(engine, s, s.mode, t, entered, remaining, left)
+        rk4_probe(engine, s, s.mode, t, y_contact, remaining, y_end)
         h = 0.125 * interval
-        first = acceleration(engine, s, mode, t, entered, guard, h)
-        last = acceleration(engine, s, mode, t + remaining, left, guard, h)
-        change = (last - first) / first if first != 0.0 else math.inf
-        steady = change * change * remaining <= CHATTER_END_RTOL * interval
-        remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
-        if not (steady and carry_to_accumulation(engine, s, t, remaining, guard)):
+        a_start = acceleration(engine, s, mode, t, y_contact, guard, h)
+        a_end = acceleration(engine, s, mode, t + remaining, y_end, guard, h)
+        relative_change = (a_end - a_start) / a_start if a_start != 0.0 else math.inf
+        is_steady = relative_change * relative_change * remaining <= CHATTER_END_RTOL * interval
+        remaining = max(0.0, remaining - 2.0 / 3.0 * relative_change * (interval + remaining))
+        if not (is_steady and carry_to_accumulation(engine, s, t, remaining, guard)):
             s.mode = mode
             return True
         t += remaining
-        if not together:
-            s.mode = interface.transition(engine, s.mode, code, t, left)
+        if not has_contact_mode:
+            s.mode = interface.transition(engine, s.mode, code, t, y_end)
     else:
-        s.mode = touch
+        s.mode = contact_mode
         for j in range(s.n):
-            left[j] = entered[j]
+            y_end[j] = y_contact[j]
     table_row(s, HIT_TIME)[guard] = table_row(s, HIT_BEGIN)[guard] = -math.inf
-    log_event(s, t, ACCUMULATION, guard, mode, past, left)
+    log_event(s, t, ACCUMULATION, guard, mode, y_before, y_end)
     for j in range(s.n):
-        y[j] = left[j]
+        y[j] = y_end[j]
     if t > s.t:
         s.transitions_now = 0
     s.t = t
     return True
 
 
-def finite(s: Any, y: Any) -> bool:
+def is_finite(s: Any, y: Any) -> bool:
     """Return whether all components of a state are finite."""
-    all_are = True
+    result = True
     for j in range(s.n):
-        all_are = all_are and math.isfinite(y[j])
-    return all_are
+        result = result and math.isfinite(y[j])
+    return result
 
 
 def remaining_chatter_time(
@@ -129,51 +133,53 @@ def remaining_chatter_time(
         table_row(s, HIT_BEGIN),
         table_row(s, HIT_INTERVAL),
     )
-    hit_speed, hit_reach = table_row(s, HIT_SPEED), table_row(s, HIT_REACH)
+    hit_speed, hit_height = table_row(s, HIT_SPEED), table_row(s, HIT_HEIGHT)
     hit_mode, hit_others = table_row(s, HIT_MODE), table_row(s, HIT_OTHERS)
     hit_time[guard] = t
     # Flights in different modes shrink by different ratios: compare impacts that lead to the same
     # mode. A mode that does not recur is replaced by the present one.
-    elsewhere = hit_begin[guard] > -math.inf and s.mode != hit_mode[guard]
-    if elsewhere:
+    is_other_mode = hit_begin[guard] > -math.inf and s.mode != hit_mode[guard]
+    if is_other_mode:
         hit_others[guard] += 1.0
         if hit_others[guard] < s.modes:
             return math.inf, math.inf
     hit_others[guard] = 0.0
-    since = -math.inf if elsewhere else hit_begin[guard]
-    earlier, before = hit_interval[guard], hit_speed[guard]
-    interval = t - since
+    t_previous = -math.inf if is_other_mode else hit_begin[guard]
+    previous_interval, previous_speed = hit_interval[guard], hit_speed[guard]
+    interval = t - t_previous
     hit_begin[guard], hit_interval[guard], hit_speed[guard] = t, interval, speed
     hit_mode[guard] = s.mode
-    if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.transitions_now > 1):
+    if interval == math.inf or previous_speed <= 0.0 or (interval == 0.0 and s.transitions_now > 1):
         return math.inf, interval
-    ratio = speed / before
+    ratio = speed / previous_speed
     # A sequence needs three impacts, so that a run restarted before them detects it too.
-    shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
-    height = 0.25 * before * interval
+    is_shrinking = interval < previous_interval < math.inf and 0.0 <= ratio < 1.0
+    height = 0.25 * previous_speed * interval
     size, gain = table_row(s, SIZE)[guard], table_row(s, GAIN)[guard]
-    reach = max(hit_reach[guard], height) if interval < earlier < math.inf else height
-    hit_reach[guard] = reach
-    if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + reach), s.atol * gain):
+    max_height = (
+        max(hit_height[guard], height) if interval < previous_interval < math.inf else height
+    )
+    hit_height[guard] = max_height
+    if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + max_height), s.atol * gain):
         return math.inf, interval
     # A flight under acceleration a lasts 2 u/a. A body that another body throws back arrives much
     # sooner. With friction the acceleration changes during the flight.
     flight = max(interval, EPS * abs(t))
     a = acceleration(engine, s, s.mode, t, y, guard, 0.125 * flight)
-    if 2.0 * before > SHORT_FLIGHT_FACTOR * abs(a) * flight:
+    if 2.0 * previous_speed > SHORT_FLIGHT_FACTOR * abs(a) * flight:
         return math.inf, interval
     for k in range(m):
-        other = k != guard and table_row(s, IMPACT)[k] == 1 and hit_time[k] > since
-        if other and share_state(engine, s, t, y, guard, k):
+        is_other_impact = k != guard and table_row(s, IMPACT)[k] == 1 and hit_time[k] > t_previous
+        if is_other_impact and share_state(engine, s, t, y, guard, k):
             return math.inf, interval  # impacts alternate between two gaps
-    if shrinking:
+    if is_shrinking:
         return interval * ratio / (1.0 - ratio), interval
     # Flights below the rounding of the gap, or of time, need not shrink.
     if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
         return 0.0, interval
     # Nor need one that lasts far longer than speed and acceleration predict: steps detect the end
     # of such a low flight late.
-    if 2.0 * LONG_FLIGHT_FACTOR * before < -a * interval:
+    if 2.0 * LONG_FLIGHT_FACTOR * previous_speed < -a * interval:
         return 0.0, interval
     return math.inf, interval
 
@@ -188,77 +194,84 @@ def acceleration(
     h: float,
 ) -> float:
     """Return the mean derivative of the rate of `guard` along the flow over the time `h`."""
-    g, ahead = table_row(s, G), table_row(s, STATE_AHEAD)
+    g, y_ahead = table_row(s, G), table_row(s, STATE_AHEAD)
     m = s.m
     h = min(h, 0.5 * (next_switch(s, t) - t))
     interface.margins(engine, mode, t, y, g)
     rate = g[m + guard]
-    rk4_probe(engine, s, mode, t, y, h, ahead)
-    interface.margins(engine, mode, t + h, ahead, g)
+    rk4_probe(engine, s, mode, t, y, h, y_ahead)
+    interface.margins(engine, mode, t + h, y_ahead, g)
     result: float = (g[m + guard] - rate) / h
     return result
 
 
 def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard: int) -> bool:
-    """Propagate the state in ENTERED over the time `remaining` into LEFT, with ``s.mode``.
+    """Propagate CONTACT_STATE over the time `remaining` into ACCUMULATION_STATE, in ``s.mode``.
 
     A guard that fires before the end is handled if the impacts at `guard` affect it, for example a
     slip end. Returns False if the sequence cannot be completed yet: one step is too inaccurate, as
     in a stiff system, or the guard that fires is an impact, is unaffected, or is not the only one.
     Overwrites STATE_AHEAD.
     """
-    entered, left, g = table_row(s, ENTERED), table_row(s, LEFT), table_row(s, G)
+    y_contact, y_end, g = (
+        table_row(s, CONTACT_STATE),
+        table_row(s, ACCUMULATION_STATE),
+        table_row(s, G),
+    )
     mode = s.mode
-    rk4_probe(engine, s, mode, t, entered, remaining, left)
+    rk4_probe(engine, s, mode, t, y_contact, remaining, y_end)
     # Compare with two half steps, which detects components faster than the sequence, such as a
     # charge behind a resistance.
-    halves = table_row(s, STATE_AHEAD)
-    rk4_probe(engine, s, mode, t, entered, 0.5 * remaining, halves)
-    rk4_probe(engine, s, mode, t + 0.5 * remaining, halves, 0.5 * remaining, halves)
+    y_half_steps = table_row(s, STATE_AHEAD)
+    rk4_probe(engine, s, mode, t, y_contact, 0.5 * remaining, y_half_steps)
+    rk4_probe(engine, s, mode, t + 0.5 * remaining, y_half_steps, 0.5 * remaining, y_half_steps)
     for j in range(s.n):
-        if not abs(left[j] - halves[j]) <= s.atol + s.rtol * abs(halves[j]):
+        if not abs(y_end[j] - y_half_steps[j]) <= s.atol + s.rtol * abs(y_half_steps[j]):
             return False
-    ended = first_violated_guard(engine, s, mode, t + remaining, left, guard, NONE)
-    if ended == NONE:
+    end_guard = first_violated_guard(engine, s, mode, t + remaining, y_end, guard, NONE)
+    if end_guard == NONE:
         return True
-    if table_row(s, IMPACT)[ended] == 1 or not affects(engine, s, mode, t, ended):
+    if table_row(s, IMPACT)[end_guard] == 1 or not affects(engine, s, mode, t, end_guard):
         return False
     low, high = 0.0, remaining
     for _ in range(CHATTER_BISECTIONS):
         middle = 0.5 * (low + high)
-        rk4_probe(engine, s, mode, t, entered, middle, left)
-        interface.margins(engine, mode, t + middle, left, g)
-        if g[ended] > 0.0:
+        rk4_probe(engine, s, mode, t, y_contact, middle, y_end)
+        interface.margins(engine, mode, t + middle, y_end, g)
+        if g[end_guard] > 0.0:
             low = middle
         else:
             high = middle
-    rk4_probe(engine, s, mode, t, entered, high, left)
-    s.mode = interface.transition(engine, mode, ended, t + high, left)
-    rk4_probe(engine, s, s.mode, t + high, left, remaining - high, left)
-    return first_violated_guard(engine, s, s.mode, t + remaining, left, guard, NONE) == NONE
+    rk4_probe(engine, s, mode, t, y_contact, high, y_end)
+    s.mode = interface.transition(engine, mode, end_guard, t + high, y_end)
+    rk4_probe(engine, s, s.mode, t + high, y_end, remaining - high, y_end)
+    return first_violated_guard(engine, s, s.mode, t + remaining, y_end, guard, NONE) == NONE
 
 
 def affects(engine: Any, s: Any, mode: int, t: float, other: int) -> bool:
-    """Return whether the impact without rebound, PAST to ENTERED, changes the margin of `other`."""
+    """Return whether the impact without rebound changes the margin of the guard `other`.
+
+    It leads from STATE_BEFORE to CONTACT_STATE.
+    """
     g = table_row(s, G)
-    past, entered = table_row(s, PAST), table_row(s, ENTERED)
-    interface.margins(engine, mode, t, past, g)
+    y_before, y_contact = table_row(s, STATE_BEFORE), table_row(s, CONTACT_STATE)
+    interface.margins(engine, mode, t, y_before, g)
     margin, rate = g[other], g[s.m + other]
-    interface.margins(engine, mode, t, entered, g)
+    interface.margins(engine, mode, t, y_contact, g)
     return bool(g[other] != margin or g[s.m + other] != rate)
 
 
 def share_state(engine: Any, s: Any, t: float, y: Any, guard: int, other: int) -> bool:
     """Return whether the margins of two guards depend on the same component of the state."""
-    g, moved = table_row(s, G), table_row(s, STATE_SHIFTED)
+    g, y_shifted = table_row(s, G), table_row(s, STATE_SHIFTED)
     interface.margins(engine, s.mode, t, y, g)
-    one, two = g[guard], g[other]
+    margin, other_margin = g[guard], g[other]
     for j in range(s.n):
-        moved[j] = y[j]
+        y_shifted[j] = y[j]
     for j in range(s.n):
-        moved[j] += 2.0**-26 * abs(y[j]) + s.atol
-        interface.margins(engine, s.mode, t, moved, g)
-        if g[guard] != one and g[other] != two:
+        y_shifted[j] += 2.0**-26 * abs(y[j]) + s.atol
+        interface.margins(engine, s.mode, t, y_shifted, g)
+        if g[guard] != margin and g[other] != other_margin:
             return True
-        moved[j] = y[j]
+        y_shifted[j] = y[j]
     return False

@@ -55,7 +55,7 @@ def _is_clock(kind: Any) -> bool:
 
 
 @overload(workspace.table_row, jit_options={**JIT, **INNER})
-def _row(s, i):  # type: ignore[no-untyped-def]
+def _table_row(s, i):  # type: ignore[no-untyped-def]
     if _is_clock(s):
         return lambda s, i: pointer(s.table + WORD * s.width * i)
 
@@ -103,7 +103,7 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
 
 
 @overload(saltation.run_loop, jit_options={**JIT, **INNER})
-def _run_on(engine, s, w):  # type: ignore[no-untyped-def]
+def _run_loop(engine, s, w):  # type: ignore[no-untyped-def]
     if _is_stretching(w):
         return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), 1))
 
@@ -119,7 +119,7 @@ def _is_stretching(kind: Any) -> bool:
 
 
 @overload(recurrence.scratch_row, jit_options={**JIT, **INNER})
-def _memo(w, i):  # type: ignore[no-untyped-def]
+def _scratch_row(w, i):  # type: ignore[no-untyped-def]
     if _is_work(w):
         return lambda w, i: pointer(w.memory + WORD * w.memory_width * i)
 

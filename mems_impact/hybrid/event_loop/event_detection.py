@@ -25,7 +25,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     MARGINS_BEFORE,
     NONE,
     ORDER,
-    PAST,
     RATE_CHANGE,
     RECORDS,
     SECTION_CROSSING,
@@ -34,10 +33,11 @@ from mems_impact.hybrid.event_loop.workspace import (
     STAGE,
     STATE,
     STATE_AHEAD,
+    STATE_BEFORE,
     STATE_SHIFTED,
     SUM,
     SUSPECT_SIDE,
-    TIMED,
+    TIME_SIZE,
     G,
     log_event,
     next_switch,
@@ -58,26 +58,26 @@ def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> Non
 
     The size is the sum of |dg/dy_j| |y_j|, the gain that of |dg/dy_j|: roundings of the state move
     a margin by EPS * size, the tolerances by rtol * size + atol * gain. Roundings of time move it
-    by EPS |dg/dt| t. The results are in SIZE, GAIN and TIMED (the last product without EPS), the
-    margins in MARGINS_AT. Overwrites STATE_SHIFTED.
+    by EPS |dg/dt| t. The results are in SIZE, GAIN and TIME_SIZE (the last product without EPS),
+    the margins in MARGINS_AT. Overwrites STATE_SHIFTED.
     """
     n, count = s.n, 2 * s.m
-    base, g, moved = table_row(s, MARGINS_AT), table_row(s, G), table_row(s, STATE_SHIFTED)
-    size, gain, timed = table_row(s, SIZE), table_row(s, GAIN), table_row(s, TIMED)
+    base, g, y_shifted = table_row(s, MARGINS_AT), table_row(s, G), table_row(s, STATE_SHIFTED)
+    size, gain, time_size = table_row(s, SIZE), table_row(s, GAIN), table_row(s, TIME_SIZE)
     interface.margins(engine, mode, t, y, base)
     shift = min(2.0**-26 * abs(t), 0.25 * (next_switch(s, t) - t))
     interface.margins(engine, mode, t + shift, y, g)
     for k in range(count):
         size[k] = 0.0
         gain[k] = 0.0
-        timed[k] = abs(g[k] - base[k]) / shift * abs(t) if shift > 0.0 else 0.0
+        time_size[k] = abs(g[k] - base[k]) / shift * abs(t) if shift > 0.0 else 0.0
     for j in range(n):
-        moved[j] = y[j]
+        y_shifted[j] = y[j]
     for j in range(n):
         shift = 2.0**-26 * abs(y[j]) + s.atol
-        moved[j] = y[j] + shift
-        interface.margins(engine, mode, t, moved, g)
-        moved[j] = y[j]
+        y_shifted[j] = y[j] + shift
+        interface.margins(engine, mode, t, y_shifted, g)
+        y_shifted[j] = y[j]
         for k in range(count):
             slope = abs(g[k] - base[k]) / shift
             gain[k] += slope
@@ -89,7 +89,7 @@ def rounding_error(s: Any, k: int) -> float:
 
     Requires `margin_error_scales`.
     """
-    rounding: float = ROUNDINGS * EPS * (table_row(s, SIZE)[k] + table_row(s, TIMED)[k])
+    rounding: float = ROUNDINGS * EPS * (table_row(s, SIZE)[k] + table_row(s, TIME_SIZE)[k])
     return rounding
 
 
@@ -132,19 +132,19 @@ def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) ->
     rounding. This decides gaps that open with zero speed and acceleration, for example when a
     moving wall releases a body. Overwrites STATE_AHEAD, STAGE, SLOPE, SUM.
     """
-    g, ahead = table_row(s, G), table_row(s, STATE_AHEAD)
-    seen, drift = rounding_error(s, i), rounding_error(s, s.m + i)
+    g, y_ahead = table_row(s, G), table_row(s, STATE_AHEAD)
+    margin_rounding, rate_rounding = rounding_error(s, i), rounding_error(s, s.m + i)
     interface.margins(engine, mode, t, y, g)
     margin = g[i]
-    farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t) - t))
-    h = max(2.0**-45 * farthest, EPS * abs(t))
-    while h < farthest:
-        h = min(8.0 * h, farthest)
-        rk4_probe(engine, s, mode, t, y, h, ahead)
-        interface.margins(engine, mode, t + h, ahead, g)
-        moved = g[i] - margin
-        if abs(moved) > seen + h * drift:
-            return bool(moved < 0.0)
+    horizon = min(s.scale / 16.0, 0.5 * (next_switch(s, t) - t))
+    h = max(2.0**-45 * horizon, EPS * abs(t))
+    while h < horizon:
+        h = min(8.0 * h, horizon)
+        rk4_probe(engine, s, mode, t, y, h, y_ahead)
+        interface.margins(engine, mode, t + h, y_ahead, g)
+        change = g[i] - margin
+        if abs(change) > margin_rounding + h * rate_rounding:
+            return bool(change < 0.0)
     return False
 
 
@@ -168,68 +168,72 @@ def first_violated_guard(
     mode: int,
     t: float,
     y: Any,
-    but: int,
-    after: int,
+    excluded_guard: int,
+    last_impact: int,
 ) -> int:
     """Return the first guard, by order, that fires at (t, y); or NONE.
 
     A guard fires if its margin is zero or negative, to rounding, and decreases; or if it is clearly
     negative and not a gap. A guard that only records fires if its margin has reached zero now. The
-    guard `but` is excluded; with it guards that only record are excluded too, since the state is
-    then tentative. If only impacts fire, those up to `after`, in order, come last. Overwrites the
-    rows of `margin_error_scales` and `decreases_ahead`.
+    guard `excluded_guard` does not count; then guards that only record do not either, since the
+    state is tentative. If only impacts fire, those up to `last_impact`, in order, come last.
+    Overwrites the rows of `margin_error_scales` and `decreases_ahead`.
     """
     order = table_row(s, ORDER)
     margin_error_scales(engine, s, mode, t, y)
     first = next_impact = NONE
     for i in range(s.m):
         if table_row(s, RECORDS)[i] == 1 and (
-            but != NONE or recorded_already(engine, s, mode, i, t)
+            excluded_guard != NONE or is_recorded(engine, s, mode, i, t)
         ):
             continue
-        if i != but and fires_here(engine, s, mode, i, t, y):
+        if i != excluded_guard and fires(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
-            is_later = after != NONE and table_row(s, IMPACT)[i] == 1 and order[i] > order[after]
+            is_later = (
+                last_impact != NONE
+                and table_row(s, IMPACT)[i] == 1
+                and order[i] > order[last_impact]
+            )
             if is_later and (next_impact == NONE or order[i] < order[next_impact]):
                 next_impact = i
     return next_impact if next_impact != NONE and table_row(s, IMPACT)[first] == 1 else first
 
 
-def recorded_already(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
+def is_recorded(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
     """Return whether the crossing of guard `i`, which only records, is already recorded.
 
-    Requires `margin_error_scales` of the state after a transition (PAST is the state before it), or
-    of a state whose margins are checked again.
+    Requires `margin_error_scales` of the state after a transition (STATE_BEFORE is the state before
+    it), or of a state whose margins are checked again.
     """
-    looked, passed, g = table_row(s, MARGINS_AT)[i], table_row(s, BELOW_ZERO), table_row(s, G)
+    margin, below_zero, g = table_row(s, MARGINS_AT)[i], table_row(s, BELOW_ZERO), table_row(s, G)
     rounding = rounding_error(s, i)
-    if looked > violation_threshold(s, i):
-        passed[i] = 0.0
-    elif looked > rounding and passed[i] == 1:
-        interface.margins(engine, mode, t, table_row(s, PAST), g)
+    if margin > violation_threshold(s, i):
+        below_zero[i] = 0.0
+    elif margin > rounding and below_zero[i] == 1:
+        interface.margins(engine, mode, t, table_row(s, STATE_BEFORE), g)
         if g[i] < -rounding:
-            passed[i] = 0.0  # the transition lifted it, by less than the threshold
+            below_zero[i] = 0.0  # the transition lifted it, by less than the threshold
     elif (
-        looked < -violation_threshold(s, i)
-        and passed[i] == 0
+        margin < -violation_threshold(s, i)
+        and below_zero[i] == 0
         and interface.bias(engine, i) <= TINY_BIAS
     ):
         # A margin that is already negative when another mode activates its guard has not crossed
         # zero.
-        interface.margins(engine, mode, t, table_row(s, PAST), g)
-        passed[i] = 2.0 if g[i] > 0.0 else 1.0
-    return bool(passed[i] == 1)
+        interface.margins(engine, mode, t, table_row(s, STATE_BEFORE), g)
+        below_zero[i] = 2.0 if g[i] > 0.0 else 1.0
+    return bool(below_zero[i] == 1)
 
 
-def fires_here(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
+def fires(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     """Return whether guard `i` fires at (t, y); requires `margin_error_scales`."""
-    m, looked = s.m, table_row(s, MARGINS_AT)
-    rate = looked[m + i]
+    m, margins = s.m, table_row(s, MARGINS_AT)
+    rate = margins[m + i]
     # A margin that reaches zero within the rounding of time fires now; nan never fires.
-    if not looked[i] <= rounding_error(s, i) + ROUNDINGS * EPS * abs(rate * t):
+    if not margins[i] <= rounding_error(s, i) + ROUNDINGS * EPS * abs(rate * t):
         return False
-    if table_row(s, IMPACT)[i] == 0 and looked[i] < -violation_threshold(s, i):
+    if table_row(s, IMPACT)[i] == 0 and margins[i] < -violation_threshold(s, i):
         return True
     if rate > rounding_error(s, m + i) + integration_error(s, m + i):
         return False
@@ -242,8 +246,8 @@ def violation_threshold(s: Any, i: int) -> float:
     Requires `margin_error_scales`.
     """
     rate = table_row(s, MARGINS_AT)[s.m + i]
-    far: float = TOLERANCES * integration_error(s, i) + 1e-6 * abs(rate) * s.scale
-    return far
+    depth: float = TOLERANCES * integration_error(s, i) + 1e-6 * abs(rate) * s.scale
+    return depth
 
 
 def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
@@ -252,13 +256,17 @@ def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
     At the start of a run, set BELOW_ZERO of negative guards that only record.
     """
     m = s.m
-    looked = table_row(s, MARGINS_AT)
+    margins = table_row(s, MARGINS_AT)
     margin_error_scales(engine, s, s.mode, t, y)
     for i in range(m):
-        if s.arcs == 0 and table_row(s, RECORDS)[i] == 1 and looked[i] < -violation_threshold(s, i):
+        if (
+            s.arcs == 0
+            and table_row(s, RECORDS)[i] == 1
+            and margins[i] < -violation_threshold(s, i)
+        ):
             table_row(s, BELOW_ZERO)[i] = 1.0
-        closed = table_row(s, IMPACT)[i] == 1 and looked[m + i] <= 0.0
-        if closed and looked[i] < -violation_threshold(s, i):
+        is_closing = table_row(s, IMPACT)[i] == 1 and margins[m + i] <= 0.0
+        if is_closing and margins[i] < -violation_threshold(s, i):
             return i
     return NONE
 
@@ -279,53 +287,68 @@ MIN_SUBSTEP_RATIO = 2.0**-10  # shortest part of a step in a scan
 RATE_CHANGE_DECAY = 0.9
 
 
-def update_margins(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
+def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -> bool:
     """Read the margins at the end of a step; return whether a guard may have fired in it.
 
     SUSPECT_SIDE is nonzero for each margin that may have an undetected zero, by values and rates at
     both ends: the side of zero, 1 or -1, on which it began.
     """
-    then, now, bend, suspect = (
+    margins_before, margins_after, rate_changes, suspect_sides = (
         table_row(s, MARGINS_BEFORE),
         table_row(s, MARGINS_AFTER),
         table_row(s, RATE_CHANGE),
         table_row(s, SUSPECT_SIDE),
     )
-    passed = table_row(s, BELOW_ZERO)
-    m, h = s.m, t - before
+    below_zero = table_row(s, BELOW_ZERO)
+    m, h = s.m, t - t_start
     for k in range(2 * m):
-        then[k] = now[k]
-    interface.end_margins(engine, now)
-    suspected = status == interface.ROOT
+        margins_before[k] = margins_after[k]
+    interface.end_margins(engine, margins_after)
+    is_suspect = status == interface.ROOT
     for i in range(m):
-        suspect[i] = 0.0
-        fired = status == interface.ROOT and interface.root_directions(engine, i) < 0
+        suspect_sides[i] = 0.0
+        is_root = status == interface.ROOT and interface.root_directions(engine, i) < 0
         bias = interface.bias(engine, i)
         # An inactive margin is constant; one with a bias is checked elsewhere.
-        changes = fired or now[i] != then[i] or now[m + i] != then[m + i]
-        if changes and h > 0.0 and bias <= TINY_BIAS:
-            bend[i] = max(abs(now[m + i] - then[m + i]) / h, RATE_CHANGE_DECAY * bend[i])
+        is_active = (
+            is_root
+            or margins_after[i] != margins_before[i]
+            or margins_after[m + i] != margins_before[m + i]
+        )
+        if is_active and h > 0.0 and bias <= TINY_BIAS:
+            rate_changes[i] = max(
+                abs(margins_after[m + i] - margins_before[m + i]) / h,
+                RATE_CHANGE_DECAY * rate_changes[i],
+            )
             # At a root the margin is zero within the root tolerance of the engine.
-            start, end = then[i] + bias, 0.0 if fired else now[i] + bias
-            side = -1.0 if passed[i] == 1 else 1.0
-            start, end = side * start, side * end
-            certified = certify_no_crossing(
-                start, side * then[m + i], end, side * now[m + i], h, bend[i]
+            start_margin, end_margin = (
+                margins_before[i] + bias,
+                0.0 if is_root else margins_after[i] + bias,
+            )
+            side = -1.0 if below_zero[i] == 1 else 1.0
+            start_margin, end_margin = side * start_margin, side * end_margin
+            is_certified = certify_no_crossing(
+                start_margin,
+                side * margins_before[m + i],
+                end_margin,
+                side * margins_after[m + i],
+                h,
+                rate_changes[i],
             )
             # A margin on the negative side may have become positive and fallen again.
-            above = start >= 0.0 and end >= 0.0
-            if not certified and (above or side < 0.0):
-                suspect[i] = side
-                suspected = True
-        if now[i] + bias > 0.0:
-            passed[i] = 0.0
-    return suspected
+            ends_positive = start_margin >= 0.0 and end_margin >= 0.0
+            if not is_certified and (ends_positive or side < 0.0):
+                suspect_sides[i] = side
+                is_suspect = True
+        if margins_after[i] + bias > 0.0:
+            below_zero[i] = 0.0
+    return is_suspect
 
 
 def first_event_in_step(
-    engine: Any, s: Any, status: int, before: float, t: float
+    engine: Any, s: Any, status: int, t_start: float, t: float
 ) -> tuple[int, float]:
-    """Return the guard that fires first in the step from `before` to `t`, or NONE, and the time.
+    """Return the guard that fires first in the step from `t_start` to `t`, or NONE, and the time.
 
     Guards fire at roots that the engine found, before a negative closest approach (a root of the
     rate), and at hidden crossings that a scan of the step finds. Overwrites STATE and the rows of
@@ -334,47 +357,49 @@ def first_event_in_step(
     m = s.m
     order = table_row(s, ORDER)
     y = table_row(s, STATE)
-    now, suspect = table_row(s, MARGINS_AFTER), table_row(s, SUSPECT_SIDE)
+    margins_after, suspect_sides = table_row(s, MARGINS_AFTER), table_row(s, SUSPECT_SIDE)
     guard, t_event = NONE, t
-    roots = 0
+    root_count = 0
     for i in range(m):
         if status == interface.ROOT and interface.root_directions(engine, i) < 0:
-            roots += 1
+            root_count += 1
     for i in range(m):
-        fired = status == interface.ROOT and interface.root_directions(engine, i) < 0
+        is_root = status == interface.ROOT and interface.root_directions(engine, i) < 0
         t_crossing = math.inf
         bias = interface.bias(engine, i)
-        if suspect[i] != 0.0:
-            end = 0.0 if fired else now[i] + bias
-            t_crossing = find_hidden_crossing(engine, s, i, before, t, end, suspect[i])
+        if suspect_sides[i] != 0.0:
+            end_margin = 0.0 if is_root else margins_after[i] + bias
+            t_crossing = find_hidden_crossing(
+                engine, s, i, t_start, t, end_margin, suspect_sides[i]
+            )
         rate = 0.0
         if t_crossing == math.inf:
-            if fired:
-                rate = now[m + i]
-                t_crossing = t - refine_root(engine, s, i, before, t) if roots == 1 else t
+            if is_root:
+                rate = margins_after[m + i]
+                t_crossing = t - refine_root(engine, s, i, t_start, t) if root_count == 1 else t
             elif (
                 status == interface.ROOT
                 and interface.root_directions(engine, m + i) > 0
                 # Zero as well: CVODE stops where a margin and its rate are zero together.
-                and now[i] + bias <= 0.0
+                and margins_after[i] + bias <= 0.0
                 and table_row(s, BELOW_ZERO)[i] != 1
             ):
                 # An earlier crossing within the step is possible.
-                end = now[i] + bias
-                t_crossing = find_hidden_crossing(engine, s, i, before, t, end, 1.0)
+                end_margin = margins_after[i] + bias
+                t_crossing = find_hidden_crossing(engine, s, i, t_start, t, end_margin, 1.0)
                 if t_crossing == math.inf:
-                    t_crossing = bisect_margin(engine, s, i, before, t)
+                    t_crossing = bisect_margin(engine, s, i, t_start, t)
         if t_crossing < math.inf and (
             guard == NONE
             or t_crossing < t_event
             or (t_crossing == t_event and order[i] < order[guard])
         ):
-            certain = certainly_decreasing(s, m + i, rate)
-            if not certain:
+            is_certain = certainly_decreasing(s, m + i, rate)
+            if not is_certain:
                 interface.interpolate(engine, t_crossing, y)
                 margin_error_scales(engine, s, s.mode, t_crossing, y)
-                certain = is_decreasing(engine, s, s.mode, i, t_crossing, y)
-            if certain:
+                is_certain = is_decreasing(engine, s, s.mode, i, t_crossing, y)
+            if is_certain:
                 guard, t_event = i, t_crossing
             else:
                 # Ignore the margin until it has risen, or decreases at the end of a step.
@@ -385,24 +410,24 @@ def first_event_in_step(
     return guard, t_event
 
 
-def refine_root(engine: Any, s: Any, i: int, before: float, t: float) -> float:
+def refine_root(engine: Any, s: Any, i: int, t_start: float, t: float) -> float:
     """Return the time between the zero of margin `i` and `t`, where it fired.
 
     CVODE stops late by about a hundred roundings of time, which adds up over many impacts. If a
     margin remains zero, CVODE may report any instant of that interval. Overwrites STATE and G.
     """
-    now, g, y = table_row(s, MARGINS_AFTER), table_row(s, G), table_row(s, STATE)
-    margin, rate = now[i] + interface.bias(engine, i), now[s.m + i]
-    if margin == 0.0 and 1e-6 * (t - before) > 8.0 * EPS * abs(t):
-        earlier = t - 1e-6 * (t - before)
-        interface.interpolate(engine, earlier, y)
-        interface.margins(engine, s.mode, earlier, y, g)
-        if g[i] == now[i]:
-            return t - bisect_margin(engine, s, i, before, earlier)
+    margins_after, g, y = table_row(s, MARGINS_AFTER), table_row(s, G), table_row(s, STATE)
+    margin, rate = margins_after[i] + interface.bias(engine, i), margins_after[s.m + i]
+    if margin == 0.0 and 1e-6 * (t - t_start) > 8.0 * EPS * abs(t):
+        t_earlier = t - 1e-6 * (t - t_start)
+        interface.interpolate(engine, t_earlier, y)
+        interface.margins(engine, s.mode, t_earlier, y, g)
+        if g[i] == margins_after[i]:
+            return t - bisect_margin(engine, s, i, t_start, t_earlier)
     if not rate < 0.0:
         return 0.0
-    by: float = margin / rate
-    return by if 8.0 * EPS * abs(t) < by < 1e-6 * (t - before) else 0.0
+    delay: float = margin / rate
+    return delay if 8.0 * EPS * abs(t) < delay < 1e-6 * (t - t_start) else 0.0
 
 
 def bisect_margin(engine: Any, s: Any, i: int, inside: float, outside: float) -> float:
@@ -429,9 +454,9 @@ def find_hidden_crossing(
     engine: Any,
     s: Any,
     i: int,
-    before: float,
+    t_start: float,
     t: float,
-    end: float,
+    end_margin: float,
     side: float,
 ) -> float:
     """Return when margin `i` first becomes negative inside the last step; else infinity.
@@ -439,47 +464,47 @@ def find_hidden_crossing(
     A step of a nearly polynomial flow may contain several minima of a margin. Values and rates at
     two instants, and the change of the rates, bound the margin between them
     (`certify_no_crossing`), which suffices for most steps. Any other step is scanned in parts so
-    short that the bound holds. `end` is the margin at the end of the step. A margin that begins
+    short that the bound holds. `end_margin` is that at the end of the step. A margin that begins
     negative (`side` -1) must become positive first; until then its negative is scanned. Overwrites
     STATE and, after a crossing, the rows of `margin_error_scales`.
     """
     m = s.m
-    then, now = table_row(s, MARGINS_BEFORE), table_row(s, MARGINS_AFTER)
+    margins_before, margins_after = table_row(s, MARGINS_BEFORE), table_row(s, MARGINS_AFTER)
     bias = interface.bias(engine, i)
-    a, g_a, r_a = before, then[i] + bias, then[m + i]
+    a, g_a, r_a = t_start, margins_before[i] + bias, margins_before[m + i]
     curvature = table_row(s, RATE_CHANGE)[i]
     g, y = table_row(s, G), table_row(s, STATE)
-    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
-    width = 0.5 * (t - before)
+    min_width = max(MIN_SUBSTEP_RATIO * (t - t_start), 8.0 * EPS * abs(t))
+    width = 0.5 * (t - t_start)
     while a < t:
         b = a + width if a + 1.5 * width < t else t
-        g_b, r_b = end, now[m + i]
+        g_b, r_b = end_margin, margins_after[m + i]
         if b < t:
             interface.interpolate(engine, b, y)
             interface.margins(engine, s.mode, b, y, g)
             g_b, r_b = g[i] + bias, g[m + i]
         curvature = max(curvature, abs(r_b - r_a) / (b - a))
-        certain = certify_no_crossing(
+        is_certain = certify_no_crossing(
             side * g_a, side * r_a, abs(g_b), side * r_b, b - a, curvature
         )
-        if b - a > finest and not certain:
+        if b - a > min_width and not is_certain:
             width *= 0.5
             continue
-        if not certain and side * r_a < 0.0 < side * r_b:
+        if not is_certain and side * r_a < 0.0 < side * r_b:
             # By the rates there is one closest approach; its margin decides.
-            closest = bisect_rate(engine, s.mode, m + i, a, b, side, y, g)
-            interface.interpolate(engine, closest, y)
-            interface.margins(engine, s.mode, closest, y, g)
+            t_closest = bisect_rate(engine, s.mode, m + i, a, b, side, y, g)
+            interface.interpolate(engine, t_closest, y)
+            interface.margins(engine, s.mode, t_closest, y, g)
             if side * (g[i] + bias) < min(0.0, side * g_b):
-                b, g_b, r_b = closest, g[i] + bias, 0.0
+                b, g_b, r_b = t_closest, g[i] + bias, 0.0
         if side * g_b < 0.0:
             interface.interpolate(engine, b, y)
             margin_error_scales(engine, s, s.mode, b, y)
-            crossed = side * g_b < -rounding_error(s, i)
-            if crossed and side > 0.0:
+            is_crossing = side * g_b < -rounding_error(s, i)
+            if is_crossing and side > 0.0:
                 return bisect_margin(engine, s, i, a, b)
-            side = 1.0 if crossed else side
-            a, g_a, r_a = b, g_b if crossed else 0.0, r_b
+            side = 1.0 if is_crossing else side
+            a, g_a, r_a = b, g_b if is_crossing else 0.0, r_b
         else:
             a, g_a, r_a = b, g_b, r_b
             width *= 2.0
@@ -521,7 +546,7 @@ def certify_no_crossing(
 
 # --- Pairs of section crossings within a step
 
-BEND_SAFETY = 8.0  # factor on the recent bend
+CURVATURE_SAFETY = 8.0  # factor on the recent curvature
 MAX_CROSSINGS_PER_STEP = 16  # no method's interpolant has more
 
 
@@ -534,20 +559,20 @@ def init_section(engine: Any, s: Any, y: Any) -> None:
         return
     s.section_distance = y[s.section] - s.level
     s.section_speed = rate_at(engine, s, s.t, y)
-    s.section_step = s.section_bend = 0.0
+    s.section_step = s.section_curvature = 0.0
     s.section_side = sign(s.section_distance if s.section_distance != 0.0 else s.section_speed)
 
 
-def detect_crossings(engine: Any, s: Any, before: float, y: Any, direction: int) -> None:
-    """Record the crossings between `before` and ``s.t``, where the state is `y`.
+def detect_crossings(engine: Any, s: Any, t_start: float, y: Any, direction: int) -> None:
+    """Record the crossings between `t_start` and ``s.t``, where the state is `y`.
 
     `direction` is the sign of a crossing at ``s.t`` that the engine found, or 0; that crossing is
     not recorded here. Rates would cost one evaluation of the flow per step, so the first check uses
     values only: the mean rates of the last two steps give a parabola. A component that remains
-    clear of the section with a much larger bend has not crossed it, and one without bend cannot
-    cross it twice. Overwrites STATE and SLOPE.
+    clear of the section with a much larger curvature has not crossed it, and one without curvature
+    cannot cross it twice. Overwrites STATE and SLOPE.
     """
-    h = s.t - before
+    h = s.t - t_start
     if s.section < 0 or not h > 0.0:
         return
     distance = y[s.section] - s.level
@@ -557,68 +582,68 @@ def detect_crossings(engine: Any, s: Any, before: float, y: Any, direction: int)
     # The first steps of an arc may be so short that rounding dominates their mean rates.
     if abs(rate_change) * h <= ROUNDINGS * EPS * (abs(s.level) + abs(distance)):
         rate_change = 0.0
-    bend = rate_change / (0.5 * (h + s.section_step))
-    s.section_bend = max(abs(bend), 0.5 * s.section_bend)
-    end = 0.0 if direction != 0 else distance
+    curvature = rate_change / (0.5 * (h + s.section_step))
+    s.section_curvature = max(abs(curvature), 0.5 * s.section_curvature)
+    end_distance = 0.0 if direction != 0 else distance
     if s.section_side == 0:
         s.section_side = sign(distance)
-    elif bend != 0.0 and not certify_no_crossing(
+    elif curvature != 0.0 and not certify_no_crossing(
         s.section_side * s.section_distance,
-        s.section_side * (mean_rate - 0.5 * h * bend),
-        s.section_side * end,
-        s.section_side * (mean_rate + 0.5 * h * bend),
+        s.section_side * (mean_rate - 0.5 * h * curvature),
+        s.section_side * end_distance,
+        s.section_side * (mean_rate + 0.5 * h * curvature),
         h,
-        BEND_SAFETY * s.section_bend,
+        CURVATURE_SAFETY * s.section_curvature,
     ):
-        scan_step(engine, s, before, end)
-    s.section_distance, s.section_speed, s.section_step = end, mean_rate, h
+        scan_step(engine, s, t_start, end_distance)
+    s.section_distance, s.section_speed, s.section_step = end_distance, mean_rate, h
     if direction != 0 or distance != 0.0:
         s.section_side = direction if direction != 0 else sign(distance)
 
 
-def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
-    """Record the crossings between `before` and ``s.t``, at the distance `end`.
+def scan_step(engine: Any, s: Any, t_start: float, end_distance: float) -> None:
+    """Record the crossings between `t_start` and ``s.t``, at the distance `end_distance`.
 
     Parts of the step are so short that by its rates the component stays clear of the section, or
     crosses it once. Crossings in the other direction are not located. Overwrites STATE and SLOPE.
     """
     t, y = s.t, table_row(s, STATE)
-    interface.interpolate(engine, before, y)
-    a, g_a, r_a = before, s.section_distance, rate_at(engine, s, before, y)
-    rounding = ROUNDINGS * EPS * (abs(s.level) + max(abs(g_a), abs(end)))
-    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
-    width, curvature, left = t - before, 0.0, MAX_CROSSINGS_PER_STEP
-    while a < t and left > 0:
+    interface.interpolate(engine, t_start, y)
+    a, g_a, r_a = t_start, s.section_distance, rate_at(engine, s, t_start, y)
+    rounding = ROUNDINGS * EPS * (abs(s.level) + max(abs(g_a), abs(end_distance)))
+    min_width = max(MIN_SUBSTEP_RATIO * (t - t_start), 8.0 * EPS * abs(t))
+    width, curvature, capacity = t - t_start, 0.0, MAX_CROSSINGS_PER_STEP
+    while a < t and capacity > 0:
         b = a + width if a + 1.5 * width < t else t
         interface.interpolate(engine, b, y)
-        g_b, r_b = y[s.section] - s.level if b < t else end, rate_at(engine, s, b, y)
+        g_b, r_b = y[s.section] - s.level if b < t else end_distance, rate_at(engine, s, b, y)
         h, side = b - a, s.section_side
         curvature = max(curvature, abs(r_b - r_a) / h)
-        crossed = side * g_b < -rounding
-        if crossed:
-            certain = max(side * r_a, side * r_b) < -curvature * h
+        is_crossing = side * g_b < -rounding
+        if is_crossing:
+            is_certain = max(side * r_a, side * r_b) < -curvature * h
         else:
-            certain = certify_no_crossing(
+            is_certain = certify_no_crossing(
                 side * g_a, side * r_a, max(side * g_b, 0.0), side * r_b, h, curvature
             )
-        if h > finest and not certain:
+        if h > min_width and not is_certain:
             width *= 0.5
             continue
-        if not crossed and not certain and side * r_a < 0.0 < side * r_b:
-            nearest = bisect_section_rate(engine, s, a, b)
-            interface.interpolate(engine, nearest, y)
+        if not is_crossing and not is_certain and side * r_a < 0.0 < side * r_b:
+            t_nearest = bisect_section_rate(engine, s, a, b)
+            interface.interpolate(engine, t_nearest, y)
             distance = y[s.section] - s.level
             if side * distance < -rounding:
-                b, g_b, r_b, crossed = nearest, distance, 0.0, True
-        if crossed and s.direction * side <= 0:
+                b, g_b, r_b, is_crossing = t_nearest, distance, 0.0, True
+        if is_crossing and s.direction * side <= 0:
             b = bisect_section(engine, s, a, b)
             interface.interpolate(engine, b, y)
             g_b, r_b = 0.0, rate_at(engine, s, b, y)
             log_event(s, b, SECTION_CROSSING, -side, s.mode, y, y)
-            left -= 1
+            capacity -= 1
         else:
             width *= 2.0
-        if crossed:
+        if is_crossing:
             s.section_side = -side
         a, g_a, r_a = b, g_b, r_b
 

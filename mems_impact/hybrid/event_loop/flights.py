@@ -41,32 +41,34 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
     reaches zero, such as a slip end, is ignored, since its acceleration changes there. Overwrites
     SLOPE, STATE_AHEAD and the rows of `margin_error_scales`.
     """
-    m, t, now = s.m, s.t, table_row(s, MARGINS_AFTER)
-    active = False
+    m, t, margins = s.m, s.t, table_row(s, MARGINS_AFTER)
+    has_impacts = False
     for i in range(m):  # an inactive margin and its rate are 1
-        active = active or (table_row(s, IMPACT)[i] == 1 and (now[i] != 1.0 or now[m + i] != 1.0))
+        has_impacts = has_impacts or (
+            table_row(s, IMPACT)[i] == 1 and (margins[i] != 1.0 or margins[m + i] != 1.0)
+        )
     share, flight_time = 1.0, math.inf
-    if active:
-        slope, ahead, g = table_row(s, SLOPE), table_row(s, STATE_AHEAD), table_row(s, G)
+    if has_impacts:
+        slope, y_ahead, g = table_row(s, SLOPE), table_row(s, STATE_AHEAD), table_row(s, G)
         h = min(ACCELERATION_STEP * s.scale, 0.5 * (next_switch(s, t) - t))
         interface.flow(engine, s.mode, t, y, slope)
         for j in range(s.n):
-            ahead[j] = y[j] + h * slope[j]
-        interface.margins(engine, s.mode, t + h, ahead, g)
-        measured = False
+            y_ahead[j] = y[j] + h * slope[j]
+        interface.margins(engine, s.mode, t + h, y_ahead, g)
+        has_scales = False
         for i in range(m):
-            falls = now[m + i] - g[m + i]
-            if table_row(s, IMPACT)[i] == 1 and falls > 0.0:
-                margin, rate, a = max(now[i], 0.0), now[m + i], falls / h
+            rate_drop = margins[m + i] - g[m + i]
+            if table_row(s, IMPACT)[i] == 1 and rate_drop > 0.0:
+                margin, rate, a = max(margins[i], 0.0), margins[m + i], rate_drop / h
                 height = margin + 0.5 * rate * rate / a
                 flight = (rate + math.sqrt(2.0 * a * height)) / a
-                if flight > MIN_FLIGHT_ROUNDINGS * EPS * abs(t) and not cut_off(
+                if flight > MIN_FLIGHT_ROUNDINGS * EPS * abs(t) and not is_cut_off(
                     s, i, EARLY_SHARE * flight
                 ):
-                    if not measured:
+                    if not has_scales:
                         margin_error_scales(engine, s, s.mode, t, y)
-                        interface.margins(engine, s.mode, t + h, ahead, g)
-                        measured = True
+                        interface.margins(engine, s.mode, t + h, y_ahead, g)
+                        has_scales = True
                     rounding, error = rounding_error(s, i), integration_error(s, i)
                     if height > rounding and s.rtol * height < share * error:
                         share = s.rtol * max(height, rounding) / error
@@ -74,11 +76,11 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
     interface.sharpen(engine, share, flight_time)
 
 
-def cut_off(s: Any, i: int, time: float) -> bool:
+def is_cut_off(s: Any, i: int, time: float) -> bool:
     """Return whether a margin other than `i` reaches zero within `time` at its present rate."""
-    now = table_row(s, MARGINS_AFTER)
-    sooner = False
+    margins = table_row(s, MARGINS_AFTER)
+    result = False
     for k in range(s.m):
-        falls = k != i and now[k] > 0.0 and now[k] + now[s.m + k] * time < 0.0
-        sooner = sooner or falls
-    return sooner
+        is_earlier = k != i and margins[k] > 0.0 and margins[k] + margins[s.m + k] * time < 0.0
+        result = result or is_earlier
+    return result

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mems_impact.hybrid.event_loop.chatter import complete_chatter, finite
+from mems_impact.hybrid.event_loop.chatter import complete_chatter, is_finite
 from mems_impact.hybrid.event_loop.event_detection import (
     TINY_BIAS,
     certainly_decreasing,
@@ -56,7 +56,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     NONE,
     NOT_FINITE,
     OFFSET,
-    PAST,
     PAUSED,
     RATE_CHANGE,
     REBASE,
@@ -64,6 +63,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     ROOM,
     SAMPLE,
     SECTION_CROSSING,
+    STATE_BEFORE,
     STEP_BUDGET,
     SWITCH,
     SWITCHES,
@@ -120,8 +120,8 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
             for i in range(s.switches * int(s.switched == 0)):
                 # A run that ended here left the switch to this one.
-                since = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
-                if min(since, s.period - since) <= SWITCH_RTOL * s.period:
+                distance = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
+                if min(distance, s.period - distance) <= SWITCH_RTOL * s.period:
                     guard = 2 * s.m
             if guard == 2 * s.m and sample_due(s) and sample_time(s) <= s.t:
                 write_sample(s, y)
@@ -158,46 +158,46 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
                 interface.state(engine, y)
             s.failure = min(status, 0)
             return FAILED if status < 0 else STEP_BUDGET
-        before = s.t
+        t_start = s.t
         t = interface.time(engine)
-        suspected = update_margins(engine, s, status, before, t)
+        is_suspect = update_margins(engine, s, status, t_start, t)
         if s.starts_negative == 1:
             clear_bias(engine, s)
 
         guard, t_event = NONE, t
-        if suspected:
-            guard, t_event = first_event_in_step(engine, s, status, before, t)
+        if is_suspect:
+            guard, t_event = first_event_in_step(engine, s, status, t_start, t)
         if s.negative_by_error == 1 and guard == NONE and status != interface.STOPPED:
             interface.state(engine, y)
             guard = first_violated_guard(engine, s, s.mode, t, y, NONE, NONE)
             s.negative_by_error = any_margin_below(s)
 
-        end = (s.end_cycle - s.cycle) * s.period + s.end_phase
+        t_end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         at_switch = status == interface.STOPPED and guard == NONE
         if s.stop - t_event <= SWITCH_RTOL * s.period:
             at_switch, t_event = True, s.stop  # a guard that fires at a switch fires after it
-        write_samples(engine, s, min(t_event, end), at_switch or t_event >= end)
-        over = t_event > end or (t_event == end and (guard == NONE or at_switch))
-        s.t = end if over else t_event
-        if s.t > before:
+        write_samples(engine, s, min(t_event, t_end), at_switch or t_event >= t_end)
+        at_end = t_event > t_end or (t_event == t_end and (guard == NONE or at_switch))
+        s.t = t_end if at_end else t_event
+        if s.t > t_start:
             s.switched = 0
         at_root = status == interface.ROOT and s.t == t
-        if over or t_event < t:
+        if at_end or t_event < t:
             interface.interpolate(engine, s.t, y)
         else:
             interface.state(engine, y)
         detect_crossings(
-            engine, s, before, y, interface.root_directions(engine, 2 * s.m) if at_root else 0
+            engine, s, t_start, y, interface.root_directions(engine, 2 * s.m) if at_root else 0
         )
-        if over:
+        if at_end:
             return DONE
         if at_root:
             log_root_events(engine, s, t, y)
-        if guard == NONE and status == interface.STEPPED and step_collapsed(s, t - before):
-            interface.interpolate(engine, before, table_row(s, COLLAPSE_STATE))
-            s.collapse_length = t - before
+        if guard == NONE and status == interface.STEPPED and step_collapsed(s, t - t_start):
+            interface.interpolate(engine, t_start, table_row(s, COLLAPSE_STATE))
+            s.collapse_length = t - t_start
             s.collapse_cycle = s.cycle
-            s.collapse_time = before
+            s.collapse_time = t_start
             s.collapse_mode = s.mode
             quota = 0  # report this collapse before the next one
         s.step_cut = int(status != interface.STEPPED)
@@ -231,27 +231,29 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
 
     # A margin that starts at zero gets a tiny positive bias: otherwise CVODE determines its sign a
     # tenth of a step ahead and misses an earlier re-impact.
-    now, bend = table_row(s, MARGINS_AFTER), table_row(s, RATE_CHANGE)
-    interface.margins(engine, s.mode, s.t, y, now)
+    margins, rate_changes = table_row(s, MARGINS_AFTER), table_row(s, RATE_CHANGE)
+    interface.margins(engine, s.mode, s.t, y, margins)
     # A negative margin that still decreases has had its transition, without effect; it gets no
     # bias. A recorded crossing is not recorded again, even if rounding left the margin positive;
     # such a margin may stay negative.
-    m, passed = s.m, table_row(s, BELOW_ZERO)
+    m, below_zero = s.m, table_row(s, BELOW_ZERO)
     s.starts_negative = 0
     for i in range(m):
-        bend[i] = 0.0
-        clear = False
-        if now[i] < 0.0:
+        rate_changes[i] = 0.0
+        is_violated = False
+        if margins[i] < 0.0:
             margin_error_scales(engine, s, s.mode, s.t, y)
-            clear = now[i] < -violation_threshold(s, i)
-        below = clear and passed[i] == 1
-        lift = now[i] <= 0.0 and now[m + i] >= 0.0 and not below
-        recorded = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
-        if lift:
-            passed[i] = 0.0
-        tiny = TINY_BIAS if lift else -TINY_BIAS
-        interface.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + tiny if lift or recorded else 0.0)
-        if clear and not below:
+            is_violated = margins[i] < -violation_threshold(s, i)
+        stays_below = is_violated and below_zero[i] == 1
+        is_lifted = margins[i] <= 0.0 and margins[m + i] >= 0.0 and not stays_below
+        is_recorded = below_zero[i] == 1 and margins[i] > 0.0 and margins[m + i] < 0.0
+        if is_lifted:
+            below_zero[i] = 0.0
+        tiny_bias = TINY_BIAS if is_lifted else -TINY_BIAS
+        interface.set_bias(
+            engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or is_recorded else 0.0
+        )
+        if is_violated and not stays_below:
             s.starts_negative = 1
     sharpen(engine, s, y)
     interface.restart(engine, s.mode, s.t, y, s.stop)
@@ -276,9 +278,9 @@ def rebase_time(s: Any, periods: int) -> None:
 
 def clear_bias(engine: Any, s: Any) -> None:
     """Remove the bias of margins that have become positive."""
-    now = table_row(s, MARGINS_AFTER)
+    margins = table_row(s, MARGINS_AFTER)
     for i in range(s.m):
-        if interface.bias(engine, i) > TINY_BIAS and now[i] > rounding_error(s, i):
+        if interface.bias(engine, i) > TINY_BIAS and margins[i] > rounding_error(s, i):
             interface.set_bias(engine, i, 0.0)
 
 
@@ -286,9 +288,9 @@ def step_collapsed(s: Any, h: float) -> bool:
     """Return whether a step that the method chose has collapsed and should be reported."""
     if s.step_cut == 1:
         return False
-    short = h < COLLAPSE_RATIO * s.recent_step
-    s.recent_step = h if short else max(h, RECENT_STEP_DECAY * s.recent_step)
-    if not short:
+    is_short = h < COLLAPSE_RATIO * s.recent_step
+    s.recent_step = h if is_short else max(h, RECENT_STEP_DECAY * s.recent_step)
+    if not is_short:
         return False
     s.collapses += 1
     return bool(s.collapses <= MAX_COLLAPSES or s.collapses & (s.collapses - 1) == 0)
@@ -310,7 +312,11 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
     ``s.t``, which is later if a chatter sequence is completed.
     """
     m = s.m
-    looked, past, passed = table_row(s, MARGINS_AT), table_row(s, PAST), table_row(s, BELOW_ZERO)
+    margins, y_before, below_zero = (
+        table_row(s, MARGINS_AT),
+        table_row(s, STATE_BEFORE),
+        table_row(s, BELOW_ZERO),
+    )
     s.restart = 1
     while guard != NONE:
         s.pending_guard = guard
@@ -318,60 +324,60 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
             return BUFFER_FULL
         s.pending_guard = NONE
         for i in range(s.n):
-            past[i] = y[i]
+            y_before[i] = y[i]
         mode = s.mode
-        impact = guard < m and table_row(s, IMPACT)[guard] == 1
+        is_impact = guard < m and table_row(s, IMPACT)[guard] == 1
         code, kind = guard, TRANSITION
         if guard == 2 * m:
             kind = SWITCH
             s.switched = 1
-        if impact:
-            interface.margins(engine, mode, s.t, y, looked)
-            closing = certainly_decreasing(s, m + guard, looked[m + guard])
-            if not closing:
+        if is_impact:
+            interface.margins(engine, mode, s.t, y, margins)
+            is_closing = certainly_decreasing(s, m + guard, margins[m + guard])
+            if not is_closing:
                 margin_error_scales(engine, s, mode, s.t, y)
-                closing = looked[m + guard] < -rounding_error(s, m + guard)
-            if not closing:
+                is_closing = margins[m + guard] < -rounding_error(s, m + guard)
+            if not is_closing:
                 # The contact is not closing: a rebound would move the body into the wall.
                 code, kind = m + guard, ACCUMULATION
         s.mode = interface.transition(engine, mode, code, s.t, y)
         s.failure = guard
         if s.mode == ENDS:
             s.mode = mode
-            log_event(s, s.t, kind, guard, mode, past, y)
+            log_event(s, s.t, kind, guard, mode, y_before, y)
             return ENDED
         if not 0 <= s.mode < s.modes:
             s.failure, s.mode = s.mode, mode
             return NO_SUCH_MODE
-        if not finite(s, y):
+        if not is_finite(s, y):
             return NOT_FINITE
-        changed = mode != s.mode
+        has_effect = mode != s.mode
         for i in range(s.n):
-            changed = changed or past[i] != y[i]
-        log_event(s, s.t, kind, guard, mode, past, y)
+            has_effect = has_effect or y_before[i] != y[i]
+        log_event(s, s.t, kind, guard, mode, y_before, y)
         if kind == TRANSITION:
-            passed[guard] = table_row(s, RECORDS)[guard]
+            below_zero[guard] = table_row(s, RECORDS)[guard]
         s.transitions_now += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
             return EVENT_BUDGET
-        if is_cycling(s, y) and changed and kind != SWITCH:
+        if is_cycling(s, y) and has_effect and kind != SWITCH:
             if kind == TRANSITION:
                 return CYCLING
             break  # the cycle consists of rounding errors of bodies in contact
         # Impacts of a row of bodies travel from end to end repeatedly: if one end always had
         # priority, their number would grow without bound with the length of the row.
-        struck, after = guard, guard if impact else NONE
-        guard, mode = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after), s.mode
-        if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
+        last_guard, last_impact = guard, guard if is_impact else NONE
+        guard, mode = first_violated_guard(engine, s, s.mode, s.t, y, NONE, last_impact), s.mode
+        if kind == TRANSITION and is_impact and complete_chatter(engine, s, y, last_guard):
             if not 0 <= s.mode < s.modes:
                 s.events_written -= 1  # remove the accumulation without a valid mode
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
-            if not finite(s, y):
+            if not is_finite(s, y):
                 return NOT_FINITE
-            guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after)
-        if not changed and kind != SWITCH and table_row(s, RECORDS)[struck] == 0:
+            guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, last_impact)
+        if not has_effect and kind != SWITCH and table_row(s, RECORDS)[last_guard] == 0:
             # Without a change the same guard would fire again.
             if kind == TRANSITION and guard != NONE and table_row(s, IMPACT)[guard] == 1:
                 s.failure = guard
@@ -386,26 +392,26 @@ def is_cycling(s: Any, y: Any) -> bool:
 
     One state is stored, and replaced whenever the number of transitions has doubled.
     """
-    same = s.transitions_now > 1 and s.mode == s.mark_mode
+    is_same = s.transitions_now > 1 and s.mode == s.mark_mode
     for i in range(s.n):
-        same = same and y[i] == table_row(s, CYCLE_MARK)[i]
+        is_same = is_same and y[i] == table_row(s, CYCLE_MARK)[i]
     if s.transitions_now & (s.transitions_now - 1) == 0:
         s.mark_mode = s.mode
         for i in range(s.n):
             table_row(s, CYCLE_MARK)[i] = y[i]
-    return same
+    return is_same
 
 
 def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
     """Record closest approaches and crossings of the section, which do not end an arc."""
     m = s.m
-    now = table_row(s, MARGINS_AFTER)
+    margins = table_row(s, MARGINS_AFTER)
     for i in range(m):
         # A closest approach at a margin of zero is a contact.
         if (
             table_row(s, IMPACT)[i] == 1
             and interface.root_directions(engine, m + i) > 0
-            and now[i] > 0.0
+            and margins[i] > 0.0
         ):
             log_event(s, t, APPROACH, i, s.mode, y, y)
     side = interface.root_directions(engine, 2 * m)
@@ -413,7 +419,7 @@ def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
         log_event(s, t, SECTION_CROSSING, side, s.mode, y, y)
 
 
-def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
+def write_samples(engine: Any, s: Any, limit: float, includes_limit: bool) -> None:
     """Write the samples due before `limit`; at it too if the run or its arc ends there.
 
     A sample at a switch is the state before it, as at the end of a run.
@@ -421,9 +427,9 @@ def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
     y = table_row(s, SAMPLE)
     while sample_due(s):
         t = sample_time(s)
-        if last and limit < t <= limit * (1.0 + 4.0 * EPS):
+        if includes_limit and limit < t <= limit * (1.0 + 4.0 * EPS):
             t = limit  # equal to the end of the run except for rounding
-        if t > limit or (t == limit and not last):
+        if t > limit or (t == limit and not includes_limit):
             return
         interface.interpolate(engine, max(t, s.arc_start), y)
         write_sample(s, y)

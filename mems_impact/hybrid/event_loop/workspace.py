@@ -77,7 +77,7 @@ Y, OFFSET, CYCLE_MARK = 4, 5, 6
 # Chatter at each guard: HIT_TIME of the last impact; and of the last impact that led to HIT_MODE:
 # its time HIT_BEGIN, the interval before it, the speed of separation, the largest height of the
 # shrinking flights, and the number of impacts since then that led to other modes.
-HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
+HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_HEIGHT = 7, 8, 9, 10
 # Margins and rates at the start and end of the last step, the recent change of the rates, and for a
 # margin that may have an undetected zero the side of zero on which it began, 1 or -1.
 MARGINS_BEFORE, MARGINS_AFTER, RATE_CHANGE, SUSPECT_SIDE = 11, 12, 13, 14
@@ -86,10 +86,21 @@ MARGINS_BEFORE, MARGINS_AFTER, RATE_CHANGE, SUSPECT_SIDE = 11, 12, 13, 14
 # recorded.
 RECORDS, BELOW_ZERO = 15, 16
 # Scratch, valid until the next call; docstrings list the results that functions leave there.
-G, STATE, MARGINS_AT, STATE_SHIFTED, STATE_AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = (
-    range(17, 29)
-)
-SIZE, GAIN, TIMED = 29, 30, 31
+(
+    G,
+    STATE,
+    MARGINS_AT,
+    STATE_SHIFTED,
+    STATE_AHEAD,
+    STAGE,
+    SLOPE,
+    SUM,
+    STATE_BEFORE,
+    CONTACT_STATE,
+    ACCUMULATION_STATE,
+    SAMPLE,
+) = range(17, 29)
+SIZE, GAIN, TIME_SIZE = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state at the start of a collapsed step.
 COLLAPSE_STATE, ROWS = 35, 36
@@ -140,7 +151,7 @@ LOOP_STATE = np.dtype(
         ("section_distance", np.float64),  # component minus level at the end of the last step
         ("section_speed", np.float64),  # mean rate of that distance over the last step
         ("section_step", np.float64),  # length of that step
-        ("section_bend", np.float64),  # recent rate of change of that speed
+        ("section_curvature", np.float64),  # recent rate of change of that speed
         ("starts_negative", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("negative_by_error", np.int64),  # 1 while a margin is negative by the error of a step
         ("recent_step", np.float64),  # recent step length, 0 at the start of an arc
@@ -175,12 +186,12 @@ def sample_at(s: Any, i: int) -> Any:
 
 def whole_periods(t: float, period: float) -> int:
     """Return the number of whole periods in `t`, exact despite the rounding of the quotient."""
-    whole = math.floor(t / period)
-    if whole * period > t:
-        whole -= 1
-    elif (whole + 1) * period <= t:
-        whole += 1
-    return whole
+    count = math.floor(t / period)
+    if count * period > t:
+        count -= 1
+    elif (count + 1) * period <= t:
+        count += 1
+    return count
 
 
 def next_switch(s: Any, t: float) -> float:
@@ -196,17 +207,17 @@ def next_switch(s: Any, t: float) -> float:
     return stop
 
 
-def log_event(s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any) -> None:
+def log_event(s: Any, t: float, kind: int, guard: int, mode: int, y_before: Any, y: Any) -> None:
     """Write one row to the event buffer."""
-    whole = whole_periods(t, s.period)
+    periods = whole_periods(t, s.period)
     event, offset, n = event_at(s, s.events_written), table_row(s, OFFSET), s.n
-    event[CYCLE] = s.cycle + whole
-    event[TIME] = t - whole * s.period
+    event[CYCLE] = s.cycle + periods
+    event[TIME] = t - periods * s.period
     event[KIND] = kind
     event[GUARD] = guard
     event[MODE_BEFORE] = mode
     event[MODE_AFTER] = s.mode
     for i in range(n):
-        event[HEAD + i] = past[i] + offset[i]
+        event[HEAD + i] = y_before[i] + offset[i]
         event[HEAD + n + i] = y[i] + offset[i]
     s.events_written += 1
