@@ -36,9 +36,9 @@ def check_one(problem, start, periods, tolerance=1e-5, h=1e-5):
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
     one = LyapunovIntegrator(problem, start, 1, chunk=periods)
-    moved = carried(problem, start, periods, one._at.y[n:].copy(), h)[free]
+    moved = carried(problem, start, periods, one._state.y[n:].copy(), h)[free]
     one.advance_exponents()
-    assert one.grown[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
+    assert one.growth[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
 
 
 def check(problem, start, periods, tolerance=1e-5):
@@ -47,7 +47,7 @@ def check(problem, start, periods, tolerance=1e-5):
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
     every = LyapunovIntegrator(problem, start, len(free), chunk=periods)
-    columns = every._at.y[n:].reshape(-1, n)[every._at.alive == 1]
+    columns = every._state.y[n:].reshape(-1, n)[every._state.alive == 1]
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
     every.advance_exponents()
     volume = 0.5 * math.log(np.linalg.det(np.array(moved) @ np.array(moved).T))
@@ -55,7 +55,7 @@ def check(problem, start, periods, tolerance=1e-5):
     # parallel, as they are where the motion contracts, magnifies by the inverse of their angle.
     angle = math.exp(volume) / math.prod(np.linalg.norm(column) for column in moved)
     noise = 1e-12 / 1e-5 / angle
-    found = every.grown[0][every._at.alive == 1].sum()
+    found = every.growth[0][every._state.alive == 1].sum()
     assert found == pytest.approx(volume, abs=tolerance + noise)
 
 
@@ -197,7 +197,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     problem = system.problem(PLAIN)
     one = LyapunovIntegrator(problem, system.hybrid_state(None, problem), chunk=30)
     one.advance_exponents()
-    assert one._at.y[:3].tolist() == one.final.y.tolist()
+    assert one._state.y[:3].tolist() == one.final.y.tolist()
 
 
 def test_perturbations_may_have_a_looser_tolerance_than_the_run():
@@ -209,7 +209,7 @@ def test_perturbations_may_have_a_looser_tolerance_than_the_run():
     for one in (fine, loose):
         one.advance_exponents(2)
     assert loose.final.y.tolist() == fine.final.y.tolist()
-    assert loose.grown[1][0] == pytest.approx(fine.grown[1][0], abs=1e-4)
+    assert loose.growth[1][0] == pytest.approx(fine.growth[1][0], abs=1e-4)
     assert loose._run.engine.steps == fine._run.engine.steps
     assert loose._extended.engine.steps < 0.5 * fine._extended.engine.steps
 
@@ -228,7 +228,7 @@ def test_perturbations_miss_no_pulse_that_the_run_resolves():
     )
     for one in (fine, loose):
         one.advance_exponents()
-    assert loose.grown[0][0] == pytest.approx(fine.grown[0][0], abs=1e-5)
+    assert loose.growth[0][0] == pytest.approx(fine.growth[0][0], abs=1e-5)
 
 
 def test_only_the_run_looks_for_events():

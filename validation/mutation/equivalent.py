@@ -51,8 +51,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "what is not certain of the rest of a step is found in finer parts",
     (
         "mems_impact/hybrid/variational/saltation.py",
-        "at.y[j] = 0.0 if setup.cyclic[j] == 1 else values[first + j]",
-        "at.y[j] = 1.0 if setup.cyclic[j] == 1 else values[first + j]",
+        "state.y[j] = 0.0 if problem.cyclic[j] == 1 else values[first + j]",
+        "state.y[j] = 1.0 if problem.cyclic[j] == 1 else values[first + j]",
     ): "a cyclic component enters no function; any small number does",
     (
         "mems_impact/hybrid/variational/saltation.py",

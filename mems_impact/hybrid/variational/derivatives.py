@@ -105,12 +105,12 @@ class Variational:
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
         parameters = np.concatenate([self._block, scratch])
         self._problem = with_columns(problem, extended, parameters, self._size)
-        self._bound = create_engine(self._problem)
+        self._binding = create_engine(self._problem)
         self._variational = variational_workspace(problem, self.k, self._size)
         # State and columns at the start of an arc.
-        self._begin = np.zeros(self._size)
+        self._start = np.zeros(self._size)
         for c, i in enumerate(self.free):
-            self._begin[self.n * (1 + c) + i] = 1.0
+            self._start[self.n * (1 + c) + i] = 1.0
 
     @property
     def time_scale(self) -> float:
@@ -161,57 +161,57 @@ class Variational:
         count, n, m, k = len(segments), self.n, self.m, self.k
         codes = np.zeros((count, 3), dtype=np.int64)
         codes[:, :2] = segments
-        moving = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
-        y = np.tile(self._begin, (count, 1))
+        rates = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
+        y = np.tile(self._start, (count, 1))
         y[:, :n] = states
-        into = self._variational.with_rows(count)
+        workspace = self._variational.with_rows(count)
         batch = SegmentBatch(
-            variational=into,
+            variational=workspace,
             segments=codes,
             times=times,
-            motions=moving,
+            motions=rates,
             states=y,
             slopes=np.zeros((count, 2, n)),
             margins=np.zeros((count, 2, 2 * m)),
             after=np.zeros((count, n)),
         )
         try:
-            failed = self._bound.call(propagate_segments, self._block, batch)
+            failure = self._binding.call(propagate_segments, self._block, batch)
         except FunctionError as error:
             raise OrbitError(error.reason, error.remedy) from error
-        if failed >= 0:
+        if failure >= 0:
             raise OrbitError(
                 reason="an arc of the orbit cannot be integrated",
                 remedy="start nearer to an orbit, loosen the tolerances, or give typical "
                 "magnitudes of states far from one: System(typical=)",
             )
-        columns, free = y.reshape(count, -1, n), 1 + len(self.free)
-        none = codes[:, 1] == NO_EVENT
-        batch.after[none] = y[none, :n]
-        into.margin[none], into.jump[none] = 0.0, 0.0
-        into.jump[none, :, 1 : n + 1] = np.eye(n)
+        columns, first_direction = y.reshape(count, -1, n), 1 + len(self.free)
+        no_event = codes[:, 1] == NO_EVENT
+        batch.after[no_event] = y[no_event, :n]
+        workspace.margin[no_event], workspace.jump[no_event] = 0.0, 0.0
+        workspace.jump[no_event, :, 1 : n + 1] = np.eye(n)
         arcs = Arc(
             end=columns[:, 0],
-            by_state=columns[:, 1:free].transpose(0, 2, 1),
-            by_parameter=columns[:, free:].transpose(0, 2, 1),
+            by_state=columns[:, 1:first_direction].transpose(0, 2, 1),
+            by_parameter=columns[:, first_direction:].transpose(0, 2, 1),
             slope_start=batch.slopes[:, 0],
             slope_end=batch.slopes[:, 1],
-            minima=into.minima[:, 0],
-            minima_time=into.minima[:, 1],
-            touches=into.touches.reshape(count, m, -1, n),
+            minima=workspace.minima[:, 0],
+            minima_time=workspace.minima[:, 1],
+            touches=workspace.touches.reshape(count, m, -1, n),
             margins=batch.margins[:, :, :m],
             rates=batch.margins[:, :, m:],
         )
         events = Event(
             after=batch.after,
-            margins=into.margin[:, :m, 0],
-            rates=into.margin[:, m:, 0],
-            margin_by_state=into.margin[:, :, 1 : n + 1],
-            margin_by_time=into.margin[:, :, n + 1],
-            margin_by_parameter=into.margin[:, :, n + 2 :],
-            jump_by_state=into.jump[:, :, 1 : n + 1],
-            jump_by_time=into.jump[:, :, n + 1],
-            jump_by_parameter=into.jump[:, :, n + 2 :],
+            margins=workspace.margin[:, :m, 0],
+            rates=workspace.margin[:, m:, 0],
+            margin_by_state=workspace.margin[:, :, 1 : n + 1],
+            margin_by_time=workspace.margin[:, :, n + 1],
+            margin_by_parameter=workspace.margin[:, :, n + 2 :],
+            jump_by_state=workspace.jump[:, :, 1 : n + 1],
+            jump_by_time=workspace.jump[:, :, n + 1],
+            jump_by_parameter=workspace.jump[:, :, n + 2 :],
             mode=codes[:, 2].tolist(),
         )
         return arcs, events
@@ -221,9 +221,11 @@ class Variational:
         arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end))
         return Arc(*(part[0] for part in arcs))
 
-    def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
+    def event(
+        self, mode: int, code: int, t: float, y: Floats, time_range: float = math.inf
+    ) -> Event:
         """Perform the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
-        _, events = self._one(mode, code, y, (t, t, room, t))
+        _, events = self._one(mode, code, y, (t, t, time_range, t))
         return Event(*(part[0] for part in events))
 
     def margins(self, mode: int, t: float, y: Floats) -> tuple[Floats, Floats]:

@@ -65,43 +65,43 @@ def extended_flow(
         directions = columns - free
         motion = count * (1 + directions)
         scratch = motion + 2 * directions
-        shifted = p[scratch : scratch + n]
+        y_shifted = p[scratch : scratch + n]
         slope = p[scratch + n : scratch + 2 * n]
-        shifted_p = p[scratch + 2 * n : scratch + 2 * n + count]
+        p_shifted = p[scratch + 2 * n : scratch + 2 * n + count]
         for c in range(columns):
             column = n * (1 + c)
             length = 0.0
             for i in range(n):
                 length = max(length, abs(y[column + i]))
             direction = count * (1 + c - free)
-            moving, stretching = 0.0, 0.0
+            time_rate, time_stretch = 0.0, 0.0
             if c >= free:
-                stretching = p[motion + 2 * (c - free) + 1]
-                moving = p[motion + 2 * (c - free)] + stretching * t
+                time_stretch = p[motion + 2 * (c - free) + 1]
+                time_rate = p[motion + 2 * (c - free)] + time_stretch * t
                 for i in range(count):
                     length = max(length, abs(p[direction + i]))
             for i in range(n):
                 dy[column + i] = 0.0
             for i in range(count):
-                shifted_p[i] = p[i]
+                p_shifted[i] = p[i]
             if length > 0.0:
                 for s in range(-3, 4):
                     if s != 0:
                         h = s * step / length
                         weight = length * weight_of(s) / step
                         for i in range(n):
-                            shifted[i] = y[i] + h * y[column + i]
+                            y_shifted[i] = y[i] + h * y[column + i]
                         if c >= free:
                             for i in range(count):
-                                shifted_p[i] = p[i] + h * p[direction + i]
-                        flow(mode, t + h * moving, shifted, shifted_p, slope)
+                                p_shifted[i] = p[i] + h * p[direction + i]
+                        flow(mode, t + h * time_rate, y_shifted, p_shifted, slope)
                         for i in range(n):
                             dy[column + i] += weight * slope[i]
         for i in range(count):
-            shifted_p[i] = p[i]
+            p_shifted[i] = p[i]
         for i in range(n):
-            shifted[i] = y[i]
-        flow(mode, t, shifted, shifted_p, slope)
+            y_shifted[i] = y[i]
+        flow(mode, t, y_shifted, p_shifted, slope)
         for i in range(n):
             dy[i] = slope[i]
         for c in range(free, columns):
@@ -124,7 +124,7 @@ def stretched_flow(flow: Callable[..., Any], n: int, count: int, step: float) ->
     width = STEP_RATIO * step
 
     def stretched(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        shifted = p[count : count + n]
+        y_shifted = p[count : count + n]
         slope = p[count + n : count + 2 * n]
         for c in range(len(y) // n - 1):
             column = n * (1 + c)
@@ -135,17 +135,17 @@ def stretched_flow(flow: Callable[..., Any], n: int, count: int, step: float) ->
             if length > 0.0:
                 h = width / length
                 for i in range(n):
-                    shifted[i] = y[i] + h * y[column + i]
-                flow(mode, t, shifted, p, slope)
+                    y_shifted[i] = y[i] + h * y[column + i]
+                flow(mode, t, y_shifted, p, slope)
                 for i in range(n):
                     dy[column + i] = slope[i]
-                    shifted[i] = y[i] - h * y[column + i]
-                flow(mode, t, shifted, p, slope)
+                    y_shifted[i] = y[i] - h * y[column + i]
+                flow(mode, t, y_shifted, p, slope)
                 for i in range(n):
                     dy[column + i] = (dy[column + i] - slope[i]) / (2.0 * h)
         for i in range(n):
-            shifted[i] = y[i]
-        flow(mode, t, shifted, p, slope)
+            y_shifted[i] = y[i]
+        flow(mode, t, y_shifted, p, slope)
         for i in range(n):
             dy[i] = slope[i]
 

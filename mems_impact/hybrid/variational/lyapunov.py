@@ -96,40 +96,40 @@ class LyapunovIntegrator:
         self.chunk, self.uneven = chunk, uneven
         self._run = create_engine(problem)
         self._extended = create_engine(_extended_problem(problem, self._size, self._rtol))
-        self._into = variational_workspace(problem, 0, self._size)
+        self._workspace = variational_workspace(problem, 0, self._size)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
         self._records = np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64)
-        self._put(problem, start)
-        own = self._run
-        places, _ = own.kernel_addresses(self._memory.clock, None, n, 0)
+        self._initialize(problem, start)
+        binding = self._run
+        places, _ = binding.kernel_addresses(self._memory.clock, None, n, 0)
         numbers = {
             "extended": self._extended.handle_address,
             "advance": places.get("advance", 0),
         }
-        self._work = own.record(STRETCHING, {}, numbers)
+        self._work = binding.record(STRETCHING, {}, numbers)
 
     def restart(self, problem: Problem, start: HybridState) -> None:
         """Begin again, with a problem that differs in parameters and times only."""
         longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
-        for bound, values in (
+        for binding, values in (
             (self._run, np.array(problem.parameters, dtype=float)),
             (self._extended, _with_scratch(problem)),
         ):
-            bound.call(reset, values, longest_step)
-        self._put(replace(problem, section=None), start)
+            binding.call(reset, values, longest_step)
+        self._initialize(replace(problem, section=None), start)
         self._work["lost"] = 0
 
-    def _put(self, problem: Problem, start: HybridState) -> None:
+    def _initialize(self, problem: Problem, start: HybridState) -> None:
         """Set the initial state of run and columns; the engines are in theirs."""
-        n, own, options = self._into.n, self._run, problem.options
+        n, binding, options = self._workspace.n, self._run, problem.options
         self.problem, self.final = problem, start
-        self.grown: list[Floats] = []
+        self.growth: list[Floats] = []
         self.lengths: list[float] = []
-        own.engine.import_memory(start.remembered)
+        binding.engine.import_memory(start.remembered)
         self._memory = LoopMemory(
             problem,
-            own,
+            binding,
             0,
             cycle=start.cycle,
             t=start.time,
@@ -141,8 +141,8 @@ class LyapunovIntegrator:
         )
         self._memory.put(start.y)
         scale = problem.time_scale or problem.period
-        self._setup = PropagationProblem(
-            variational=self._into,
+        self._propagation = PropagationProblem(
+            variational=self._workspace,
             k=self._columns,
             period=problem.period,
             scale=scale,
@@ -154,28 +154,28 @@ class LyapunovIntegrator:
         )
         y = np.zeros(self._size)
         y[self._free] = np.asarray(start.y, dtype=float)[self._free]
-        self._at = PerturbationState(
+        self._state = PerturbationState(
             y=y,
-            place=np.array([start.cycle, start.mode], dtype=np.int64),
+            cycle_mode=np.array([start.cycle, start.mode], dtype=np.int64),
             t=np.array([start.time]),
             shifts=np.zeros(self._columns),
             growth=np.zeros(self._columns),
             alive=np.ones(self._columns, dtype=np.int64),
-            changed=np.zeros(n, dtype=np.int64),
+            jumps=np.zeros(n, dtype=np.int64),
             length=np.array([scale]),
         )
-        self._begin(np.zeros(n, dtype=bool))
+        self._set_columns(np.zeros(n, dtype=bool))
 
     @property
     def result(self) -> Exponents:
         """The exponents so far."""
-        grown = np.array(self.grown).reshape(-1, self._setup.k)
+        growth = np.array(self.growth).reshape(-1, self._propagation.k)
         lengths, periods = np.array(self.lengths), sum(self.lengths)
-        known = grown.sum(axis=0) / periods if periods else np.full(self._setup.k, math.nan)
-        dead, errors = self._at.alive == 0, standard_errors(grown, lengths)
+        rates = growth.sum(axis=0) / periods if periods else np.full(self._propagation.k, math.nan)
+        is_dead, errors = self._state.alive == 0, standard_errors(growth, lengths)
         return Exponents(
-            np.where(dead, -math.inf, known),
-            np.where(dead, 0.0, np.hypot(errors, self._rtol)),
+            np.where(is_dead, -math.inf, rates),
+            np.where(is_dead, 0.0, np.hypot(errors, self._rtol)),
             periods,
         )
 
@@ -183,7 +183,7 @@ class LyapunovIntegrator:
     def speed(self) -> float:
         """The present rate of change of the state, in the units of the numerics."""
         slope = np.abs(self._slopes()[0])
-        return float(slope[self._setup.cyclic == 0].max(initial=0.0))
+        return float(slope[self._propagation.cyclic == 0].max(initial=0.0))
 
     def advance_exponents(
         self, count: int = 1, progress: Callable[[float], None] | None = None
@@ -195,11 +195,11 @@ class LyapunovIntegrator:
         RunError
             If the run cannot continue. As on Ctrl-C, complete chunks are kept.
         """
-        done = len(self.lengths)
-        lengths = np.array([self._length(done + i) for i in range(count)])
-        grown = np.zeros((count, self._setup.k))
+        first = len(self.lengths)
+        lengths = np.array([self._length(first + i) for i in range(count)])
+        growth = np.zeros((count, self._propagation.k))
         clock, work = self._memory.clock, self._work
-        begin = clock["end_cycle"] + clock["end_phase"] / clock["period"]
+        start = clock["end_cycle"] + clock["end_phase"] / clock["period"]
         work["chunk"] = work["begun"] = 0
         status = workspace.PAUSED
         try:
@@ -208,10 +208,10 @@ class LyapunovIntegrator:
                     stretch,
                     clock,
                     work,
-                    self._at,
-                    self._setup,
+                    self._state,
+                    self._propagation,
                     lengths,
-                    grown,
+                    growth,
                     self._run.steps_per_call,
                 )
                 self._extended.raise_fault()
@@ -219,13 +219,13 @@ class LyapunovIntegrator:
                 if collapse is not None and self.problem.discontinuity_check is not None:
                     self.problem.discontinuity_check(*collapse)
                 if progress is not None:
-                    progress(float(clock["cycle"] + clock["t"] / clock["period"] - begin))
+                    progress(float(clock["cycle"] + clock["t"] / clock["period"] - start))
         finally:
-            whole = int(work["chunk"])
-            self.grown += list(grown[:whole])
-            self.lengths += lengths[:whole].tolist()
+            chunk_count = int(work["chunk"])
+            self.growth += list(growth[:chunk_count])
+            self.lengths += lengths[:chunk_count].tolist()
         if status != workspace.DONE:
-            raise self._failure(float(lengths[: whole + 1].sum()))
+            raise self._failure(float(lengths[: chunk_count + 1].sum()))
         self.final = HybridState(
             int(clock["end_cycle"]),
             float(clock["end_phase"]),
@@ -240,11 +240,11 @@ class LyapunovIntegrator:
         A second chunk follows if events have changed components that were assumed fixed.
         """
         self.advance_exponents(1, progress)
-        loose = self._at.changed == 1
-        if (self._fixed & loose).any():
-            self._begin(loose)
+        jumps = self._state.jumps == 1
+        if (self._fixed & jumps).any():
+            self._set_columns(jumps)
             self.advance_exponents(1, progress)
-        self.grown.clear()
+        self.growth.clear()
         self.lengths.clear()
 
     def _length(self, number: int) -> float:
@@ -276,26 +276,26 @@ class LyapunovIntegrator:
 
     def _slopes(self) -> Floats:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
-        at, dy = self._at, np.zeros_like(self._at.y)
-        self._extended.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
-        return dy.reshape(-1, self._setup.variational.n)
+        state, dy = self._state, np.zeros_like(self._state.y)
+        self._extended.call(flow_at, int(state.cycle_mode[1]), float(state.t[0]), state.y, dy)
+        return dy.reshape(-1, self._propagation.variational.n)
 
-    def _begin(self, loose: NDArray[np.bool_]) -> None:
+    def _set_columns(self, jumps: NDArray[np.bool_]) -> None:
         """Set the columns to generic directions, except in components that the initial mode fixes.
 
         A component that the flow does not change is either fixed by a constraint, such as the
-        velocity of a stuck frame, or `loose`: changed by events only, such as the velocity of a
+        velocity of a stuck frame, or in `jumps`: changed by events only, such as the velocity of a
         body that is free between impacts.
         """
-        at, n, k = self._at, self._setup.variational.n, self._setup.k
-        columns = at.y[n:].reshape(k, n)
-        at.alive[:] = 1
+        state, n, k = self._state, self._propagation.variational.n, self._propagation.k
+        columns = state.y[n:].reshape(k, n)
+        state.alive[:] = 1
         for c in range(k):
             columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)
-        self._fixed = (self._slopes() == 0.0).all(axis=0) & ~loose
+        self._fixed = (self._slopes() == 0.0).all(axis=0) & ~jumps
         columns[:, self._fixed] = 0.0
-        self._run.call(constrain, at, self._setup)
-        orthonormalize(1e-6, at, self._setup)
+        self._run.call(constrain, state, self._propagation)
+        orthonormalize(1e-6, state, self._propagation)
 
 
 def largest(
@@ -326,10 +326,10 @@ def largest(
     chunk, count = stretching.chunk, MIN_CHUNKS
     while True:
         stretching.advance_exponents(count)
-        (exponent,), (error,), done = stretching.result
-        decided = abs(exponent) > max(sure * error, tolerance)
-        if error <= tolerance or decided or done + chunk > periods:
-            return float(exponent), float(error), int(done)
+        (exponent,), (error,), total = stretching.result
+        is_decided = abs(exponent) > max(sure * error, tolerance)
+        if error <= tolerance or is_decided or total + chunk > periods:
+            return float(exponent), float(error), int(total)
         count = 1
 
 
@@ -338,9 +338,9 @@ def _extended_problem(problem: Problem, size: int, rtol: float) -> Problem:
     automaton, options = problem.automaton, problem.options
     n, p = len(automaton.states), len(problem.parameters)
     flow = stretched_flow(automaton.flow, n, p, automaton.step)
-    columns = with_columns(problem, flow, _with_scratch(problem), size)
-    loose = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
-    return replace(columns, automaton=unguarded(columns.automaton), options=loose)
+    extended = with_columns(problem, flow, _with_scratch(problem), size)
+    column_options = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
+    return replace(extended, automaton=unguarded(extended.automaton), options=column_options)
 
 
 def _with_scratch(problem: Problem) -> Floats:
@@ -349,7 +349,7 @@ def _with_scratch(problem: Problem) -> Floats:
     return np.concatenate([np.asarray(problem.parameters, dtype=float), scratch])
 
 
-def standard_errors(grown: Floats, lengths: Floats) -> Floats:
+def standard_errors(growth: Floats, lengths: Floats) -> Floats:
     """Return the standard errors of the growth rates of columns.
 
     Successive chunks are correlated, so they are combined to longer and longer blocks, and the
@@ -364,21 +364,21 @@ def standard_errors(grown: Floats, lengths: Floats) -> Floats:
 
     Parameters
     ----------
-    grown : float array, shape (N, k)
+    growth : float array, shape (N, k)
         Logarithms of the growth in N chunks of a run.
     lengths : float array, shape (N,)
     """
-    errors = np.full(grown.shape[1], math.nan)
-    if len(grown) < MIN_CHUNKS:
+    errors = np.full(growth.shape[1], math.nan)
+    if len(growth) < MIN_CHUNKS:
         return errors
     periods = lengths.sum()
     while True:
-        rates = grown / lengths[:, None]
+        rates = growth / lengths[:, None]
         errors = np.fmax(errors, rates.std(axis=0, ddof=1) / math.sqrt(len(rates)))
-        if len(grown) < 4:
+        if len(growth) < 4:
             break
-        even = len(grown) // 2 * 2
-        grown = grown[0:even:2] + grown[1:even:2]
-        lengths = lengths[0:even:2] + lengths[1:even:2]
-    apart = np.abs(rates[-1] - rates[0])
-    return np.hypot(errors, np.minimum(1.0 / periods, np.sqrt(apart / periods)))
+        even_count = len(growth) // 2 * 2
+        growth = growth[0:even_count:2] + growth[1:even_count:2]
+        lengths = lengths[0:even_count:2] + lengths[1:even_count:2]
+    difference = np.abs(rates[-1] - rates[0])
+    return np.hypot(errors, np.minimum(1.0 / periods, np.sqrt(difference / periods)))

@@ -180,10 +180,10 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
     int
         Number of a segment whose integration failed, or -1.
     """
-    into = batch.variational
-    n, directions = into.n, into.directions
-    free = batch.states.shape[1] // n - 1 - directions
-    slope = into.work[5]
+    workspace = batch.variational
+    n, directions = workspace.n, workspace.directions
+    free_count = batch.states.shape[1] // n - 1 - directions
+    slope = workspace.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
     for i in range(batch.segments.shape[0]):
@@ -192,53 +192,53 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
         y, motions = batch.states[i], batch.motions[i]
         for j in range(2 * directions):
             interface.set_parameter(engine, block.size + j, motions[j])
-        if into.constrained[mode] == 1:
-            project(engine, mode, start, y, into, i)
+        if workspace.constrained[mode] == 1:
+            project(engine, mode, start, y, workspace, i)
         interface.margins(engine, mode, start, y, batch.margins[i, 0])
         interface.flow(engine, mode, start, y, slope)
         for c in range(n):
             batch.slopes[i, 0, c] = slope[c]
         for j in range(directions):
-            moved = motions[2 * j] + motions[2 * j + 1] * start
+            rate = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
-                y[n * (1 + free + j) + c] += slope[c] * moved
-        if not integrate(engine, mode, y, start, end, into, i, approaches=True):
+                y[n * (1 + free_count + j) + c] += slope[c] * rate
+        if not integrate(engine, mode, y, start, end, workspace, i, approaches=True):
             return i
         # The limit from the left, before a switch of the drive at the end.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
         for c in range(n):
             batch.slopes[i, 1, c] = slope[c]
         for j in range(directions):
-            moved = motions[2 * j] + motions[2 * j + 1] * end
+            rate = motions[2 * j] + motions[2 * j + 1] * end
             for c in range(n):
-                y[n * (1 + free + j) + c] -= slope[c] * moved
+                y[n * (1 + free_count + j) + c] -= slope[c] * rate
         interface.margins(engine, mode, batch.times[i, 3], y, batch.margins[i, 1])
         if code != NO_EVENT:
-            differentiate_event(engine, mode, code, end, y, batch.times[i, 2], into, i)
+            differentiate_event(engine, mode, code, end, y, batch.times[i, 2], workspace, i)
             for c in range(n):
                 batch.after[i, c] = y[c]
             batch.segments[i, 2] = interface.transition(engine, mode, code, end, batch.after[i])
     return -1
 
 
-def project(engine: Any, mode: int, t: float, y: Any, into: Any, place: int) -> None:
+def project(engine: Any, mode: int, t: float, y: Any, workspace: Any, row: int) -> None:
     """Project a state onto the manifold of its mode, and its columns onto the tangent space.
 
-    The columns of parameters, which may move the manifold, come last. Row `place` of margin and
-    jump of `into` is scratch.
+    The columns of parameters, which may move the manifold, come last. `row` of margin and jump of
+    the workspace is scratch.
     """
-    n, directions = into.n, into.directions
-    first = y.size // n - directions
-    differentiate_event(engine, mode, 2 * into.m + 1, t, y, math.inf, into, place)
-    jump, moved = into.jump[place], into.work[5]
+    n, directions = workspace.n, workspace.directions
+    first_direction = y.size // n - directions
+    differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, math.inf, workspace, row)
+    jump, projection = workspace.jump[row], workspace.work[5]
     for c in range(1, y.size // n):
         for i in range(n):
-            moved[i] = jump[i, n + 2 + c - first] if c >= first else 0.0
+            projection[i] = jump[i, n + 2 + c - first_direction] if c >= first_direction else 0.0
             for j in range(n):
-                moved[i] += jump[i, 1 + j] * y[n * c + j]
+                projection[i] += jump[i, 1 + j] * y[n * c + j]
         for i in range(n):
-            y[n * c + i] = moved[i]
-    interface.transition(engine, mode, 2 * into.m + 1, t, y)
+            y[n * c + i] = projection[i]
+    interface.transition(engine, mode, 2 * workspace.m + 1, t, y)
 
 
 def integrate(
@@ -247,31 +247,31 @@ def integrate(
     y: Any,
     start: float,
     end: float,
-    into: Any,
-    place: int,
+    workspace: Any,
+    row: int,
     approaches: bool,
 ) -> bool:
     """Integrate `mode` from `start` to `end` in place; return whether it succeeded.
 
-    If `approaches`, write closest approaches into row `place` of `into`, a `VariationalWorkspace`.
+    If `approaches`, write closest approaches into `row` of a `VariationalWorkspace`.
     """
     if approaches:
-        for i in range(into.m):
-            into.minima[place, 0, i] = math.inf
-            into.minima[place, 1, i] = math.nan
+        for i in range(workspace.m):
+            workspace.minima[row, 0, i] = math.inf
+            workspace.minima[row, 1, i] = math.nan
             # The large bias leaves only roots of rates. A margin and its rate that are both zero
             # would stop CVODE ("root found very near t").
             interface.set_bias(engine, i, 1e300)
     if start - end > MAX_BACKWARD_TIME:
         return False
     if end <= start:
-        integrate_backward(engine, mode, y, start, end, into.work)
+        integrate_backward(engine, mode, y, start, end, workspace.work)
         return True
     if approaches:
-        start_approach_detection(engine, mode, start, y, into)
+        start_approach_detection(engine, mode, start, y, workspace)
     interface.restart(engine, mode, start, y, end)  # the drive may switch there
     t = start
-    for _ in range(into.max_steps):
+    for _ in range(workspace.max_steps):
         status = interface.step(engine)
         if status < 0:
             return False
@@ -279,110 +279,122 @@ def integrate(
             interface.state(engine, y)
             interface.restart(engine, mode, interface.time(engine), y, end)
             continue
-        before, t = t, interface.time(engine)
+        t_start, t = t, interface.time(engine)
         if approaches:
-            detect_approaches(engine, status, mode, before, t, y, into, place)
+            detect_approaches(engine, status, mode, t_start, t, y, workspace, row)
         if t >= end:
             interface.interpolate(engine, end, y)
             return True
     return False
 
 
-def start_approach_detection(engine: Any, mode: int, t: float, y: Any, into: Any) -> None:
+def start_approach_detection(engine: Any, mode: int, t: float, y: Any, workspace: Any) -> None:
     """Store margins and rates at the start (t, y) of an arc."""
-    now, curved, highest = into.work[2], into.work[3], into.work[6]
-    interface.margins(engine, mode, t, y, now)
-    for i in range(into.m):
-        curved[i] = 0.0
-        highest[i] = now[i]
+    margins, curvatures, maxima = workspace.work[2], workspace.work[3], workspace.work[6]
+    interface.margins(engine, mode, t, y, margins)
+    for i in range(workspace.m):
+        curvatures[i] = 0.0
+        maxima[i] = margins[i]
 
 
 def detect_approaches(
-    engine: Any, status: int, mode: int, before: float, t: float, y: Any, into: Any, place: int
+    engine: Any, status: int, mode: int, t_start: float, t: float, y: Any, workspace: Any, row: int
 ) -> None:
-    """Record the closest approaches in the last step, from `before` to `t`.
+    """Record the closest approaches in the last step, from `t_start` to `t`.
 
     The engine reports an approach if the rate changes sign over the step. Others are found as
     hidden crossings of runs are (`event_detection.find_hidden_crossing`). Overwrites `y`.
     """
-    m, h = into.m, t - before
-    then, now, curved, highest = into.work[1], into.work[2], into.work[3], into.work[6]
+    m, h, work = workspace.m, t - t_start, workspace.work
+    margins_before, margins_after, curvatures, maxima = work[1], work[2], work[3], work[6]
     for k in range(2 * m):
-        then[k] = now[k]
-    interface.end_margins(engine, now)
+        margins_before[k] = margins_after[k]
+    interface.end_margins(engine, margins_after)
     for i in range(m):
         direction = 0
         if status == interface.ROOT:
             direction = interface.root_directions(engine, m + i)
         if direction != 0:
-            now[m + i] = 0.0
-        if h > 0.0 and (now[i] != then[i] or now[m + i] != then[m + i]):
-            curved[i] = max(abs(now[m + i] - then[m + i]) / h, RATE_CHANGE_DECAY * curved[i])
-            if not certify_no_crossing(then[i], then[m + i], now[i], now[m + i], h, curved[i]):
-                find_closest_approaches(engine, mode, i, before, t, y, into, place)
+            margins_after[m + i] = 0.0
+        if h > 0.0 and (
+            margins_after[i] != margins_before[i] or margins_after[m + i] != margins_before[m + i]
+        ):
+            curvatures[i] = max(
+                abs(margins_after[m + i] - margins_before[m + i]) / h,
+                RATE_CHANGE_DECAY * curvatures[i],
+            )
+            if not certify_no_crossing(
+                margins_before[i],
+                margins_before[m + i],
+                margins_after[i],
+                margins_after[m + i],
+                h,
+                curvatures[i],
+            ):
+                find_closest_approaches(engine, mode, i, t_start, t, y, workspace, row)
         if direction > 0:
             interface.state(engine, y)
-            record_approach(i, t, now[i], y, into, place)
-        highest[i] = max(highest[i], now[i])
+            record_approach(i, t, margins_after[i], y, workspace, row)
+        maxima[i] = max(maxima[i], margins_after[i])
 
 
 def find_closest_approaches(
-    engine: Any, mode: int, i: int, before: float, t: float, y: Any, into: Any, place: int
+    engine: Any, mode: int, i: int, t_start: float, t: float, y: Any, workspace: Any, row: int
 ) -> None:
     """Record the closest approaches of margin `i` near or below zero inside the last step.
 
     The step is scanned in parts so short that the margin remains positive, is monotonic, or has one
     extremum. Overwrites `y`.
     """
-    m = into.m
-    then, now, g, highest = into.work[1], into.work[2], into.work[4], into.work[6]
-    a, g_a, r_a = before, then[i], then[m + i]
-    curved = into.work[3][i]
+    m, work = workspace.m, workspace.work
+    margins_before, margins_after, g, maxima = work[1], work[2], work[4], work[6]
+    a, g_a, r_a = t_start, margins_before[i], margins_before[m + i]
+    curvature = work[3][i]
     interface.interpolate(engine, t, y)
-    rounding = margin_rounding(max(abs(then[i]), abs(now[i])), y, into.n)
-    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
-    width = 0.5 * (t - before)
+    rounding = margin_rounding(max(abs(margins_before[i]), abs(margins_after[i])), y, workspace.n)
+    min_width = max(MIN_SUBSTEP_RATIO * (t - t_start), 8.0 * EPS * abs(t))
+    width = 0.5 * (t - t_start)
     while a < t:
         b = a + width if a + 1.5 * width < t else t
-        g_b, r_b = now[i], now[m + i]
+        g_b, r_b = margins_after[i], margins_after[m + i]
         if b < t:
             interface.interpolate(engine, b, y)
             interface.margins(engine, mode, b, y, g)
             g_b, r_b = g[i], g[m + i]
         h = b - a
-        curved = max(curved, abs(r_b - r_a) / h)
-        slowest, fastest = min(abs(r_a), abs(r_b)), max(abs(r_a), abs(r_b), curved * h)
-        monotonic = r_a * r_b > 0.0 and slowest > curved * h
-        certain = (
-            monotonic
-            or fastest * h <= rounding
-            or certify_no_crossing(g_a, r_a, g_b, r_b, h, curved)
+        curvature = max(curvature, abs(r_b - r_a) / h)
+        min_rate, max_rate = min(abs(r_a), abs(r_b)), max(abs(r_a), abs(r_b), curvature * h)
+        is_monotonic = r_a * r_b > 0.0 and min_rate > curvature * h
+        is_certain = (
+            is_monotonic
+            or max_rate * h <= rounding
+            or certify_no_crossing(g_a, r_a, g_b, r_b, h, curvature)
         )
-        if h > finest and not certain:
+        if h > min_width and not is_certain:
             width *= 0.5
             continue
-        if not certain and r_a < 0.0 < r_b:
-            closest = bisect_rate(engine, mode, m + i, a, b, 1.0, y, g)
-            interface.interpolate(engine, closest, y)
-            interface.margins(engine, mode, closest, y, g)
-            record_approach(i, closest, g[i], y, into, place)
-        highest[i] = max(highest[i], g_b)
+        if not is_certain and r_a < 0.0 < r_b:
+            t_closest = bisect_rate(engine, mode, m + i, a, b, 1.0, y, g)
+            interface.interpolate(engine, t_closest, y)
+            interface.margins(engine, mode, t_closest, y, g)
+            record_approach(i, t_closest, g[i], y, workspace, row)
+        maxima[i] = max(maxima[i], g_b)
         a, g_a, r_a = b, g_b, r_b
         width *= 2.0
 
 
-def record_approach(i: int, t: float, margin: float, y: Any, into: Any, place: int) -> None:
+def record_approach(i: int, t: float, margin: float, y: Any, workspace: Any, row: int) -> None:
     """Record a closest approach of margin `i` at (t, y) if it is the closest so far.
 
     At the start of an arc with margin and rate zero, the rate may be negative by rounding.
     """
-    minima, highest = into.minima[place], into.work[6][i]
-    fallen = highest - margin > margin_rounding(max(abs(highest), abs(margin)), y, into.n)
-    if fallen and margin < minima[0, i]:
+    minima, maximum = workspace.minima[row], workspace.work[6][i]
+    is_minimum = maximum - margin > margin_rounding(max(abs(maximum), abs(margin)), y, workspace.n)
+    if is_minimum and margin < minima[0, i]:
         minima[0, i] = margin
         minima[1, i] = t
         for j in range(y.size):
-            into.touches[place, i, j] = y[j]
+            workspace.touches[row, i, j] = y[j]
 
 
 def margin_rounding(margin: float, y: Any, n: int) -> float:
@@ -421,96 +433,105 @@ def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float,
 
 
 def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
-    """Set the parameters to `p`, moved by `h` along a direction (stored after them)."""
+    """Set the parameters to `p`, shifted by `h` along a direction (stored after them)."""
     for i in range(count):
-        moved = h * interface.parameter(engine, count * (1 + direction) + i)
-        interface.set_parameter(engine, i, p[i] + moved)
+        shift = h * interface.parameter(engine, count * (1 + direction) + i)
+        interface.set_parameter(engine, i, p[i] + shift)
 
 
 def differentiate_event(
-    engine: Any, mode: int, code: int, t: float, y: Any, room: float, into: Any, place: int
+    engine: Any, mode: int, code: int, t: float, y: Any, time_range: float, workspace: Any, row: int
 ) -> None:
     """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
 
-    The results are in row `place` of margin and jump of `into`, a `VariationalWorkspace`.
-    Differences in time stay within `room` of `t`. The engine's parameters are moved and restored.
+    The results are in `row` of margin and jump of a `VariationalWorkspace`. Differences in time
+    stay within `time_range` of `t`. The engine's parameters are shifted and restored.
     """
-    n, m, count, directions = into.n, into.m, into.parameters, into.directions
-    margin, jump, width, work = into.margin[place], into.jump[place], into.width, into.work
-    shifted, g, p = work[0], work[6], work[7]
+    n, m, count, directions = workspace.n, workspace.m, workspace.parameters, workspace.directions
+    margin, jump = workspace.margin[row], workspace.jump[row]
+    width, work = workspace.width, workspace.work
+    y_shifted, g, p = work[0], work[6], work[7]
     for i in range(count):
         p[i] = interface.parameter(engine, i)
     for i in range(n):
-        shifted[i] = y[i]
-    interface.margins(engine, mode, t, shifted, g)
-    interface.transition(engine, mode, code, t, shifted)
+        y_shifted[i] = y[i]
+    interface.margins(engine, mode, t, y_shifted, g)
+    interface.transition(engine, mode, code, t, y_shifted)
     for i in range(2 * m):
         margin[i, 0] = g[i]
     for i in range(n):
-        jump[i, 0] = shifted[i]
+        jump[i, 0] = y_shifted[i]
     for c in range(1, 2 + n + directions):
-        step = min(width, 0.3 * room) if c == n + 1 else width
-        smooth = difference(engine, mode, code, t, y, c, step, into, place)
+        step = min(width, 0.3 * time_range) if c == n + 1 else width
+        is_smooth = difference(engine, mode, code, t, y, c, step, workspace, row)
         # A function may be discontinuous near (t, y), as an angle modulo one turn: a smaller step
         # avoids the discontinuity, unless it is at (t, y).
         for k in range(1, 1 + MAX_REDUCTIONS):
-            if not smooth:
-                near = step * STEP_REDUCTION**k
-                smooth = difference(engine, mode, code, t, y, c, near, into, place)
-                if k == MAX_REDUCTIONS and not smooth:
-                    difference(engine, mode, code, t, y, c, step, into, place)
+            if not is_smooth:
+                smaller_step = step * STEP_REDUCTION**k
+                is_smooth = difference(engine, mode, code, t, y, c, smaller_step, workspace, row)
+                if k == MAX_REDUCTIONS and not is_smooth:
+                    difference(engine, mode, code, t, y, c, step, workspace, row)
 
 
 def difference(
-    engine: Any, mode: int, code: int, t: float, y: Any, c: int, step: float, into: Any, place: int
+    engine: Any,
+    mode: int,
+    code: int,
+    t: float,
+    y: Any,
+    c: int,
+    step: float,
+    workspace: Any,
+    row: int,
 ) -> bool:
     """Write the differences along one direction into column `c` (see `differentiate_event`).
 
     Returns whether the functions are smooth: their sixth differences are far below their changes.
     """
-    n, m, count, work = into.n, into.m, into.parameters, into.work
-    margin, jump = into.margin[place], into.jump[place]
-    shifted, sixth, change, g, p = work[0], work[1], work[2], work[6], work[7]
+    n, m, count, work = workspace.n, workspace.m, workspace.parameters, workspace.work
+    margin, jump = workspace.margin[row], workspace.jump[row]
+    y_shifted, sixth_differences, change, g, p = work[0], work[1], work[2], work[6], work[7]
     for i in range(2 * m):
         margin[i, c] = 0.0
     for i in range(n):
         jump[i, c] = 0.0
     for i in range(2 * m + n):
         value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
-        sixth[i] = -20.0 * value
+        sixth_differences[i] = -20.0 * value
         change[i] = 0.0
     for s in range(-3, 4):
         if s != 0:
             h = s * step
             weight = weight_of(s) / step
-            bend = 15.0 if abs(s) == 1 else (-6.0 if abs(s) == 2 else 1.0)
+            sixth_weight = 15.0 if abs(s) == 1 else (-6.0 if abs(s) == 2 else 1.0)
             time = t
             for i in range(n):
-                shifted[i] = y[i]
+                y_shifted[i] = y[i]
             if c <= n:
-                shifted[c - 1] += h
+                y_shifted[c - 1] += h
             elif c == n + 1:
                 time += h
             else:
                 move_parameters(engine, p, count, c - n - 2, h)
-            interface.margins(engine, mode, time, shifted, g)
-            interface.transition(engine, mode, code, time, shifted)
+            interface.margins(engine, mode, time, y_shifted, g)
+            interface.transition(engine, mode, code, time, y_shifted)
             if c > n + 1:
                 move_parameters(engine, p, count, c - n - 2, 0.0)
             for i in range(2 * m):
                 margin[i, c] += weight * g[i]
-                sixth[i] += bend * g[i]
+                sixth_differences[i] += sixth_weight * g[i]
                 change[i] = max(change[i], abs(g[i] - margin[i, 0]))
             for i in range(n):
-                jump[i, c] += weight * shifted[i]
-                sixth[2 * m + i] += bend * shifted[i]
-                change[2 * m + i] = max(change[2 * m + i], abs(shifted[i] - jump[i, 0]))
-    smooth = True
+                jump[i, c] += weight * y_shifted[i]
+                sixth_differences[2 * m + i] += sixth_weight * y_shifted[i]
+                change[2 * m + i] = max(change[2 * m + i], abs(y_shifted[i] - jump[i, 0]))
+    is_smooth = True
     for i in range(2 * m + n):
         value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
-        if abs(sixth[i]) > SMOOTHNESS_RTOL * change[i] + 1e-11 * (1.0 + abs(value)):
-            smooth = False
-    return smooth
+        if abs(sixth_differences[i]) > SMOOTHNESS_RTOL * change[i] + 1e-11 * (1.0 + abs(value)):
+            is_smooth = False
+    return is_smooth
 
 
 # --- Perturbations along a run
@@ -534,7 +555,7 @@ class PerturbationState(NamedTuple):
     y : float array, shape (n (1 + k),)
         The state, its cyclic components zero, then the columns: orthonormal but for their cyclic
         components.
-    place : int array, shape (2,)
+    cycle_mode : int array, shape (2,)
         Completed periods before the time base, and the mode.
     t : float array, shape (1,)
         Time since the time base.
@@ -544,19 +565,19 @@ class PerturbationState(NamedTuple):
         Logarithms of the growth of each column.
     alive : int array, shape (k,)
         0 for a column that an event has reduced to zero.
-    changed : int array, shape (n,)
+    jumps : int array, shape (n,)
         1 for a component that an event has affected.
     length : float array, shape (1,)
         Longest time between orthonormalizations, at most the time scale.
     """
 
     y: Any
-    place: Any
+    cycle_mode: Any
     t: Any
     shifts: Any
     growth: Any
     alive: Any
-    changed: Any
+    jumps: Any
     length: Any
 
 
@@ -588,32 +609,34 @@ class PropagationProblem(NamedTuple):
     switches: Any
 
 
-def propagate_to_event(engine: Any, extended: Any, event: Any, at: Any, setup: Any) -> bool:
+def propagate_to_event(
+    engine: Any, column_engine: Any, event: Any, state: Any, problem: Any
+) -> bool:
     """Propagate the columns up to an event and through it; return whether it succeeded."""
-    into = setup.variational
-    n, kind, guard = into.n, int(event[KIND]), int(event[GUARD])
-    no_transition = kind == TRANSITION and setup.records[guard] == 1
-    if no_transition or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
+    workspace = problem.variational
+    n, kind, guard = workspace.n, int(event[KIND]), int(event[GUARD])
+    is_record = kind == TRANSITION and problem.records[guard] == 1
+    if is_record or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
         return True
     cycle, time = int(event[CYCLE]), event[TIME]
     if kind == ACCUMULATION:
         # The state before an accumulation is that at the last impact of its sequence.
-        if not is_at(event, at, setup):
-            if not propagate(engine, extended, cycle, time, at, setup):
+        if not is_at(event, state, problem):
+            if not propagate(engine, column_engine, cycle, time, state, problem):
                 return False
-            load_state(event, HEAD, at, setup)
-        apply_rest_saltation(engine, guard, at, setup)
-        orthonormalize(ZERO_COLUMN, at, setup)
-    if not propagate(engine, extended, cycle, time, at, setup):
+            load_state(event, HEAD, state, problem)
+        apply_rest_saltation(engine, guard, state, problem)
+        orthonormalize(ZERO_COLUMN, state, problem)
+    if not propagate(engine, column_engine, cycle, time, state, problem):
         return False
-    load_state(event, HEAD, at, setup)
+    load_state(event, HEAD, state, problem)
     if kind in (TRANSITION, SWITCH):
-        apply_saltation(engine, event, at, setup)
-    at.place[1] = int(event[MODE_AFTER])
-    load_state(event, HEAD + n, at, setup)
+        apply_saltation(engine, event, state, problem)
+    state.cycle_mode[1] = int(event[MODE_AFTER])
+    load_state(event, HEAD + n, state, problem)
     if kind != REBASE:
-        constrain(engine, at, setup)
-        orthonormalize(ZERO_COLUMN, at, setup)
+        constrain(engine, state, problem)
+        orthonormalize(ZERO_COLUMN, state, problem)
     return True
 
 
@@ -622,254 +645,267 @@ def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     interface.flow(engine, mode, t, y, dy)
 
 
-def load_state(values: Any, first: int, at: Any, setup: Any) -> None:
+def load_state(values: Any, first: int, state: Any, problem: Any) -> None:
     """Set the state to the values from `first` on, with cyclic components zero."""
-    into = setup.variational
-    for j in range(into.n):
-        at.y[j] = 0.0 if setup.cyclic[j] == 1 else values[first + j]
+    workspace = problem.variational
+    for j in range(workspace.n):
+        state.y[j] = 0.0 if problem.cyclic[j] == 1 else values[first + j]
 
 
-def is_at(event: Any, at: Any, setup: Any) -> bool:
+def is_at(event: Any, state: Any, problem: Any) -> bool:
     """Return whether the columns are at the state before an event."""
-    into = setup.variational
-    same = True
-    for j in range(into.n):
-        same = same and (setup.cyclic[j] == 1 or at.y[j] == event[HEAD + j])
-    return same
+    workspace = problem.variational
+    is_same = True
+    for j in range(workspace.n):
+        is_same = is_same and (problem.cyclic[j] == 1 or state.y[j] == event[HEAD + j])
+    return is_same
 
 
-def ahead_of(at: Any, cycle: int, time: float, setup: Any) -> float:
+def time_until(state: Any, cycle: int, time: float, problem: Any) -> float:
     """Return the time from state and columns to an instant."""
-    return time + (cycle - at.place[0]) * setup.period - at.t[0]
+    return time + (cycle - state.cycle_mode[0]) * problem.period - state.t[0]
 
 
-def propagate(engine: Any, extended: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
+def propagate(
+    engine: Any, column_engine: Any, cycle: int, time: float, state: Any, problem: Any
+) -> bool:
     """Integrate state and columns up to an instant; return whether it succeeded.
 
     The columns are orthonormalized at intervals and at the end. A past instant has no effect.
     """
-    into = setup.variational
-    if ahead_of(at, cycle, time, setup) <= 0.0:
+    workspace = problem.variational
+    if time_until(state, cycle, time, problem) <= 0.0:
         return True
     while True:
-        while at.t[0] >= setup.period:
-            at.t[0] -= setup.period
-            at.place[0] += 1
-        left = ahead_of(at, cycle, time, setup)
-        parts = math.ceil(left / at.length[0])
-        end = at.t[0] + left / parts
-        if parts <= 1:
-            end = time + (cycle - at.place[0]) * setup.period
-        mode = at.place[1]
-        succeeded = end <= at.t[0] or integrate(
-            extended, mode, at.y, at.t[0], end, into, 0, approaches=False
+        while state.t[0] >= problem.period:
+            state.t[0] -= problem.period
+            state.cycle_mode[0] += 1
+        remaining = time_until(state, cycle, time, problem)
+        part_count = math.ceil(remaining / state.length[0])
+        end = state.t[0] + remaining / part_count
+        if part_count <= 1:
+            end = time + (cycle - state.cycle_mode[0]) * problem.period
+        mode = state.cycle_mode[1]
+        success = end <= state.t[0] or integrate(
+            column_engine, mode, state.y, state.t[0], end, workspace, 0, approaches=False
         )
-        if not succeeded:
+        if not success:
             return False
-        whole = 2.0 * (end - at.t[0]) >= at.length[0]  # a shorter part is not representative
-        at.t[0] = end
-        for j in range(setup.k):
-            at.shifts[j] = 0.0
-        constrain(engine, at, setup)
-        least = orthonormalize(0.0, at, setup)
-        if least < REORTHONORMALIZE_BELOW:
-            at.length[0] *= 0.5
-        elif whole and least > REORTHONORMALIZE_BELOW**0.25 and at.length[0] < setup.scale:
-            at.length[0] *= 2.0
-        if parts <= 1:
+        # A shorter part is not representative.
+        is_whole = 2.0 * (end - state.t[0]) >= state.length[0]
+        state.t[0] = end
+        for j in range(problem.k):
+            state.shifts[j] = 0.0
+        constrain(engine, state, problem)
+        min_ratio = orthonormalize(0.0, state, problem)
+        if min_ratio < REORTHONORMALIZE_BELOW:
+            state.length[0] *= 0.5
+        elif (
+            is_whole
+            and min_ratio > REORTHONORMALIZE_BELOW**0.25
+            and state.length[0] < problem.scale
+        ):
+            state.length[0] *= 2.0
+        if part_count <= 1:
             return True
 
 
-def constrain(engine: Any, at: Any, setup: Any) -> None:
+def constrain(engine: Any, state: Any, problem: Any) -> None:
     """Project the columns onto the tangent space of the mode's manifold."""
-    into = setup.variational
-    if into.constrained[at.place[1]] == 1:
-        project(engine, at.place[1], at.t[0], at.y, into, 0)
+    workspace = problem.variational
+    if workspace.constrained[state.cycle_mode[1]] == 1:
+        project(engine, state.cycle_mode[1], state.t[0], state.y, workspace, 0)
 
 
-def apply_saltation(engine: Any, event: Any, at: Any, setup: Any) -> None:
+def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
     """Propagate the columns through the transition of an event by its saltation matrix.
 
     A perturbed motion reaches the guard earlier by w . grad h / (the rate of h). This shift is zero
     at a switch of the drive. A guard that a transition of this instant has made negative fires with
     that transition, and has its shift.
     """
-    into = setup.variational
-    n, m, k = into.n, into.m, setup.k
-    guard, switch = int(event[GUARD]), int(event[KIND]) == SWITCH
-    mode, t = int(event[MODE_BEFORE]), at.t[0]
-    before, after = into.work[8], into.work[9]
+    workspace = problem.variational
+    n, m, k = workspace.n, workspace.m, problem.k
+    guard, is_switch = int(event[GUARD]), int(event[KIND]) == SWITCH
+    mode, t = int(event[MODE_BEFORE]), state.t[0]
+    flow_before, flow_after = workspace.work[8], workspace.work[9]
     # The limit from the left, before a switch of the drive.
-    interface.flow(engine, mode, t - 1e-15 * abs(t), at.y, before)
-    differentiate(engine, mode, 2 * m if switch else guard, at, setup)
-    rate, beyond = 0.0, True
-    if not switch:
+    interface.flow(engine, mode, t - 1e-15 * abs(t), state.y, flow_before)
+    differentiate(engine, mode, 2 * m if is_switch else guard, state, problem)
+    rate, is_beyond = 0.0, True
+    if not is_switch:
         size = gain = 0.0
-        rate = into.margin[0, guard, n + 1]
+        rate = workspace.margin[0, guard, n + 1]
         for j in range(n):
-            slope = into.margin[0, guard, 1 + j]
-            rate += slope * before[j]
+            slope = workspace.margin[0, guard, 1 + j]
+            rate += slope * flow_before[j]
             gain += abs(slope)
-            size += abs(slope * at.y[j])
-        error = setup.rtol * size + setup.atol * gain
-        far = TOLERANCES * error + 1e-6 * abs(rate) * setup.scale
-        beyond = into.margin[0, guard, 0] < -far
+            size += abs(slope * state.y[j])
+        error = problem.rtol * size + problem.atol * gain
+        depth = TOLERANCES * error + 1e-6 * abs(rate) * problem.scale
+        is_beyond = workspace.margin[0, guard, 0] < -depth
         rate = math.copysign(max(abs(rate), MIN_RATE), rate)
-    state = into.work[10]
+    y_before = workspace.work[10]
     for j in range(n):
-        state[j] = at.y[j]
-        at.y[j] = event[HEAD + n + j]
-    interface.flow(engine, int(event[MODE_AFTER]), t, at.y, after)
+        y_before[j] = state.y[j]
+        state.y[j] = event[HEAD + n + j]
+    interface.flow(engine, int(event[MODE_AFTER]), t, state.y, flow_after)
     for j in range(n):
-        at.y[j] = state[j]
+        state.y[j] = y_before[j]
     for i in range(n):
-        acts = abs(into.jump[0, i, n + 1] + before[i] - after[i])
+        effect = abs(workspace.jump[0, i, n + 1] + flow_before[i] - flow_after[i])
         for j in range(n):
-            acts = max(acts, abs(into.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
-        at.changed[i] |= int(acts > JUMP_TOLERANCE)
+            effect = max(effect, abs(workspace.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
+        state.jumps[i] |= int(effect > JUMP_TOLERANCE)
     for c in range(k):
-        if not beyond:
-            at.shifts[c] = 0.0
+        if not is_beyond:
+            state.shifts[c] = 0.0
             for j in range(n):
-                at.shifts[c] += into.margin[0, guard, 1 + j] * at.y[n * (1 + c) + j] / rate
-        update_column(c, before, after, at, setup)
+                state.shifts[c] += (
+                    workspace.margin[0, guard, 1 + j] * state.y[n * (1 + c) + j] / rate
+                )
+        update_column(c, flow_before, flow_after, state, problem)
 
 
-def apply_rest_saltation(engine: Any, guard: int, at: Any, setup: Any) -> None:
+def apply_rest_saltation(engine: Any, guard: int, state: Any, problem: Any) -> None:
     """Propagate state and columns through the impact without rebound at the end of chatter.
 
     The sequences of all perturbed motions end too, with a gap of zero: successive impulses close
     the gap, and displace the bodies in the same ratio as they change velocities. The remaining
     flights are so low that the instant of the transition is irrelevant.
     """
-    into = setup.variational
-    n, mode = into.n, at.place[1]
-    none, after, closing = into.work[8], into.work[9], into.work[5]
+    workspace = problem.variational
+    n, mode = workspace.n, state.cycle_mode[1]
+    flow_before, flow_after, response = workspace.work[8], workspace.work[9], workspace.work[5]
     for j in range(n):
-        none[j] = after[j] = 0.0
-    differentiate(engine, mode, into.m + guard, at, setup)
-    contact_response(engine, mode, guard, closing, at, setup)
-    closed = 0.0
+        flow_before[j] = flow_after[j] = 0.0
+    differentiate(engine, mode, workspace.m + guard, state, problem)
+    contact_response(engine, mode, guard, response, state, problem)
+    gap_response = 0.0
     for j in range(n):
-        closed += into.margin[0, guard, 1 + j] * closing[j]
-    for c in range(setup.k):
-        at.shifts[c] = 0.0
+        gap_response += workspace.margin[0, guard, 1 + j] * response[j]
+    for c in range(problem.k):
+        state.shifts[c] = 0.0
         column = n * (1 + c)
         gap = 0.0
         for j in range(n):
-            gap += into.margin[0, guard, 1 + j] * at.y[column + j]
+            gap += workspace.margin[0, guard, 1 + j] * state.y[column + j]
         for j in range(n):
-            at.y[column + j] -= gap / closed * closing[j] if closed != 0.0 else 0.0
-        update_column(c, none, after, at, setup)
-    at.place[1] = interface.transition(engine, mode, into.m + guard, at.t[0], at.y)
+            state.y[column + j] -= gap / gap_response * response[j] if gap_response != 0.0 else 0.0
+        update_column(c, flow_before, flow_after, state, problem)
+    state.cycle_mode[1] = interface.transition(
+        engine, mode, workspace.m + guard, state.t[0], state.y
+    )
 
 
-def contact_response(engine: Any, mode: int, guard: int, moved: Any, at: Any, setup: Any) -> None:
-    """Write into `moved` the rate of change of the state after a unit impulse at contact `guard`.
+def contact_response(
+    engine: Any, mode: int, guard: int, response: Any, state: Any, problem: Any
+) -> None:
+    """Write into `response` the rate of change of the state after a unit impulse at a contact.
 
     The impulse is the derivative of the transition along the gradient of the rate (the closing
-    speed). Requires `differentiate` at the contact.
+    speed). Requires `differentiate` at the contact, that of `guard`.
     """
-    into = setup.variational
-    n, rate = into.n, into.m + guard
-    x, behind = into.work[0], into.work[6]
+    workspace = problem.variational
+    n, rate = workspace.n, workspace.m + guard
+    x, slope_behind = workspace.work[0], workspace.work[6]
     for i in range(n):
-        moved[i] = -into.margin[0, rate, 1 + i]
+        response[i] = -workspace.margin[0, rate, 1 + i]
         for j in range(n):
-            moved[i] += into.jump[0, i, 1 + j] * into.margin[0, rate, 1 + j]
-    length = length_of(moved, 0, n)
-    h = into.width / length if length > 0.0 else 0.0
+            response[i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
+    length = length_of(response, 0, n)
+    h = workspace.width / length if length > 0.0 else 0.0
     for i in range(n):
-        x[i] = at.y[i] - h * moved[i]
-    interface.flow(engine, mode, at.t[0], x, behind)
+        x[i] = state.y[i] - h * response[i]
+    interface.flow(engine, mode, state.t[0], x, slope_behind)
     for i in range(n):
-        x[i] = at.y[i] + h * moved[i]
-    interface.flow(engine, mode, at.t[0], x, moved)
+        x[i] = state.y[i] + h * response[i]
+    interface.flow(engine, mode, state.t[0], x, response)
     for i in range(n):
-        moved[i] -= behind[i]
+        response[i] -= slope_behind[i]
 
 
-def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> None:
+def differentiate(engine: Any, mode: int, code: int, state: Any, problem: Any) -> None:
     """Differentiate margins and transition `code` at the present state, into margin and jump."""
-    into = setup.variational
-    t, room = at.t[0], math.inf
-    for i in range(setup.switches.size):
-        since = abs(t - setup.switches[i]) % setup.period
-        room = max(min(room, since, setup.period - since), MIN_TIME_STEP)
-    differentiate_event(engine, mode, code, t, at.y, room, into, 0)
+    workspace = problem.variational
+    t, time_range = state.t[0], math.inf
+    for i in range(problem.switches.size):
+        distance = abs(t - problem.switches[i]) % problem.period
+        time_range = max(min(time_range, distance, problem.period - distance), MIN_TIME_STEP)
+    differentiate_event(engine, mode, code, t, state.y, time_range, workspace, 0)
 
 
-def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
-    """Apply the saltation matrix to column `c`, with the flow `before` and `after` the event.
+def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem: Any) -> None:
+    """Apply the saltation matrix to column `c`, with the flow before and after the event.
 
     For a motion whose event is earlier by the shift, the flow after it acts longer by the shift,
     and the flow before it shorter.
     """
-    into = setup.variational
-    n, column, shift = into.n, into.n * (1 + c), at.shifts[c]
-    result = into.work[10]
-    length = largest = 0.0
+    workspace = problem.variational
+    n, column, shift = workspace.n, workspace.n * (1 + c), state.shifts[c]
+    result = workspace.work[10]
+    length = max_size = 0.0
     for i in range(n):
-        largest = max(largest, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
-        kick = after[i] - into.jump[0, i, n + 1]
-        parts = abs(after[i]) + abs(into.jump[0, i, n + 1])
+        max_size = max(max_size, abs(state.y[column + i]) if problem.cyclic[i] == 0 else 0.0)
+        kick = flow_after[i] - workspace.jump[0, i, n + 1]
+        size = abs(flow_after[i]) + abs(workspace.jump[0, i, n + 1])
         for j in range(n):
-            kick -= into.jump[0, i, 1 + j] * before[j]
-            parts += abs(into.jump[0, i, 1 + j] * before[j])
+            kick -= workspace.jump[0, i, 1 + j] * flow_before[j]
+            size += abs(workspace.jump[0, i, 1 + j] * flow_before[j])
         result[i] = kick * shift if shift != 0.0 else 0.0
-        parts = parts * abs(shift) if shift != 0.0 else 0.0
+        size = size * abs(shift) if shift != 0.0 else 0.0
         for j in range(n):
-            moved = into.jump[0, i, 1 + j] * at.y[column + j]
-            result[i] += moved
-            parts += abs(moved)
-        if setup.cyclic[i] == 0:
+            term = workspace.jump[0, i, 1 + j] * state.y[column + j]
+            result[i] += term
+            size += abs(term)
+        if problem.cyclic[i] == 0:
             length = max(length, abs(result[i]))
-            largest = max(largest, parts)
-    if length <= ZERO_COLUMN * largest:
-        at.alive[c] = 0
+            max_size = max(max_size, size)
+    if length <= ZERO_COLUMN * max_size:
+        state.alive[c] = 0
     for i in range(n):
-        at.y[column + i] = result[i]
+        state.y[column + i] = result[i]
 
 
-def orthonormalize(zero_part: float, at: Any, setup: Any) -> float:
+def orthonormalize(zero_part: float, state: Any, problem: Any) -> float:
     """Orthonormalize the columns, and accumulate their growth.
 
     Gram-Schmidt, applied twice for full accuracy. Returns the smallest remaining part of a column.
     A column with a remaining part of at most `zero_part` is zero from then on.
     """
-    into = setup.variational
-    n, least = into.n, 1.0
-    for c in range(setup.k):
+    workspace = problem.variational
+    n, min_ratio = workspace.n, 1.0
+    for c in range(problem.k):
         column = n * (1 + c)
         for i in range(n):
-            if setup.cyclic[i] == 1 or at.alive[c] == 0:
-                at.y[column + i] = 0.0
-        if at.alive[c] == 0:
-            at.shifts[c] = 0.0
+            if problem.cyclic[i] == 1 or state.alive[c] == 0:
+                state.y[column + i] = 0.0
+        if state.alive[c] == 0:
+            state.shifts[c] = 0.0
             continue
-        whole = length_of(at.y, column, n)
+        initial_length = length_of(state.y, column, n)
         for _ in range(2):
             for other in range(c):
                 previous = n * (1 + other)
-                part = 0.0
+                projection = 0.0
                 for i in range(n):
-                    part += at.y[column + i] * at.y[previous + i]
+                    projection += state.y[column + i] * state.y[previous + i]
                 for i in range(n):
-                    at.y[column + i] -= part * at.y[previous + i]
-                at.shifts[c] -= part * at.shifts[other]
-        length = length_of(at.y, column, n)
-        if not length > zero_part * whole:
-            at.alive[c] = 0
-            at.shifts[c] = 0.0
+                    state.y[column + i] -= projection * state.y[previous + i]
+                state.shifts[c] -= projection * state.shifts[other]
+        length = length_of(state.y, column, n)
+        if not length > zero_part * initial_length:
+            state.alive[c] = 0
+            state.shifts[c] = 0.0
             for i in range(n):
-                at.y[column + i] = 0.0
+                state.y[column + i] = 0.0
             continue
-        least = min(least, length, length / whole)
-        at.growth[c] += math.log(length)
-        at.shifts[c] /= length
+        min_ratio = min(min_ratio, length, length / initial_length)
+        state.growth[c] += math.log(length)
+        state.shifts[c] /= length
         for i in range(n):
-            at.y[column + i] /= length
-    return least
+            state.y[column + i] /= length
+    return min_ratio
 
 
 def length_of(y: Any, column: int, n: int) -> float:
@@ -902,7 +938,7 @@ def reset(engine: Any, parameters: Any, longest_step: float) -> None:
         interface.set_parameter(engine, i, parameters[i])
 
 
-def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
+def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any, growth: Any,
             quota: int) -> int:  # fmt: skip
     """Continue the run chunk by chunk, and propagate the columns.
 
@@ -913,11 +949,11 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
     s : LOOP_STATE
         State of the event loop of the run.
     w : STRETCHING
-    at : PerturbationState
-    setup : PropagationProblem
+    state : PerturbationState
+    problem : PropagationProblem
     lengths : float array, shape (N,)
         Periods of each chunk.
-    grown : float array, shape (N, k)
+    growth : float array, shape (N, k)
         Output: logarithms of the growth of columns in each chunk.
     quota : int
         Most steps of the run in this call.
@@ -927,12 +963,12 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
     int
         DONE, PAUSED, FAILED if the propagation failed, or the reason why the run ended.
     """
-    extended = extended_engine(w)
+    column_engine = extended_engine(w)
     while w.chunk < lengths.size:
         if w.begun == 0:
             begin(s, lengths[w.chunk])
-            for c in range(setup.k):
-                at.growth[c] = 0.0
+            for c in range(problem.k):
+                state.growth[c] = 0.0
             w.begun = 1
         while w.begun == 1:
             if quota <= 0:
@@ -940,7 +976,7 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
             status = run_loop(engine, s, w)
             quota -= 1
             for i in range(s.events_written):
-                if not propagate_to_event(engine, extended, event_at(s, i), at, setup):
+                if not propagate_to_event(engine, column_engine, event_at(s, i), state, problem):
                     w.lost = 1
                     return FAILED
             s.events_written = 0
@@ -948,42 +984,42 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
                 w.begun = 0
             elif status not in (PAUSED, BUFFER_FULL):
                 return status
-            elif not follow(engine, extended, s, at, setup):
+            elif not follow(engine, column_engine, s, state, problem):
                 w.lost = 1
                 return FAILED
-        if not propagate(engine, extended, s.end_cycle, s.end_phase, at, setup):
+        if not propagate(engine, column_engine, s.end_cycle, s.end_phase, state, problem):
             w.lost = 1
             return FAILED
-        load_state(table_row(s, Y), 0, at, setup)
-        for c in range(setup.k):
-            grown[w.chunk, c] = at.growth[c]
+        load_state(table_row(s, Y), 0, state, problem)
+        for c in range(problem.k):
+            growth[w.chunk, c] = state.growth[c]
         w.chunk += 1
     return DONE
 
 
 def begin(s: Any, length: float) -> None:
     """Extend the run by a number of periods."""
-    whole = math.floor(length)
-    s.end_phase += (length - whole) * s.period
-    ahead = whole_periods(s.end_phase, s.period)
-    s.end_phase -= ahead * s.period
-    s.end_cycle += whole + ahead
+    periods = math.floor(length)
+    s.end_phase += (length - periods) * s.period
+    carry = whole_periods(s.end_phase, s.period)
+    s.end_phase -= carry * s.period
+    s.end_cycle += periods + carry
     s.first_arc = 1
 
 
-def follow(engine: Any, extended: Any, s: Any, at: Any, setup: Any) -> bool:
+def follow(engine: Any, column_engine: Any, s: Any, state: Any, problem: Any) -> bool:
     """Propagate the columns to the state of the run if it is far enough ahead; False on failure.
 
     The base state of the columns is integrated separately, and diverges from the run as
     neighbouring motions do. A late correction would be a jump, after which columns along the flow
     are no longer tangent to it.
     """
-    far = ahead_of(at, s.cycle, s.t, setup) >= MAX_LEAD_RATIO * at.length[0]
-    if s.pending_guard != NONE or not far:
+    is_ahead = time_until(state, s.cycle, s.t, problem) >= MAX_LEAD_RATIO * state.length[0]
+    if s.pending_guard != NONE or not is_ahead:
         return True
-    succeeded = propagate(engine, extended, s.cycle, s.t, at, setup)
-    load_state(table_row(s, Y), 0, at, setup)
-    return succeeded
+    success = propagate(engine, column_engine, s.cycle, s.t, state, problem)
+    load_state(table_row(s, Y), 0, state, problem)
+    return success
 
 
 def run_loop(engine: Any, s: Any, w: Any) -> int:
