@@ -54,8 +54,8 @@ class GpuMapper:
         n, m = engine["n"], engine["m"]
         rows = 2 * (workspace.ROOM + m)
         clock = {**clock, "events": clock["events"][:rows], "event_rows": rows}
-        self._engine = _packed(engine, compiled.HANDLE)
-        self._clock = _packed(clock, workspace.LOOP_STATE)
+        self._engine = _record(engine, compiled.HANDLE)
+        self._clock = _record(clock, workspace.LOOP_STATE)
         functions = automaton.flow, automaton.margins, automaton.transition, observed.function
         count = len(observed.gains + observed.marks)
         self._functions = take_snapshot(*functions), n, m, count
@@ -93,7 +93,7 @@ class GpuMapper:
         self, input_width: int, result_width: int, transient: float, length: float
     ) -> tuple[Any, list[Floats]]:
         """Return the kernel, and initial records of its threads as words."""
-        work = _packed(
+        work = _record(
             {
                 **self._work,
                 "inputs": np.zeros((1, input_width)),
@@ -107,30 +107,30 @@ class GpuMapper:
             recurrence.WORK,
         )
         records = self._engine, self._clock, work
-        kernel = _kernel(*self._functions, *(each.dtype for each in records))
-        return kernel, [each.view(np.float64) for each in records]
+        kernel = _kernel(*self._functions, *(record.dtype for record in records))
+        return kernel, [record.view(np.float64) for record in records]
 
 
-def _packed(values: dict[str, Any], kinds: np.dtype[Any]) -> Any:
+def _record(values: dict[str, Any], kinds: np.dtype[Any]) -> Any:
     """Return the public fields of an object of interpreted code as an array of one record.
 
     Lists and arrays become fields; scalars have the types of the fields in `kinds`.
     """
-    known = {
+    arrays = {
         name: np.asarray(value)
         for name, value in values.items()
         if not (name.startswith("_") or callable(value))
     }
     fields: list[Any] = []
-    for name, value in known.items():
+    for name, value in arrays.items():
         if value.ndim == 0:
             fields.append((name, kinds[name]))
         else:
-            kind = np.int64 if value.dtype.kind == "i" else np.float64
-            fields.append((name, kind, tuple(max(1, size) for size in value.shape)))
+            number_type = np.int64 if value.dtype.kind == "i" else np.float64
+            fields.append((name, number_type, tuple(max(1, size) for size in value.shape)))
     # Fields of this type of record are attributes in Python too, as the simulator requires.
     record = np.zeros(1, np.dtype((np.record, fields)))
-    for name, value in known.items():
+    for name, value in arrays.items():
         if value.size > 0:
             record[name] = value
     return record

@@ -95,14 +95,14 @@ def observed(
     marks = [each for each in observables if each[2]]
     n, count = len(states), 0 if parameters is None else len(parameters)
     space: dict[str, Any] = {"__name__": __name__, "nan": math.nan}
-    unit = [1.0] * n if typical is None else list(typical.states)
-    inner = [1.0] * count if typical is None else list(typical.parameters)
+    units = [1.0] * n if typical is None else list(typical.states)
+    p_units = [1.0] * count if typical is None else list(typical.parameters)
     time = 1.0 if typical is None else typical.time
 
     def state(first: int) -> str:
         if by_array:
             return f"y[{first}:{first + n}]"
-        return "State(" + ", ".join(_times(f"y[{first + i}]", unit[i]) for i in range(n)) + ")"
+        return "State(" + ", ".join(_times(f"y[{first + i}]", units[i]) for i in range(n)) + ")"
 
     lines: list[str] = []
     if by_array and typical is not None:
@@ -114,23 +114,23 @@ def observed(
         lines.append("q = p")
     else:
         space["Parameters"] = named_tuple("Parameters", parameters)
-        values = (_times(f"p[{i}]", inner[i]) for i in range(count))
+        values = (_times(f"p[{i}]", p_units[i]) for i in range(count))
         lines.append("q = Parameters(" + ", ".join(values) + ")")
     lines += [f"before = {state(0)}", f"after = {state(n)}", f"time = {_times('t', time)}"]
-    of_state, at_events = [], []
-    for i, (_, gives, _guards) in enumerate(gains):
-        space[f"gain_{i}"] = gives
-        of_state.append(f"out[{i}] = gain_{i}(before, q)")
-    for i, (_, gives, codes) in enumerate(marks):
-        space[f"mark_{i}"] = gives
-        test = " or ".join(f"code == {code}" for code in codes)
-        at_events.append(f"if {test}:")
-        at_events += indented([f"out[{len(gains) + i}] = mark_{i}(mode, time, before, after, q)"])
-    lines += ["if code < 0:", *indented(of_state or ["pass"])]
-    lines += ["else:", *indented(at_events or ["pass"])]
+    state_lines, event_lines = [], []
+    for i, (_, observable, _guards) in enumerate(gains):
+        space[f"gain_{i}"] = observable
+        state_lines.append(f"out[{i}] = gain_{i}(before, q)")
+    for i, (_, observable, codes) in enumerate(marks):
+        space[f"mark_{i}"] = observable
+        condition = " or ".join(f"code == {code}" for code in codes)
+        event_lines.append(f"if {condition}:")
+        event_lines += indented([f"out[{len(gains) + i}] = mark_{i}(mode, time, before, after, q)"])
+    lines += ["if code < 0:", *indented(state_lines or ["pass"])]
+    lines += ["else:", *indented(event_lines or ["pass"])]
     text = function("observe(mode, code, t, y, p, out)", lines)
     exec(compile(text, GENERATED, "exec"), space)
-    names = (tuple(each[0] for each in some) for some in (gains, marks))
+    names = (tuple(each[0] for each in group) for group in (gains, marks))
     return CompiledObservables(space["observe"], *names)
 
 
@@ -205,13 +205,13 @@ class RecurrenceColumns:
 
     def take(self, points: Sequence[int]) -> RecurrenceColumns:
         """Return the columns of some points."""
-        taken: dict[str, Any] = {
-            name: {key: column[points] for key, column in each.items()}
-            if isinstance(each, dict)
-            else each[points]
-            for name, each in vars(self).items()
+        columns: dict[str, Any] = {
+            name: {key: column[points] for key, column in value.items()}
+            if isinstance(value, dict)
+            else value[points]
+            for name, value in vars(self).items()
         }
-        return RecurrenceColumns(**taken)
+        return RecurrenceColumns(**columns)
 
     def final(self, i: int) -> HybridState:
         """Return the last state of point `i`."""
@@ -222,8 +222,8 @@ class RecurrenceColumns:
         repeats = int(self.repeats[i])
         if repeats:
             return self.visited[i, :repeats]
-        known = ~np.isnan(self.visited[i]).any(axis=1)
-        return self.visited[i, known]
+        is_known = ~np.isnan(self.visited[i]).any(axis=1)
+        return self.visited[i, is_known]
 
 
 class PointMapper(Protocol):
@@ -283,42 +283,42 @@ class AttractorMapper:
         n, m = len(automaton.states), len(automaton.guards)
         self.observed = observed or NO_OBSERVABLES
         gains, marks = len(self.observed.gains), len(self.observed.marks)
-        forced = return_kind == recurrence.STROBOSCOPIC
-        if forced and problem.section is not None:
+        is_forced = return_kind == recurrence.STROBOSCOPIC
+        if is_forced and problem.section is not None:
             problem = replace(problem, section=None)  # only other returns need its crossings
         self.problem = problem
-        self._bound = bound = create_engine(problem)
+        self._binding = binding = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        self.loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
+        self.loop = LoopMemory(problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced))
         clock = self.loop.clock
         observe = self.observed.function if gains + marks else None
-        places, self._kept = bound.kernel_addresses(clock, observe, n, gains + marks)
-        self._work = bound.record(
+        addresses, self._kernels = binding.kernel_addresses(clock, observe, n, gains + marks)
+        self._work = binding.record(
             recurrence.WORK,
             {},
             {
-                **places,
+                **addresses,
                 "return_kind": return_kind,
                 "return_index": return_index,
                 "longest": longest,
                 "tolerance": tolerance,
                 "noise": problem.options.rtol,
-                "smallest": problem.options.atol / problem.options.rtol,
+                "min_size": problem.options.atol / problem.options.rtol,
                 "gains": gains,
                 "marks": marks,
             },
         )
-        self.records = bound.engine, clock, self._work
+        self.records = binding.engine, clock, self._work
         self._clock, self._longest = clock, longest
-        lengths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
-        lengths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
-        lengths = {"y": n, **lengths, "states": longest * n}
-        ends = np.cumsum([RESULTS, *lengths.values()]).tolist()
-        self._places = {
-            name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
+        widths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
+        widths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
+        widths = {"y": n, **widths, "states": longest * n}
+        ends = np.cumsum([RESULTS, *widths.values()]).tolist()
+        self._slices = {
+            name: slice(*pair) for name, pair in zip(widths, pairwise(ends), strict=True)
         }
         self.memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
-        self._put("memory", "memory_width", self.memory)
+        self._set_array("memory", "memory_width", self.memory)
 
     def follow(
         self,
@@ -355,78 +355,80 @@ class AttractorMapper:
         width = recurrence.result_width(n, m, modes, self._work)
         results = np.zeros((len(points), width))
         results[:, OUTCOME] = math.nan  # of points that are not completed
-        left = np.arange(len(points))
+        remaining = np.arange(len(points))
         for device in devices:
-            if len(left) > 0:
-                rows = results[left]
-                device.follow(inputs[left], rows, transient, length, watch)
-                results[left] = rows
-                left = left[np.isnan(rows[:, OUTCOME])]
-        inputs, rows = inputs[left], results[left]
+            if len(remaining) > 0:
+                rows = results[remaining]
+                device.follow(inputs[remaining], rows, transient, length, watch)
+                results[remaining] = rows
+                remaining = remaining[np.isnan(rows[:, OUTCOME])]
+        inputs, rows = inputs[remaining], results[remaining]
         work = self._work
-        self._put("inputs", "input_width", inputs)
-        self._put("results", "result_width", rows)
-        work["points"], work["point"], work["begun"] = len(left), 0, 0
+        self._set_array("inputs", "input_width", inputs)
+        self._set_array("results", "result_width", rows)
+        work["points"], work["point"], work["begun"] = len(remaining), 0, 0
         work["transient"], work["length"] = transient, length
         status = workspace.PAUSED
         while status != workspace.DONE:
             try:
-                status = self._bound.call(
+                status = self._binding.call(
                     recurrence.map_points,
                     self._clock,
                     work,
-                    self._bound.steps_per_call,
+                    self._binding.steps_per_call,
                 )
             except FunctionError:  # an ordinary run of the point reports it
                 status = workspace.PAUSED
             collapse = self.loop.take_step_collapse()
             if collapse is not None and discontinuity_check is not None:
-                discontinuity_check(int(left[work["point"]]), *collapse)
+                discontinuity_check(int(remaining[work["point"]]), *collapse)
             if watch is not None:
-                watch(float(len(points) - len(left) + work["point"]))
-        results[left] = rows
+                watch(float(len(points) - len(remaining) + work["point"]))
+        results[remaining] = rows
         return self._columns(results)
 
-    def _put(self, name: str, width: str, rows: Floats) -> None:
+    def _set_array(self, name: str, width: str, rows: Floats) -> None:
         """Write array or address, and the width, of rows of numbers into the work record."""
-        self._work[name] = self._bound.place(rows)
+        self._work[name] = self._binding.place(rows)
         self._work[width] = rows.shape[1]
 
     def close(self) -> None:
         """Free the engine's memory."""
-        self._bound.engine.close()
+        self._binding.engine.close()
 
     def _columns(self, results: Floats) -> RecurrenceColumns:
-        points, at, observed = len(results), self._places, self.observed
-        head, measured = results[:, at["head"]], results[:, MEASURED]
-        squares = results[:, at["squares"]] / np.where(measured > 0.0, measured, math.nan)[:, None]
-        marks = results[:, at["marks"]].reshape(points, len(observed.marks), recurrence.PARTS)
+        points, slices, observed = len(results), self._slices, self.observed
+        head, measured = results[:, slices["head"]], results[:, MEASURED]
+        squares = (
+            results[:, slices["squares"]] / np.where(measured > 0.0, measured, math.nan)[:, None]
+        )
+        marks = results[:, slices["marks"]].reshape(points, len(observed.marks), recurrence.PARTS)
 
-        def whole(column: int) -> NDArray[np.int64]:
+        def integers(column: int) -> NDArray[np.int64]:
             return results[:, column].astype(np.int64)
 
-        def named(names: tuple[str, ...], columns: Floats) -> dict[str, Floats]:
+        def by_name(names: tuple[str, ...], columns: Floats) -> dict[str, Floats]:
             return {name: columns[:, i] for i, name in enumerate(names)}
 
         return RecurrenceColumns(
-            outcome=whole(OUTCOME),
-            repeats=whole(REPEATS),
-            returns=whole(RETURNS),
+            outcome=integers(OUTCOME),
+            repeats=integers(REPEATS),
+            returns=integers(RETURNS),
             measured=measured,
             at_rest=results[:, AT_REST] == 1.0,
-            cycle=whole(END_CYCLE),
+            cycle=integers(END_CYCLE),
             time=results[:, END_TIME],
-            mode=whole(END_MODE),
-            y=results[:, at["y"]],
+            mode=integers(END_MODE),
+            y=results[:, slices["y"]],
             duration=head[:, 0],
             endings=head[:, 1],
-            counts=results[:, at["counts"]],
-            closest=results[:, at["closest"]],
-            lasted=results[:, at["lasted"]],
-            gains=named(observed.gains, results[:, at["gains"]]),
-            deviations=named(observed.gains, np.sqrt(squares)),
-            marks=named(observed.marks, marks),
-            visited=results[:, at["states"]].reshape(points, self._longest, self._sizes[0]),
+            counts=results[:, slices["counts"]],
+            closest=results[:, slices["closest"]],
+            lasted=results[:, slices["lasted"]],
+            gains=by_name(observed.gains, results[:, slices["gains"]]),
+            deviations=by_name(observed.gains, np.sqrt(squares)),
+            marks=by_name(observed.marks, marks),
+            visited=results[:, slices["states"]].reshape(points, self._longest, self._sizes[0]),
         )
 
 

@@ -81,7 +81,7 @@ WORK = np.dtype(
         ("longest", np.int64),  # longest period in returns
         ("tolerance", np.float64),
         ("noise", np.float64),  # relative differences below this are rounding
-        ("smallest", np.float64),  # size of a component that counts as zero
+        ("min_size", np.float64),  # size of a component that counts as zero
         ("transient", np.float64),  # periods of the problem
         ("length", np.float64),  # of the statistics of an aperiodic motion, in periods
         ("gains", np.int64),  # numbers of observables of the state, and at events
@@ -89,13 +89,13 @@ WORK = np.dtype(
         ("returns", np.int64),
         ("repeats", np.int64),  # period in returns, or 0
         ("measured", np.int64),  # returns in the statistics
-        ("since", np.float64),  # start of the present mode
-        ("last", np.float64),  # time of the last return
+        ("mode_start", np.float64),  # start of the present mode
+        ("last_return", np.float64),  # time of the last return
         ("rest_check", np.int64),  # number of the step after which rest is checked
-        ("opened", np.int64),  # first return of the present window
+        ("window_start", np.int64),  # first return of the present window
         ("at_rest", np.int64),  # 1 if all non-cyclic components are at rest
         ("failed", np.int64),  # 1 if an observable has failed
-        ("covered", np.int64),  # first return whose closest approaches were searched, or NONE
+        ("search_start", np.int64),  # first return whose closest approaches were searched, or NONE
     ]
 )
 
@@ -110,12 +110,12 @@ NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
 # the present window of returns and of the last three. Then a ring of the last 2 `longest` returns
 # (time, mode, state, differences), the statistics of the last `longest` returns, and a series of
 # differences for each period.
-NOW, ALL, SIZES, STATES, VALUES, GAINED, CONFIRMATIONS, MEANS, SQUARES = range(9)
-LARGEST_DISTANCES, RING = 9, 13
-WHEN, WHICH, WHERE = 0, 1, 2
+RETURN_SUMS, TOTAL_SUMS, SIZES, STATES, VALUES, LAST_VALUES, CONFIRMATIONS = range(7)
+MEANS, SQUARES, LARGEST_DISTANCES, RING = 7, 8, 9, 13
+RETURN_TIME, RETURN_MODE, RETURN_STATE = 0, 1, 2
 # Of the differences since a return: 1 if the last series did not accumulate; their number, 0 if the
 # last one exceeds the tolerance; the largest of them; the state at the return.
-STATIONARY_DIFFERENCES, SERIES, LARGEST, SINCE = range(4)
+STATIONARY_DIFFERENCES, SERIES_LENGTH, SERIES_MAXIMUM, SERIES_STATE = range(4)
 
 
 def scratch_row(w: Any, i: int) -> Any:
@@ -133,9 +133,9 @@ def return_statistics(w: Any, k: int) -> Any:
     return scratch_row(w, RING + 2 * w.longest + k % w.longest)
 
 
-def series_row(w: Any, after: int) -> Any:
-    """Return the row of the differences from the return `after` returns earlier."""
-    return scratch_row(w, RING + 3 * w.longest + after - 1)
+def series_row(w: Any, lag: int) -> Any:
+    """Return the row of the differences from the return `lag` returns earlier."""
+    return scratch_row(w, RING + 3 * w.longest + lag - 1)
 
 
 def width_of(m: int, modes: int, gains: int, marks: int) -> int:
@@ -155,30 +155,31 @@ def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, ou
 
 def reset_row(s: Any, w: Any, statistics: Any) -> None:
     """Initialize a row of statistics."""
-    first = COUNTS + s.m
+    offset = COUNTS + s.m
     for i in range(w.memory_width):
-        statistics[i] = math.inf if first <= i < first + s.m else 0.0
-    first += s.m + s.modes + w.gains
+        statistics[i] = math.inf if offset <= i < offset + s.m else 0.0
+    offset += s.m + s.modes + w.gains
     for i in range(w.marks):
-        statistics[first + PARTS * i + LOW] = math.inf
-        statistics[first + PARTS * i + HIGH] = -math.inf
+        statistics[offset + PARTS * i + LOW] = math.inf
+        statistics[offset + PARTS * i + HIGH] = -math.inf
 
 
-def accumulate_event(engine: Any, s: Any, w: Any, event: Any, when: float) -> None:
+def accumulate_event(engine: Any, s: Any, w: Any, event: Any, t: float) -> None:
     """Add one event to the statistics since the last return."""
-    now, kind, guard, n = scratch_row(w, NOW), int(event[KIND]), int(event[GUARD]), s.n
-    now[COUNTS + 2 * s.m + int(event[MODE_BEFORE])] += when - w.since
-    w.since = when
+    kind, guard, n = int(event[KIND]), int(event[GUARD]), s.n
+    statistics = scratch_row(w, RETURN_SUMS)
+    statistics[COUNTS + 2 * s.m + int(event[MODE_BEFORE])] += t - w.mode_start
+    w.mode_start = t
     if kind == APPROACH:
-        before, margins, place = table_row(s, STATE), table_row(s, MARGINS_AT), COUNTS + s.m + guard
+        state, margins, column = table_row(s, STATE), table_row(s, MARGINS_AT), COUNTS + s.m + guard
         for j in range(n):
-            before[j] = event[HEAD + j]
-        interface.margins(engine, int(event[MODE_BEFORE]), event[TIME], before, margins)
-        now[place] = min(now[place], margins[guard])
+            state[j] = event[HEAD + j]
+        interface.margins(engine, int(event[MODE_BEFORE]), event[TIME], state, margins)
+        statistics[column] = min(statistics[column], margins[guard])
     if kind == TRANSITION:
-        now[COUNTS + guard] += 1.0
+        statistics[COUNTS + guard] += 1.0
     if kind == ACCUMULATION:
-        now[ENDINGS] += 1.0
+        statistics[ENDINGS] += 1.0
     if w.marks > 0 and kind in (TRANSITION, ACCUMULATION):
         states, values = scratch_row(w, STATES), scratch_row(w, VALUES)
         for j in range(2 * n):
@@ -187,64 +188,65 @@ def accumulate_event(engine: Any, s: Any, w: Any, event: Any, when: float) -> No
             values[w.gains + i] = math.nan
         code = guard if kind == TRANSITION else s.m + guard
         w.failed |= observe(engine, w, int(event[MODE_BEFORE]), code, event[TIME], states, values)
-        first = COUNTS + 2 * s.m + s.modes + w.gains
+        offset = COUNTS + 2 * s.m + s.modes + w.gains
         for i in range(w.marks):
-            accumulate_value(now, first + PARTS * i, values[w.gains + i])
+            accumulate_value(statistics, offset + PARTS * i, values[w.gains + i])
 
 
-def accumulate_value(statistics: Any, place: int, value: float) -> None:
+def accumulate_value(statistics: Any, column: int, value: float) -> None:
     """Add a value of an observable, unless it is nan."""
     if not math.isnan(value):
-        statistics[place + NUMBER] += 1.0
-        statistics[place + TOTAL] += value
-        statistics[place + LOW] = min(statistics[place + LOW], value)
-        statistics[place + HIGH] = max(statistics[place + HIGH], value)
+        statistics[column + NUMBER] += 1.0
+        statistics[column + TOTAL] += value
+        statistics[column + LOW] = min(statistics[column + LOW], value)
+        statistics[column + HIGH] = max(statistics[column + HIGH], value)
 
 
 def accumulate_aperiodic(s: Any, w: Any) -> None:
     """Add the statistics of this return to those of an aperiodic motion."""
-    now, means, squares = scratch_row(w, NOW), scratch_row(w, MEANS), scratch_row(w, SQUARES)
-    add(s, w, scratch_row(w, ALL), now)
+    statistics = scratch_row(w, RETURN_SUMS)
+    means, squares = scratch_row(w, MEANS), scratch_row(w, SQUARES)
+    add(s, w, scratch_row(w, TOTAL_SUMS), statistics)
     w.measured += 1
-    first = COUNTS + 2 * s.m + s.modes
+    offset = COUNTS + 2 * s.m + s.modes
     for i in range(w.gains):
-        off = now[first + i] - means[i]
-        means[i] += off / w.measured
-        squares[i] += off * (now[first + i] - means[i])
+        deviation = statistics[offset + i] - means[i]
+        means[i] += deviation / w.measured
+        squares[i] += deviation * (statistics[offset + i] - means[i])
 
 
 def add(s: Any, w: Any, total: Any, part: Any) -> None:
     """Add the statistics of one return to a total."""
-    first, last = COUNTS + s.m, COUNTS + 2 * s.m
-    marks = last + s.modes + w.gains
-    for i in range(marks):
-        total[i] = min(total[i], part[i]) if first <= i < last else total[i] + part[i]
+    margin_start, margin_end = COUNTS + s.m, COUNTS + 2 * s.m
+    mark_start = margin_end + s.modes + w.gains
+    for i in range(mark_start):
+        total[i] = min(total[i], part[i]) if margin_start <= i < margin_end else total[i] + part[i]
     for i in range(w.marks):
-        place = marks + PARTS * i
-        total[place + NUMBER] += part[place + NUMBER]
-        total[place + TOTAL] += part[place + TOTAL]
-        total[place + LOW] = min(total[place + LOW], part[place + LOW])
-        total[place + HIGH] = max(total[place + HIGH], part[place + HIGH])
+        column = mark_start + PARTS * i
+        total[column + NUMBER] += part[column + NUMBER]
+        total[column + TOTAL] += part[column + TOTAL]
+        total[column + LOW] = min(total[column + LOW], part[column + LOW])
+        total[column + HIGH] = max(total[column + HIGH], part[column + HIGH])
 
 
 def sum_over_period(s: Any, w: Any) -> None:
     """Compute the statistics of one period of a periodic motion."""
     means, squares = scratch_row(w, MEANS), scratch_row(w, SQUARES)
-    reset_row(s, w, scratch_row(w, ALL))
-    first, count = COUNTS + 2 * s.m + s.modes, w.repeats
+    reset_row(s, w, scratch_row(w, TOTAL_SUMS))
+    offset, count = COUNTS + 2 * s.m + s.modes, w.repeats
     for i in range(w.gains):
         means[i] = 0.0
         squares[i] = 0.0
     for k in range(w.returns - count, w.returns):
-        part = return_statistics(w, k)
-        add(s, w, scratch_row(w, ALL), part)
+        statistics = return_statistics(w, k)
+        add(s, w, scratch_row(w, TOTAL_SUMS), statistics)
         for i in range(w.gains):
-            means[i] += part[first + i] / count
+            means[i] += statistics[offset + i] / count
     for k in range(w.returns - count, w.returns):
-        part = return_statistics(w, k)
+        statistics = return_statistics(w, k)
         for i in range(w.gains):
-            off = part[first + i] - means[i]
-            squares[i] += off * off
+            deviation = statistics[offset + i] - means[i]
+            squares[i] += deviation * deviation
     w.measured = count
 
 
@@ -278,7 +280,7 @@ OUTCOME, REPEATS, RETURNS, MEASURED, END_CYCLE, END_TIME, END_MODE, AT_REST, RES
 def memory_shape(n: int, m: int, modes: int, w: Any) -> tuple[int, int]:
     """Return the shape of the memory."""
     statistics = width_of(m, modes, w["gains"], w["marks"])
-    width = max(statistics, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
+    width = max(statistics, RETURN_STATE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
     return RING + 4 * w["longest"], width
 
 
@@ -361,22 +363,22 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
             fill = -math.inf if i in (HIT_TIME, HIT_BEGIN) else 0.0
             for j in range(s.width):
                 table_row(s, i)[j] = fill
-    place = NUMBERS
+    column = NUMBERS
     for i in range(s.switches):
-        table_row(s, SWITCHES)[i] = numbers[place + i]
-    place += s.switches
+        table_row(s, SWITCHES)[i] = numbers[column + i]
+    column += s.switches
     for i in range(s.n):
-        table_row(s, Y)[i] = numbers[place + i]
-    place += s.n
-    for i in range(w.input_width - place):
-        interface.set_parameter(engine, i, numbers[place + i])
+        table_row(s, Y)[i] = numbers[column + i]
+    column += s.n
+    for i in range(w.input_width - column):
+        interface.set_parameter(engine, i, numbers[column + i])
     s.period = numbers[PERIOD]
     s.scale = numbers[SCALE]
     s.t = numbers[PHASE]
     s.mode = int(numbers[MODE])
-    whole = math.floor(w.transient + w.length)
-    s.end_cycle = whole
-    s.end_phase = s.t + (w.transient + w.length - whole) * s.period
+    periods = math.floor(w.transient + w.length)
+    s.end_cycle = periods
+    s.end_phase = s.t + (w.transient + w.length - periods) * s.period
     s.first_arc = 1
     s.switched = 0
     s.pending_guard = NONE
@@ -413,30 +415,30 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     w.measured = 0
     w.at_rest = 0
     w.failed = 0
-    w.opened = 0
-    w.since = s.t
-    w.last = s.t
+    w.window_start = 0
+    w.mode_start = s.t
+    w.last_return = s.t
     w.rest_check = REST_CHECK_STEPS
-    w.covered = NONE
-    impacts = False
+    w.search_start = NONE
+    has_impacts = False
     for i in range(s.m):
-        impacts = impacts or table_row(s, IMPACT)[i] == 1
-    if w.transient <= 1.0 or not impacts:
-        w.covered = 0
-    interface.search_approaches(engine, int(w.covered == 0))
-    reset_row(s, w, scratch_row(w, NOW))
-    reset_row(s, w, scratch_row(w, ALL))
+        has_impacts = has_impacts or table_row(s, IMPACT)[i] == 1
+    if w.transient <= 1.0 or not has_impacts:
+        w.search_start = 0
+    interface.search_approaches(engine, int(w.search_start == 0))
+    reset_row(s, w, scratch_row(w, RETURN_SUMS))
+    reset_row(s, w, scratch_row(w, TOTAL_SUMS))
     for i in range(w.memory_width):
-        scratch_row(w, SIZES)[i] = w.smallest
+        scratch_row(w, SIZES)[i] = w.min_size
         scratch_row(w, CONFIRMATIONS)[i] = 0.0
         scratch_row(w, MEANS)[i] = 0.0
         scratch_row(w, SQUARES)[i] = 0.0
-        scratch_row(w, GAINED)[i] = 0.0
+        scratch_row(w, LAST_VALUES)[i] = 0.0
         for k in range(4):
             scratch_row(w, LARGEST_DISTANCES + k)[i] = math.inf
-    for after in range(1, w.longest + 1):
-        series_row(w, after)[STATIONARY_DIFFERENCES] = 0.0
-        series_row(w, after)[SERIES] = 0.0
+    for lag in range(1, w.longest + 1):
+        series_row(w, lag)[STATIONARY_DIFFERENCES] = 0.0
+        series_row(w, lag)[SERIES_LENGTH] = 0.0
 
 
 def update_sizes(s: Any, w: Any) -> None:
@@ -459,175 +461,185 @@ def check_rest(engine: Any, s: Any, w: Any) -> None:
 
 def process_events(engine: Any, s: Any, w: Any) -> None:
     """Read the buffers of the event loop in the order of time."""
-    processed, n, y = 0, s.n, table_row(s, STATE)
+    sample_count, n, y = 0, s.n, table_row(s, STATE)
     for i in range(s.events_written):
         event = event_at(s, i)
-        when = event[CYCLE] * s.period + event[TIME]
-        processed = close_periods(engine, s, w, processed, when - 8.0 * EPS * abs(when))
+        t = event[CYCLE] * s.period + event[TIME]
+        sample_count = close_periods(engine, s, w, sample_count, t - 8.0 * EPS * abs(t))
         if w.outcome != UNDECIDED:
             return
-        accumulate_event(engine, s, w, event, when)
+        accumulate_event(engine, s, w, event, t)
         kind, guard = int(event[KIND]), int(event[GUARD])
-        crossed = (
+        is_crossing = (
             w.return_kind == AT_SECTION and kind == SECTION_CROSSING and guard == w.return_index
         )
-        struck = w.return_kind == AT_GUARD and kind == TRANSITION and guard == w.return_index
-        if crossed or struck:
+        is_guard_event = (
+            w.return_kind == AT_GUARD and kind == TRANSITION and guard == w.return_index
+        )
+        if is_crossing or is_guard_event:
             for j in range(n):
                 y[j] = event[HEAD + n + j]
-            close_return(engine, s, w, when, int(event[MODE_AFTER]), y)
-    close_periods(engine, s, w, processed, math.inf)
+            close_return(engine, s, w, t, int(event[MODE_AFTER]), y)
+    close_periods(engine, s, w, sample_count, math.inf)
     s.events_written = 0
     s.samples_written = 0
 
 
-def close_periods(engine: Any, s: Any, w: Any, processed: int, until: float) -> int:
+def close_periods(engine: Any, s: Any, w: Any, sample_count: int, limit: float) -> int:
     """Process the returns before an instant; return the number of processed samples."""
     y = table_row(s, STATE)
     while (
-        w.return_kind == STROBOSCOPIC and processed < s.samples_written and w.outcome == UNDECIDED
+        w.return_kind == STROBOSCOPIC
+        and sample_count < s.samples_written
+        and w.outcome == UNDECIDED
     ):
-        sample = sample_at(s, processed)
-        when = sample[0] * s.period + sample[1]
-        if when >= until:
+        sample = sample_at(s, sample_count)
+        t = sample[0] * s.period + sample[1]
+        if t >= limit:
             break
         for j in range(s.n):
             y[j] = sample[3 + j]
-        close_return(engine, s, w, when, int(sample[2]), y)
-        processed += 1
-    return processed
+        close_return(engine, s, w, t, int(sample[2]), y)
+        sample_count += 1
+    return sample_count
 
 
-def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) -> None:
+def close_return(engine: Any, s: Any, w: Any, t: float, mode: int, y: Any) -> None:
     """Process a return: complete its statistics, and test for periodicity."""
-    now, n, k = scratch_row(w, NOW), s.n, w.returns
+    statistics, n, k = scratch_row(w, RETURN_SUMS), s.n, w.returns
     modes = COUNTS + 2 * s.m
-    now[modes + mode] += when - w.since
-    w.since = when
-    now[DURATION] = when - w.last
-    w.last = when
+    statistics[modes + mode] += t - w.mode_start
+    w.mode_start = t
+    statistics[DURATION] = t - w.last_return
+    w.last_return = t
     if w.gains > 0:
-        states, values, gained = (
+        states, values, last_values = (
             scratch_row(w, STATES),
             scratch_row(w, VALUES),
-            scratch_row(w, GAINED),
+            scratch_row(w, LAST_VALUES),
         )
         for j in range(n):
             states[j] = y[j]
             states[n + j] = y[j]
         w.failed |= observe(engine, w, mode, NONE, 0.0, states, values)
         for i in range(w.gains):
-            now[modes + s.modes + i] = values[i] - gained[i]
-            gained[i] = values[i]
+            statistics[modes + s.modes + i] = values[i] - last_values[i]
+            last_values[i] = values[i]
     if k > 0:
-        kept = return_statistics(w, k)
+        history = return_statistics(w, k)
         for i in range(w.memory_width):
-            kept[i] = now[i]
-        begin = w.transient * s.period * (1.0 - 1e-12)
-        if when - now[DURATION] >= begin and NONE < w.covered <= k:
+            history[i] = statistics[i]
+        transient_end = w.transient * s.period * (1.0 - 1e-12)
+        if t - statistics[DURATION] >= transient_end and NONE < w.search_start <= k:
             accumulate_aperiodic(s, w)
-        elif when + now[DURATION] >= begin:
-            cover_returns(engine, w, k)
-    reset_row(s, w, now)
-    here = return_row(w, k)
-    here[WHEN] = when
-    here[WHICH] = mode
+        elif t + statistics[DURATION] >= transient_end:
+            begin_search(engine, w, k)
+    reset_row(s, w, statistics)
+    row = return_row(w, k)
+    row[RETURN_TIME] = t
+    row[RETURN_MODE] = mode
     for j in range(n):
-        here[WHERE + j] = y[j]
+        row[RETURN_STATE + j] = y[j]
     w.returns = k + 1
-    if is_at_rest(engine, s, w, mode, when, y):
+    if is_at_rest(engine, s, w, mode, t, y):
         w.at_rest = 1
         if w.return_kind != STROBOSCOPIC:
             w.outcome = STATIONARY
             return
     else:
         w.at_rest = 0
-    if w.returns >= (1.0 + WINDOW_SHARE) * w.opened + 2 * w.longest * int(w.opened == 0):
+    if w.returns >= (1.0 + WINDOW_SHARE) * w.window_start + 2 * w.longest * int(
+        w.window_start == 0
+    ):
         open_window(w)
-    w.repeats = repeats_after(s, w)
+    w.repeats = recurrence_period(s, w)
     if w.repeats > 0:
-        cover_returns(engine, w, k)
-        if w.returns - w.repeats >= w.covered:
+        begin_search(engine, w, k)
+        if w.returns - w.repeats >= w.search_start:
             w.outcome = PERIODIC
 
 
-def cover_returns(engine: Any, w: Any, k: int) -> None:
+def begin_search(engine: Any, w: Any, k: int) -> None:
     """Search closest approaches from now on, unless they are, after return `k`.
 
     They take a third of the time of a motion between stoppers, and only the statistics contain
     them. The step in which a return lies may extend beyond an approach that follows it.
     """
-    if w.covered == NONE:
-        w.covered = k + 2
+    if w.search_start == NONE:
+        w.search_start = k + 2
         interface.search_approaches(engine, 1)
 
 
-def repeats_after(s: Any, w: Any) -> int:
+def recurrence_period(s: Any, w: Any) -> int:
     """Return the period of the motion in returns, 0 if it is not periodic yet."""
     k, n = w.returns - 1, s.n
-    confirmations, largest = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
-    here = return_row(w, k)
-    found = 0
-    for after in range(1, w.longest + 1):
+    confirmations, maxima = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
+    row = return_row(w, k)
+    period = 0
+    for lag in range(1, w.longest + 1):
         distance = math.inf
-        if k >= after:
-            then = return_row(w, k - after)
-            if then[WHICH] == here[WHICH]:
-                distance = difference(s, w, here, then, WHERE)
-        before = return_row(w, k - after)[WHERE + n + after - 1] if k >= 2 * after else math.inf
-        here[WHERE + n + after - 1] = distance
-        largest[after - 1] = max(largest[after - 1], distance)
-        extend_series(s, w, after, distance)
-        near = distance <= w.tolerance and k >= 2 * after
-        if near and distance > w.noise:  # the remaining distance is distance q / (1 - q)
-            gain = before - distance
-            near = gain > 0.0 and distance * distance <= w.tolerance * gain
-            near = near or series_row(w, after)[STATIONARY_DIFFERENCES] == 1.0
-        confirmations[after - 1] = confirmations[after - 1] + 1.0 if near else 0.0
-        needed = max(FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns))
-        if found == 0 and confirmations[after - 1] >= max(2 * after, needed):
-            found = after
+        if k >= lag:
+            earlier_row = return_row(w, k - lag)
+            if earlier_row[RETURN_MODE] == row[RETURN_MODE]:
+                distance = difference(s, w, row, earlier_row, RETURN_STATE)
+        previous_distance = (
+            return_row(w, k - lag)[RETURN_STATE + n + lag - 1] if k >= 2 * lag else math.inf
+        )
+        row[RETURN_STATE + n + lag - 1] = distance
+        maxima[lag - 1] = max(maxima[lag - 1], distance)
+        extend_series(s, w, lag, distance)
+        is_small = distance <= w.tolerance and k >= 2 * lag
+        if is_small and distance > w.noise:  # the remaining distance is distance q / (1 - q)
+            gain = previous_distance - distance
+            is_small = gain > 0.0 and distance * distance <= w.tolerance * gain
+            is_small = is_small or series_row(w, lag)[STATIONARY_DIFFERENCES] == 1.0
+        confirmations[lag - 1] = confirmations[lag - 1] + 1.0 if is_small else 0.0
+        min_count = max(
+            FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns)
+        )
+        if period == 0 and confirmations[lag - 1] >= max(2 * lag, min_count):
+            period = lag
     # With a negative multiplier the period 2 n may be confirmed before n.
-    for after in range(1, found):
-        distance = here[WHERE + n + after - 1]
-        if found % after == 0 and distance <= SUBPERIOD_TOLERANCE * w.tolerance:
-            return after
-    return found
+    for lag in range(1, period):
+        distance = row[RETURN_STATE + n + lag - 1]
+        if period % lag == 0 and distance <= SUBPERIOD_TOLERANCE * w.tolerance:
+            return lag
+    return period
 
 
-def difference(s: Any, w: Any, here: Any, there: Any, first: int) -> float:
-    """Return the largest relative difference of two states, that in `there` from column `first`."""
-    largest = 0.0
+def difference(s: Any, w: Any, row: Any, other: Any, column: int) -> float:
+    """Return the largest relative difference of two states, that in `other` from `column`."""
+    result = 0.0
     for j in range(s.n):
         if table_row(s, CYCLIC)[j] == 0.0:
-            change = abs(here[WHERE + j] - there[first + j])
-            largest = max(largest, change / scratch_row(w, SIZES)[j])
-    return largest
+            change = abs(row[RETURN_STATE + j] - other[column + j])
+            result = max(result, change / scratch_row(w, SIZES)[j])
+    return result
 
 
-def extend_series(s: Any, w: Any, after: int, distance: float) -> None:
+def extend_series(s: Any, w: Any, lag: int, distance: float) -> None:
     """Add a difference to those since an earlier return; decide whether they accumulate.
 
     Errors of a method whose steps are not periodic do not: the distance from the earlier return is
     no larger than one of them. In a slow approach it is nearly their sum. Along an unstable orbit
     the last difference is the largest, whatever its direction.
     """
-    series, here = series_row(w, after), return_row(w, w.returns - 1)
+    series, row = series_row(w, lag), return_row(w, w.returns - 1)
     if distance > w.tolerance:
         series[STATIONARY_DIFFERENCES] = 0.0
-        series[SERIES] = 0.0
+        series[SERIES_LENGTH] = 0.0
         return
-    series[SERIES] += 1.0
-    series[LARGEST] = max(series[LARGEST], distance)
-    if series[SERIES] > MIN_CONFIRMATIONS * after:
-        total = difference(s, w, here, series, SINCE)
-        stationary = total <= series[LARGEST] and distance < series[LARGEST]
-        series[STATIONARY_DIFFERENCES] = 1.0 if stationary else 0.0
-        series[SERIES] = 1.0
-    if series[SERIES] == 1.0:
-        series[LARGEST] = 0.0
+    series[SERIES_LENGTH] += 1.0
+    series[SERIES_MAXIMUM] = max(series[SERIES_MAXIMUM], distance)
+    if series[SERIES_LENGTH] > MIN_CONFIRMATIONS * lag:
+        total = difference(s, w, row, series, SERIES_STATE)
+        is_stationary = total <= series[SERIES_MAXIMUM] and distance < series[SERIES_MAXIMUM]
+        series[STATIONARY_DIFFERENCES] = 1.0 if is_stationary else 0.0
+        series[SERIES_LENGTH] = 1.0
+    if series[SERIES_LENGTH] == 1.0:
+        series[SERIES_MAXIMUM] = 0.0
         for j in range(s.n):
-            series[SINCE + j] = here[WHERE + j]
+            series[SERIES_STATE + j] = row[RETURN_STATE + j]
 
 
 def open_window(w: Any) -> None:
@@ -636,7 +648,7 @@ def open_window(w: Any) -> None:
         for k in (3, 2, 1):
             scratch_row(w, LARGEST_DISTANCES + k)[i] = scratch_row(w, LARGEST_DISTANCES + k - 1)[i]
         scratch_row(w, LARGEST_DISTANCES)[i] = 0.0
-    w.opened = w.returns
+    w.window_start = w.returns
 
 
 def extend_approach(s: Any, w: Any) -> bool:
@@ -645,60 +657,60 @@ def extend_approach(s: Any, w: Any) -> bool:
     The rate of the approach is that of the largest differences in windows, which also contain the
     turns of a spiral. Those of chaotic motions vary, and decrease over two windows in most cases.
     So they must decrease twice, at similar rates. A motion that comes near the orbit later has far
-    smaller latest differences. Only `repeats_after` decides whether the motion is periodic.
+    smaller latest differences. Only `recurrence_period` decides whether the motion is periodic.
     """
     length = w.transient + w.length
-    done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
+    elapsed = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
     if w.repeats > 0:  # periodic, but the statistics of its period are not complete
         duration = return_statistics(w, w.returns - 1)[DURATION] / s.period
-        s.end_cycle += max(1, math.ceil((w.covered + w.repeats - w.returns + 1) * duration))
+        s.end_cycle += max(1, math.ceil((w.search_start + w.repeats - w.returns + 1) * duration))
         s.first_arc = 1
-        return bool(done < LONGEST_EXTENSION * length)
+        return bool(elapsed < LONGEST_EXTENSION * length)
     # The length of a window is a fixed part of the returns before it, which gives their starts.
-    begun = w.opened / (1.0 + WINDOW_SHARE)
-    span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
-    arrives = math.inf
-    for after in range(1, w.longest + 1):
+    first_return = w.window_start / (1.0 + WINDOW_SHARE)
+    span = first_return * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
+    arrival = math.inf
+    for lag in range(1, w.longest + 1):
         latest, second, third = (
-            scratch_row(w, LARGEST_DISTANCES + 1)[after - 1],
-            scratch_row(w, LARGEST_DISTANCES + 2)[after - 1],
-            scratch_row(w, LARGEST_DISTANCES + 3)[after - 1],
+            scratch_row(w, LARGEST_DISTANCES + 1)[lag - 1],
+            scratch_row(w, LARGEST_DISTANCES + 2)[lag - 1],
+            scratch_row(w, LARGEST_DISTANCES + 3)[lag - 1],
         )
-        recent, rate = 0.0, 0.0
+        last_maximum, rate = 0.0, 0.0
         for k in range(max(0, w.returns - 2 * w.longest), w.returns):
-            recent = max(recent, return_row(w, k)[WHERE + s.n + after - 1])
-        if 0.0 < LATE_FALL * recent < min(latest, 1.0):
-            rate = math.log(min(latest, 1.0) / recent) / (w.returns - begun)
+            last_maximum = max(last_maximum, return_row(w, k)[RETURN_STATE + s.n + lag - 1])
+        if 0.0 < LATE_FALL * last_maximum < min(latest, 1.0):
+            rate = math.log(min(latest, 1.0) / last_maximum) / (w.returns - first_return)
         elif 0.0 < latest < second < third < math.inf:
-            recent, fall = latest, math.log(third / latest)
+            last_maximum, fall = latest, math.log(third / latest)
             if MIN_FALL_SHARE < math.log(third / second) / fall < MAX_FALL_SHARE:
                 rate = fall / span
         if rate > 0.0:
-            left = -math.expm1(-rate * after)  # relative decrease from one difference to the next
-            steps = math.log(recent / (w.tolerance * left)) / rate
-            arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
-    if math.isinf(arrives):
+            decrease = -math.expm1(-rate * lag)  # relative decrease from one difference to the next
+            steps = math.log(last_maximum / (w.tolerance * decrease)) / rate
+            arrival = min(arrival, first_return + steps + 2 * lag + max(2 * lag, MIN_CONFIRMATIONS))
+    if math.isinf(arrival):
         return False
     # Add a tenth, since the rate is approximate. An aperiodic motion may approach by chance, but
     # not repeatedly: extend by at most the length so far, then check again.
-    needed = done * 1.1 * max(1.0, arrives / w.returns)
-    if needed > LONGEST_EXTENSION * length:
+    arrival_time = elapsed * 1.1 * max(1.0, arrival / w.returns)
+    if arrival_time > LONGEST_EXTENSION * length:
         return False
-    more = min(needed, 2.0 * done)
-    ahead = math.ceil(more - done)
-    s.end_cycle += ahead
+    new_length = min(arrival_time, 2.0 * elapsed)
+    extension = math.ceil(new_length - elapsed)
+    s.end_cycle += extension
     s.first_arc = 1
     return True
 
 
-def is_at_rest(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> bool:
+def is_at_rest(engine: Any, s: Any, w: Any, mode: int, time: float, y: Any) -> bool:
     """Return whether all non-cyclic components are at rest."""
     slope, sizes = table_row(s, MARGINS_AT), scratch_row(w, SIZES)
-    t = when - math.floor(when / s.period) * s.period
+    t = time - math.floor(time / s.period) * s.period
     interface.flow(engine, mode, t, y, slope)
     for j in range(s.n):
-        moves = abs(slope[j]) * s.scale > w.noise * sizes[j]
-        if table_row(s, CYCLIC)[j] == 0.0 and moves:
+        is_moving = abs(slope[j]) * s.scale > w.noise * sizes[j]
+        if table_row(s, CYCLIC)[j] == 0.0 and is_moving:
             return False
     return True
 
@@ -713,29 +725,35 @@ def write_result(engine: Any, s: Any, w: Any) -> None:
     y, width = table_row(s, Y), width_of(s.m, s.modes, w.gains, w.marks)
     cycle, time, mode = s.cycle, s.t, s.mode
     if w.outcome == PERIODIC:
-        last = return_row(w, w.returns - 1)
-        whole = math.floor(last[WHEN] / s.period + 1e-12)
-        cycle, time, mode = whole, max(0.0, last[WHEN] - whole * s.period), int(last[WHICH])
+        row = return_row(w, w.returns - 1)
+        periods = math.floor(row[RETURN_TIME] / s.period + 1e-12)
+        cycle, time, mode = (
+            periods,
+            max(0.0, row[RETURN_TIME] - periods * s.period),
+            int(row[RETURN_MODE]),
+        )
         for j in range(n):
-            result[RESULTS + j] = last[WHERE + j]
+            result[RESULTS + j] = row[RETURN_STATE + j]
         sum_over_period(s, w)
     else:
-        whole = math.floor(time / s.period + 1e-12)  # without events the time base does not move
-        cycle, time = cycle + whole, max(0.0, time - whole * s.period)
+        periods = math.floor(time / s.period + 1e-12)  # without events the time base does not move
+        cycle, time = cycle + periods, max(0.0, time - periods * s.period)
         for j in range(n):
             result[RESULTS + j] = y[j] + table_row(s, OFFSET)[j]
     result[MEASURED] = w.measured
     result[END_CYCLE] = cycle
     result[END_TIME] = time
     result[END_MODE] = mode
-    place = RESULTS + n
+    column = RESULTS + n
     for i in range(width):
-        result[place + i] = scratch_row(w, ALL)[i]
-    place += width
+        result[column + i] = scratch_row(w, TOTAL_SUMS)[i]
+    column += width
     for i in range(w.gains):
-        result[place + i] = scratch_row(w, SQUARES)[i]
-    place += w.gains
+        result[column + i] = scratch_row(w, SQUARES)[i]
+    column += w.gains
     for k in range(w.longest):
         for j in range(n):
-            state = return_row(w, w.returns - 1 - k)[WHERE + j] if k < w.returns else math.nan
-            result[place + n * k + j] = state
+            state = (
+                return_row(w, w.returns - 1 - k)[RETURN_STATE + j] if k < w.returns else math.nan
+            )
+            result[column + n * k + j] = state
