@@ -221,8 +221,8 @@ class Automaton:
     def __reduce__(self) -> Any:
         """Pickle the recipe; without one, functions by name."""
         if self.recipe is not None:
-            make, arguments = self.recipe
-            return make, portable(arguments)
+            constructor, arguments = self.recipe
+            return constructor, portable(arguments)
         return _automaton, tuple(getattr(self, each.name) for each in fields(self))
 
     @property
@@ -244,11 +244,11 @@ class Automaton:
         return np.array(slope)
 
     def margins_at(
-        self, mode: int, t: float, y: Floats, p: Floats, otherwise: float = 1.0
+        self, mode: int, t: float, y: Floats, p: Floats, inactive_value: float = 1.0
     ) -> tuple[Floats, Floats]:
-        """Return margins and rates, shapes (m,); a margin that does not apply is `otherwise`."""
+        """Return margins and rates, shapes (m,); an inactive margin is `inactive_value`."""
         m = len(self.guards)
-        margins, rates = [otherwise] * m, [1.0] * m
+        margins, rates = [inactive_value] * m, [1.0] * m
         self.margins(int(mode), float(t), *numbers(y, p), margins, rates)
         return np.array(margins), np.array(rates)
 
@@ -256,8 +256,8 @@ class Automaton:
         self, mode: int, code: int, t: float, y: Floats, p: Floats
     ) -> tuple[int, Floats]:
         """Return mode and state after the transition `code`."""
-        into, after = apply_transition(self.transition, mode, code, t, *numbers(y, p))
-        return into, np.array(after)
+        new_mode, after = apply_transition(self.transition, mode, code, t, *numbers(y, p))
+        return new_mode, np.array(after)
 
     @cached_property
     def rows(self) -> tuple[tuple[int, list[float]], ...]:
@@ -297,10 +297,10 @@ def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
 @cache
 def unguarded(automaton: Automaton) -> Automaton:
     """Return the automaton with the same flow that stays in its initial mode."""
-    never = (Guard(name="never", order=0),)
+    guards = (Guard(name="never", order=0),)
     return replace(
         automaton,
-        guards=never,
+        guards=guards,
         constrained=(),
         margins=_margins,
         transition=_transition,

@@ -31,11 +31,11 @@ def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: 
             gain = " + ".join(f"a{k}_{j} * a{i}_{j}" for j in range(n))
             lines.append(f"g{k}_{i} = {gain}")
     lines += elimination(len(constraints))
-    moved = (
+    components = (
         " + ".join([f"s[{j}]", *(f"a{i}_{j} * f{i}" for i in range(len(constraints)))])
         for j in range(n)
     )
-    lines.append(f"s = State({', '.join(moved)})")
+    lines.append(f"s = State({', '.join(components)})")
     return [
         f"for _ in range({PROJECTION_STEPS}):",
         *(f"    {line}" for line in lines),
@@ -46,14 +46,14 @@ def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: 
 def slope(i: int, j: int, n: int) -> str:
     """Return the derivative of a constraint by a component of the state, as an expression."""
 
-    def at(step: float) -> str:
+    def value(step: float) -> str:
         y = ", ".join(f"s[{k}] + {step!r}" if k == j else f"s[{k}]" for k in range(n))
         return f"holds_{i}(mode, t, State({y}), q)"
 
     terms = (
-        f"{weight_of(place) / CONSTRAINT_STEP!r}"
-        f" * ({at(place * CONSTRAINT_STEP)} - {at(-place * CONSTRAINT_STEP)})"
-        for place in (1, 2, 3)
+        f"{weight_of(s) / CONSTRAINT_STEP!r}"
+        f" * ({value(s * CONSTRAINT_STEP)} - {value(-s * CONSTRAINT_STEP)})"
+        for s in (1, 2, 3)
     )
     return f"({' + '.join(terms)})"
 

@@ -152,18 +152,18 @@ def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
 
 def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
     """Return a definition whose runs end where `until` falls through zero."""
-    end = end_run_of_array if writes_into_arrays(definition.flow) else end_run
-    last = 1 + max((guard.order or 0 for guard in definition.guards), default=0)
-    guard = Guard("until", until, end, order=last + len(definition.guards))
+    transition = end_run_of_array if writes_into_arrays(definition.flow) else end_run
+    max_order = 1 + max((guard.order or 0 for guard in definition.guards), default=0)
+    guard = Guard("until", until, transition, order=max_order + len(definition.guards))
     return replace(definition, guards=(*definition.guards, guard))
 
 
 def resolve_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
     """Return the guards with their orders: impacts first, then the order of the list."""
-    taken = {guard.order for guard in guards}
-    free = (order for order in itertools.count() if order not in taken)
-    ranked = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
-    defaults = {i: next(free) for i in ranked if guards[i].order is None}
+    orders = {guard.order for guard in guards}
+    free_orders = (order for order in itertools.count() if order not in orders)
+    ranking = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
+    defaults = {i: next(free_orders) for i in ranking if guards[i].order is None}
     return tuple(
         replace(guard, order=defaults.get(i, guard.order)) for i, guard in enumerate(guards)
     )
@@ -244,23 +244,23 @@ class _CodeWriter:
             lines += self.slope()
         for i, guard in enumerate(self.guards):
             self.space[f"margin_{i}"] = guard.margin
-            own = [f"g[{i}] = margin_{i}(mode, t, {state}, q)"]
+            block = [f"g[{i}] = margin_{i}(mode, t, {state}, q)"]
             if guard.rate is None:
-                own += self.difference(i)
+                block += self.difference(i)
             else:
                 self.space[f"rate_{i}"] = guard.rate
-                own.append(f"r[{i}] = rate_{i}(mode, t, {state}, q)")
-            lines += in_modes(guard.modes, own)
+                block.append(f"r[{i}] = rate_{i}(mode, t, {state}, q)")
+            lines += in_modes(guard.modes, block)
         return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
 
     def slope(self) -> list[str]:
         """Return the lines that write the flow into `d`, and name `x`, scratch for a state."""
         if not self.by_array:
             return ["d = flow_of(mode, t, s, q)"]
-        first = self.count + 1
+        start = self.count + 1
         return [
-            f"d = p[{first}:{first + self.n}]",
-            f"x = p[{first + self.n}:{first + 2 * self.n}]",
+            f"d = p[{start}:{start + self.n}]",
+            f"x = p[{start + self.n}:{start + 2 * self.n}]",
             *self.blank("d"),
             "flow_of(mode, t, y, q, d)",
         ]
@@ -277,17 +277,17 @@ class _CodeWriter:
         """Return the lines that compute the rate of margin `i` by differences."""
         # A loop, in which the margin is compiled once instead of six times.
         if self.by_array:
-            move = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
+            shift = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
             state = "x"
         else:
-            move = []
+            shift = []
             state = f"State({', '.join(f'y[{k}] + moved * d[{k}]' for k in range(self.n))})"
         first, second, third = (weight_of(place) for place in (1, 2, 3))
         point = [
             "size = 1 + point // 2",
             "sign = 1.0 - 2.0 * (point % 2)",
             "moved = sign * size * h",
-            *move,
+            *shift,
             f"weight = {first!r} if size == 1 else ({second!r} if size == 2 else {third!r})",
             f"r[{i}] += sign * weight * margin_{i}(mode, t + moved, {state}, q)",
         ]
@@ -314,8 +314,8 @@ class _CodeWriter:
         self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(equations)}
         text = function("onto(mode, t, s, q)", constraints.projection_source(equations, self.n))
         exec(compile(text, GENERATED, "exec"), self.space)
-        made: Callable[..., Any] = self.space["onto"]
-        return made
+        result: Callable[..., Any] = self.space["onto"]
+        return result
 
     def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:
         if change is None:
@@ -323,9 +323,9 @@ class _CodeWriter:
         self.space[name] = change
         if self.by_array:
             # The transition reads the old state while it writes the new one.
-            first = self.count + 1
+            start = self.count + 1
             copy = [f"for k in range({self.n}):", "    x[k] = y[k]"]
-            lines = [f"x = p[{first}:{first + self.n}]", *copy]
+            lines = [f"x = p[{start}:{start + self.n}]", *copy]
             lines.append(f"return int({name}(mode, t, x, q, y))")
         else:
             lines = [f"new_mode, new = {name}(mode, t, s, q)"]
@@ -359,8 +359,8 @@ def in_modes(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
     """Return lines that are executed in the given modes only."""
     if modes is None:
         return lines
-    test = " or ".join(f"mode == {int(mode)}" for mode in modes)
-    return [f"if {test}:", *indented(lines)]
+    condition = " or ".join(f"mode == {int(mode)}" for mode in modes)
+    return [f"if {condition}:", *indented(lines)]
 
 
 def indented(lines: Sequence[str]) -> list[str]:
@@ -427,14 +427,14 @@ class _ScalingWriter:
         guards = []
         for i, guard in enumerate(definition.guards):
             size = margins.get(guard.name, 1.0)
-            new: dict[str, Any] = {
+            functions: dict[str, Any] = {
                 "margin": self.number(f"margin_{i}", guard.margin, 1.0 / size),
                 "rate": self.number(f"rate_{i}", guard.rate, self.typical.time / size),
                 "transition": self.change(f"transition_{i}", guard.transition),
                 "rest": self.change(f"rest_{i}", guard.rest),
             }
-            made: Guard = replace(guard, **new)
-            guards.append(made)
+            scaled_guard: Guard = replace(guard, **functions)
+            guards.append(scaled_guard)
         return replace(
             definition,
             guards=tuple(guards),
@@ -452,26 +452,26 @@ class _ScalingWriter:
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
         """Return the function with these lines as its body."""
         exec(compile(function(f"{name}({arguments})", lines), GENERATED, "exec"), self.space)
-        made: Callable[..., Any] = self.space[name]
-        return made
+        result: Callable[..., Any] = self.space[name]
+        return result
 
-    def call(self, name: str, user_function: Callable[..., Any], rest: str = "") -> str:
+    def call(self, name: str, user_function: Callable[..., Any], suffix: str = "") -> str:
         """Return a call of a user's function, with arguments in units of the user."""
         self.space[f"{name}_of"] = user_function
         time = f"t * {self.typical.time!r}"
         p = ", ".join(f"p[{i}] * {size!r}" for i, size in enumerate(self.typical.parameters))
         y = ", ".join(f"y[{i}] * {size!r}" for i, size in enumerate(self.typical.states))
         state = "y" if self.by_array else f"State({y})"
-        return f"{name}_of(mode, {time}, {state}, Parameters({p}){rest})"
+        return f"{name}_of(mode, {time}, {state}, Parameters({p}){suffix})"
 
     def around(self, lines: Sequence[str], *arrays: str) -> list[str]:
         """Return lines between conversions of arrays to units of the user and back."""
         if not self.by_array:
             return list(lines)
-        there = [f"    {array}[k] *= SIZE[k]" for array in arrays]
-        back = [f"    {array}[k] /= SIZE[k]" for array in arrays]
+        to_user = [f"    {array}[k] *= SIZE[k]" for array in arrays]
+        from_user = [f"    {array}[k] /= SIZE[k]" for array in arrays]
         loop = f"for k in range({self.n}):"
-        return [loop, *there, *lines, loop, *back]
+        return [loop, *to_user, *lines, loop, *from_user]
 
     def flow(self) -> Callable[..., Any]:
         """Return the flow, derivatives by scaled time."""

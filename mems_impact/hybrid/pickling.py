@@ -26,11 +26,11 @@ def portable(value: Any) -> Any:
         return tuple(portable(part) for part in value)
     if isinstance(value, FunctionType) and not is_importable(value):
         return _wrap(value)
-    by_parts = is_dataclass(value) and "__reduce__" not in vars(type(value))
-    if by_parts and not isinstance(value, type):
-        inner = {key: portable(part) for key, part in vars(value).items()}
-        changed = {key: part for key, part in inner.items() if part is not getattr(value, key)}
-        return replace(value, **changed) if changed else value
+    is_record = is_dataclass(value) and "__reduce__" not in vars(type(value))
+    if is_record and not isinstance(value, type):
+        parts = {key: portable(part) for key, part in vars(value).items()}
+        changes = {key: part for key, part in parts.items() if part is not getattr(value, key)}
+        return replace(value, **changes) if changes else value
     return value
 
 
@@ -39,10 +39,10 @@ def is_importable(function: Callable[..., Any]) -> bool:
     module = sys.modules.get(function.__module__)
     if module is None or module.__name__ == "__main__":
         return False
-    found: Any = module
+    value: Any = module
     for name in function.__qualname__.split("."):
-        found = getattr(found, name, None)
-    return found is function
+        value = getattr(value, name, None)
+    return value is function
 
 
 def reference(function: Callable[..., Any]) -> str:

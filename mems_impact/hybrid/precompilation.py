@@ -93,9 +93,9 @@ def replace_code(distribute: bool) -> None:
     CalledProcessError
         If it cannot be compiled.
     """
-    for outdated in precompiled.DIRECTORY.glob("*.code"):
-        outdated.unlink()
-    sets = precompiled.instruction_sets()
+    for file in precompiled.DIRECTORY.glob("*.code"):
+        file.unlink()
+    names = precompiled.instruction_sets()
 
     def compile_set(instruction_set: str) -> None:
         options = [RECORD, DISTRIBUTE] if distribute else [RECORD]
@@ -106,7 +106,7 @@ def replace_code(distribute: bool) -> None:
         )
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(compile_set, sets if distribute else sets[:1]))
+        list(pool.map(compile_set, names if distribute else names[:1]))
 
 
 def main(options: Sequence[str]) -> None:

@@ -77,7 +77,7 @@ class Problem:
         Integration options. The method defaults to one that suits the automaton.
     time_scale : float or None
         Time that resolves the forcing and the vector field; the period by default.
-    refusal : str
+    unavailable_reason : str
         Why the problem cannot be run: the functions of its automaton are missing.
     discontinuity_check : callable or None
         ``discontinuity_check(at, length)`` is called if a step of a run collapses without an event
@@ -123,8 +123,8 @@ def check_times(numbers: ProblemParameters, size: float = 1.0, unit: str = "") -
         if time is not None and not (math.isfinite(time) and time > 0.0):
             raise InvalidParameter(field=name, value=time * size, allowed="finite and above 0")
     period, switches = numbers.period * size, numbers.switches
-    rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
-    if not (rising and (not switches or switches[-1] <= numbers.period)):
+    is_rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
+    if not (is_rising and (not switches or switches[-1] <= numbers.period)):
         allowed = f"ascending times above 0 and up to the period, {period:.6g} {unit}".rstrip()
         times = tuple(time * size for time in switches)
         raise InvalidParameter(field="switches", value=times, allowed=allowed)
@@ -140,7 +140,7 @@ class Engine(Protocol):
     def export_memory(self) -> tuple[int, ...]:
         """Return the method's memory of each mode; empty if it has none."""
 
-    def import_memory(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, memory: tuple[int, ...]) -> None:
         """Set the method's memory of each mode."""
 
     def is_stiff(self) -> bool:
@@ -278,13 +278,13 @@ def _compiled(
     except Exception as error:  # numba raises various exceptions
         from mems_impact.hybrid.diagnostics.failures import explain_compile_error
 
-        refusal = explain_compile_error(automaton, error)
-        if refusal is None:
+        function_error = explain_compile_error(automaton, error)
+        if function_error is None:
             raise
-        raise refusal from error
+        raise function_error from error
 
-    def call(function: Callable[..., Any], *rest: Any) -> Any:
-        result = compiled.compiled(function)(engine.head, *rest)
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        result = compiled.compiled(function)(engine.head, *arguments)
         _raise_fault(engine, automaton)
         return result
 
@@ -299,13 +299,15 @@ def _compiled(
             result[name] = number
         return result
 
-    def links(clock: Any, observe: Any, n: int, count: int) -> tuple[dict[str, Any], Any]:
+    def kernel_addresses(
+        clock: Any, observe: Any, n: int, count: int
+    ) -> tuple[dict[str, Any], Any]:
         kernel = observables_of(observe, n, count) if observe is not None else None
-        places = {
+        addresses = {
             "advance": compiled.address_of_loop(engine.head, clock),
             "observe": kernel.address if kernel is not None else 0,
         }
-        return places, kernel
+        return addresses, kernel
 
     def place(array: Any) -> int:
         return int(array.ctypes.data)
@@ -317,7 +319,7 @@ def _compiled(
         table,
         record,
         20_000,
-        links,
+        kernel_addresses,
         place,
         engine.address,
     )
@@ -347,8 +349,8 @@ def _interpreted(
 ) -> EngineBinding:
     engine = _engine_class("interpreted", options)(equations, options, max_step)
 
-    def call(function: Callable[..., Any], *rest: Any) -> Any:
-        result = function(engine, *rest)
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        result = function(engine, *arguments)
         _raise_fault(engine, automaton)
         return result
 
@@ -359,15 +361,17 @@ def _interpreted(
         # Access to fields of a NumPy record is slow in Python: a third of the run time.
         return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
 
-    def links(_clock: Any, observe: Any, _n: int, _count: int) -> tuple[dict[str, Any], Any]:
-        def observed(*arguments: Any) -> int:
+    def kernel_addresses(
+        _clock: Any, observe: Any, _n: int, _count: int
+    ) -> tuple[dict[str, Any], Any]:
+        def checked_observe(*arguments: Any) -> int:
             try:
                 observe(*arguments)
             except Exception:  # as compiled code does; the caller repeats the call and reports
                 return 1
             return 0
 
-        return {"observe": observed}, None
+        return {"observe": checked_observe}, None
 
     return EngineBinding(
         call,
@@ -376,7 +380,7 @@ def _interpreted(
         table,
         record,
         1_000,
-        links,
+        kernel_addresses,
         lambda array: array,
         engine,
     )
@@ -393,7 +397,7 @@ class LoopMemory:
     Parameters
     ----------
     problem : Problem
-    bound : EngineBinding
+    binding : EngineBinding
     sample_rows : int
         Rows of the sample buffer.
     **numbers
@@ -409,7 +413,7 @@ class LoopMemory:
     def __init__(
         self,
         problem: Problem,
-        bound: EngineBinding,
+        binding: EngineBinding,
         sample_rows: int,
         **numbers: float,
     ) -> None:
@@ -417,12 +421,12 @@ class LoopMemory:
         n, m = len(automaton.states), len(automaton.guards)
         switches = len(problem.switches)
         section, level, direction = problem.section or (workspace.NONE, 0.0, 0)
-        self.table = bound.table(workspace.ROWS, max(n, 2 * m, switches))
+        self.table = binding.table(workspace.ROWS, max(n, 2 * m, switches))
         self.events = np.empty((EVENT_ROWS + m, workspace.HEAD + 2 * n))
         self.samples = np.empty((sample_rows, 3 + n))
         for i, values in (*automaton.rows, (workspace.SWITCHES, problem.switches)):
             self.table[i][: len(values)] = values
-        self.clock: Any = bound.record(
+        self.clock: Any = binding.record(
             workspace.LOOP_STATE,
             {"table": self.table, "events": self.events, "samples": self.samples},
             {

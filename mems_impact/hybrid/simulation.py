@@ -67,15 +67,15 @@ class Events:
     @classmethod
     def from_rows(cls, rows: Floats) -> Events:
         """Split the rows of the loop's event buffer into columns."""
-        integer = rows[:, : workspace.HEAD].astype(np.int64)
+        integers = rows[:, : workspace.HEAD].astype(np.int64)
         n = (rows.shape[1] - workspace.HEAD) // 2
         return cls(
-            cycle=integer[:, workspace.CYCLE],
+            cycle=integers[:, workspace.CYCLE],
             time=rows[:, workspace.TIME].copy(),
-            kind=integer[:, workspace.KIND],
-            guard=integer[:, workspace.GUARD],
-            mode_before=integer[:, workspace.MODE_BEFORE],
-            mode_after=integer[:, workspace.MODE_AFTER],
+            kind=integers[:, workspace.KIND],
+            guard=integers[:, workspace.GUARD],
+            mode_before=integers[:, workspace.MODE_BEFORE],
+            mode_after=integers[:, workspace.MODE_AFTER],
             before=rows[:, workspace.HEAD : workspace.HEAD + n].copy(),
             after=rows[:, workspace.HEAD + n :].copy(),
         )
@@ -117,12 +117,12 @@ class Events:
         """Changes of the integration method."""
         return self[self.kind == workspace.HANDOVER]
 
-    def remembered(self, before: tuple[int, ...]) -> tuple[int, ...]:
+    def remembered(self, initial: tuple[int, ...]) -> tuple[int, ...]:
         """Return the engine's memory of each mode after these rows, from that before them."""
         rows = self.handovers
-        known = dict(enumerate(before))
-        known |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
-        return tuple(known.get(mode, 0) for mode in range(max(known, default=-1) + 1))
+        memory = dict(enumerate(initial))
+        memory |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
+        return tuple(memory.get(mode, 0) for mode in range(max(memory, default=-1) + 1))
 
     def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
         """Return whether each row is an impact."""
@@ -130,13 +130,13 @@ class Events:
 
     def impacts_among(self, guards: Sequence[Guard]) -> NDArray[np.bool_]:
         """Return whether each row is an impact, from the first guards of an automaton."""
-        places = [i for i, guard in enumerate(guards) if guard.impact]
-        return (self.kind == workspace.TRANSITION) & np.isin(self.guard, places)
+        numbers = [i for i, guard in enumerate(guards) if guard.impact]
+        return (self.kind == workspace.TRANSITION) & np.isin(self.guard, numbers)
 
     def crossings(self, direction: int) -> Events:
         """Return the crossings of the section in `direction` (0: both)."""
-        wanted = self.kind == workspace.SECTION_CROSSING
-        return self[wanted if direction == 0 else wanted & (self.guard == direction)]
+        is_crossing = self.kind == workspace.SECTION_CROSSING
+        return self[is_crossing if direction == 0 else is_crossing & (self.guard == direction)]
 
     def instant(self, row: int) -> HybridState:
         """Return the instant just after an event."""
@@ -232,8 +232,8 @@ class Trajectory:
         """
         if (self.events.handovers.guard == 0).any():
             return True
-        known, visited = self.final.remembered, {self.start.mode, *self.events.mode_after.tolist()}
-        return any(known[mode] < 0 for mode in visited) if known else False
+        memory, visited = self.final.remembered, {self.start.mode, *self.events.mode_after.tolist()}
+        return any(memory[mode] < 0 for mode in visited) if memory else False
 
     def with_events(self, events: Events) -> Trajectory:
         """Return the trajectory with other recorded events."""
@@ -256,47 +256,47 @@ class Trajectory:
         """
         start, final = self._arc_before(first), self.final
         if last is not None:
-            whole = int(np.floor(last))
-            end = HybridState(whole, (last - whole) * self.period, final.mode, final.y)
+            cycle = int(np.floor(last))
+            end = HybridState(cycle, (last - cycle) * self.period, final.mode, final.y)
             if (end.cycle, end.time) < (final.cycle, final.time):
                 final = end
         samples = resample(self.problem, start, final, per_period)
         if first is None:
             return samples
-        keep = samples.cycle + samples.time / self.period >= first - INSTANT_RTOL
-        return Samples(samples.cycle[keep], samples.time[keep], samples.mode[keep], samples.y[keep])
+        rows = samples.cycle + samples.time / self.period >= first - INSTANT_RTOL
+        return Samples(samples.cycle[rows], samples.time[rows], samples.mode[rows], samples.y[rows])
 
     def _arc_before(self, first: float | None) -> HybridState:
         """Return the start of the last recorded arc that begins before `first` periods."""
         if first is None:
             return self.start
-        events, whole = self.events, math.floor(first)
-        begins = events.arcs_until(
-            events.cycle - whole + (events.time / self.period - (first - whole))
+        events, cycles = self.events, math.floor(first)
+        is_start = events.arcs_until(
+            events.cycle - cycles + (events.time / self.period - (first - cycles))
         )
         # The loop completes a chatter sequence from its memory of earlier impacts, so an arc within
         # one can only be integrated again from the start of the sequence.
         instants = events.cycle * self.period + events.time
-        cut = np.count_nonzero(events.cycle + events.time / self.period <= first)
+        count = np.count_nonzero(events.cycle + events.time / self.period <= first)
         for guard in range(len(self.automaton.guards)):
-            own = events.guard == guard
-            ends = np.flatnonzero(own & (events.kind == workspace.ACCUMULATION))
-            coming = ends[ends >= cut]
-            if coming.size:
-                since = ends[ends < cut][-1] if coming.size < ends.size else -1
-                impacts = np.flatnonzero(own & (events.kind == workspace.TRANSITION))
-                impacts = impacts[(impacts > since) & (impacts < coming[0])]
+            is_own = events.guard == guard
+            ends = np.flatnonzero(is_own & (events.kind == workspace.ACCUMULATION))
+            later_ends = ends[ends >= count]
+            if later_ends.size:
+                previous = ends[ends < count][-1] if later_ends.size < ends.size else -1
+                impacts = np.flatnonzero(is_own & (events.kind == workspace.TRANSITION))
+                impacts = impacts[(impacts > previous) & (impacts < later_ends[0])]
                 flights = np.diff(instants[impacts])
-                longer = np.flatnonzero(flights[1:] >= flights[:-1])
-                sequence = impacts[longer[-1] + 1 :] if longer.size else impacts
+                breaks = np.flatnonzero(flights[1:] >= flights[:-1])
+                sequence = impacts[breaks[-1] + 1 :] if breaks.size else impacts
                 if sequence.size:
-                    begins[sequence[0] : coming[0]] = False
-        places = np.flatnonzero(begins)
-        if places.size == 0:
+                    is_start[sequence[0] : later_ends[0]] = False
+        rows = np.flatnonzero(is_start)
+        if rows.size == 0:
             return self.start
-        i = places[-1]
-        known = events[:i].remembered(self.start.remembered)
-        return replace(events.instant(int(i)), remembered=known)
+        i = rows[-1]
+        memory = events[:i].remembered(self.start.remembered)
+        return replace(events.instant(int(i)), remembered=memory)
 
 
 # --- Missing sliding mode
@@ -318,38 +318,38 @@ def missing_sliding_mode(events: Events, problem: Problem) -> str:
     without end at one instant.
     """
     automaton, period = problem.automaton, problem.period
-    last = slice(-LAST_EVENTS, None)
-    modes, leads = events.mode_before[last], events.mode_after[last]
-    if len(modes) < LAST_EVENTS or not (events.kind[last] == workspace.TRANSITION).all():
+    tail = slice(-LAST_EVENTS, None)
+    modes, targets = events.mode_before[tail], events.mode_after[tail]
+    if len(modes) < LAST_EVENTS or not (events.kind[tail] == workspace.TRANSITION).all():
         return ""
-    when = events.cycle[last] * period + events.time[last]
-    alternate = (modes[1:] == leads[:-1]).all() and (modes[2:] == modes[:-2]).all()
-    if not alternate or modes[0] == modes[1] or np.ptp(when) > SIMULTANEITY_PERIODS * period:
+    times = events.cycle[tail] * period + events.time[tail]
+    is_alternating = (modes[1:] == targets[:-1]).all() and (modes[2:] == modes[:-2]).all()
+    if not is_alternating or modes[0] == modes[1] or np.ptp(times) > SIMULTANEITY_PERIODS * period:
         return ""
-    guards = [automaton.guards[i] for i in sorted(set(events.guard[last].tolist()))]
+    guards = [automaton.guards[i] for i in sorted(set(events.guard[tail].tolist()))]
     if any(guard.impact for guard in guards):
         return ""
-    if len(guards) == 1 and _one_side(problem, events):
+    if len(guards) == 1 and _share_side(problem, events):
         return ""
-    one, other = (repr(automaton.modes[mode]) for mode in sorted(modes[:2].tolist()))
+    first, second = (repr(automaton.modes[mode]) for mode in sorted(modes[:2].tolist()))
     names = " and ".join(repr(guard.name) for guard in guards)
-    return f"the modes {one} and {other} push against each other at {names}: neither can last"
+    return f"the modes {first} and {second} push against each other at {names}: neither can last"
 
 
-def _one_side(problem: Problem, events: Events) -> bool:
+def _share_side(problem: Problem, events: Events) -> bool:
     """Return whether both modes lie on the same side of their common guard.
 
     Both flows then cross it in the same direction, and the modes are not opposed.
     """
     automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
-    one, other = events.mode_before[-2:].tolist()
+    mode, other_mode = events.mode_before[-2:].tolist()
     time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
-    behind = y - OFFSET_PERIODS * problem.period * automaton.slope_at(one, time, y, p)
+    y_behind = y - OFFSET_PERIODS * problem.period * automaton.slope_at(mode, time, y, p)
 
-    def is_above(mode: int) -> bool:
-        return bool(automaton.margins_at(mode, time, behind, p)[0][guard] > 0.0)
+    def is_above(candidate: int) -> bool:
+        return bool(automaton.margins_at(candidate, time, y_behind, p)[0][guard] > 0.0)
 
-    return is_above(one) == is_above(other)
+    return is_above(mode) == is_above(other_mode)
 
 
 # --- Driver of the event loop
@@ -431,19 +431,19 @@ def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
     if not (abs(start.cycle) <= MAX_CYCLE and start.cycle == int(start.cycle)):
         allowed = f"a whole number of periods, up to {MAX_CYCLE:g}"
         raise InvalidParameter(field="start.cycle", value=start.cycle, allowed=allowed)
-    whole = math.floor(periods)
-    phase = start.time + (periods - whole) * problem.period
-    return HybridState(start.cycle + whole, phase, start.mode, start.y)
+    cycles = math.floor(periods)
+    phase = start.time + (periods - cycles) * problem.period
+    return HybridState(start.cycle + cycles, phase, start.mode, start.y)
 
 
 def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
     """Repeat the run from `start` to `end`, and return the state at equal intervals."""
     # Quiet, since the run itself has warned that the system is stiff.
-    run_again = Simulation(problem, start, end, per_period, lambda _: None, None, quiet=True)
+    simulation = Simulation(problem, start, end, per_period, lambda _: None, None, quiet=True)
     # A run that failed fails again at the same place, and its samples end there.
     with contextlib.suppress(RunError):
-        run_again.go()
-    return run_again.samples
+        simulation.go()
+    return simulation.samples
 
 
 class Simulation:
@@ -461,16 +461,16 @@ class Simulation:
     ) -> None:
         self.problem, self.start = problem, start
         self.consume, self.progress, self.quiet = consume, progress, quiet
-        self.kept: list[Floats] = []
-        self.bound = create_engine(problem)
-        self.bound.engine.import_memory(start.remembered)
+        self.chunks: list[Floats] = []
+        self.binding = create_engine(problem)
+        self.binding.engine.import_memory(start.remembered)
         # The epsilon includes a sample at the start itself.
         first = math.ceil((start.time / problem.period - INSTANT_RTOL) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
         self.memory = LoopMemory(
             problem,
-            self.bound,
+            self.binding,
             max(0, last - first + 1),
             cycle=start.cycle,
             t=start.time,
@@ -485,7 +485,7 @@ class Simulation:
         )
         self.memory.put(start.y)
         self.clock, self.events = self.memory.clock, self.memory.events
-        self.latest = self.events[:0]  # the last events, even if `consume` takes them
+        self.last_rows = self.events[:0]  # the last events, even if `consume` takes them
 
     def go(self) -> Trajectory:
         """Call the loop until the end, and drain its events between calls."""
@@ -493,25 +493,25 @@ class Simulation:
         try:
             status = workspace.PAUSED
             while status in (workspace.PAUSED, workspace.BUFFER_FULL):
-                status = self.bound.call(loop.run_steps, self.clock, self.bound.steps_per_call)
+                status = self.binding.call(loop.run_steps, self.clock, self.binding.steps_per_call)
                 self._drain()
                 collapse = self.memory.take_step_collapse()
                 if collapse is not None and check is not None and check(*collapse):
                     check = None  # at most one warning per run
                 if self.progress is not None:
-                    self.progress(self._done())
+                    self.progress(self._elapsed_periods())
         except KeyboardInterrupt:
             # Python raises this only between two calls of the loop, so clock and buffers are
             # consistent.
             self._drain()
-            raise RunInterrupted(self._trajectory(), self._done()) from None
+            raise RunInterrupted(self._trajectory(), self._elapsed_periods()) from None
         except FunctionError as error:
             self._drain()
             raise self._run_error(error.reason, error.remedy) from error
         finally:
-            if self.bound.engine.is_stiff() and not self.quiet:
+            if self.binding.engine.is_stiff() and not self.quiet:
                 warn(STIFF, StiffnessWarning)
-            self.bound.engine.close()
+            self.binding.engine.close()
         if status not in (workspace.DONE, workspace.ENDED):
             raise self._failure(status)
         return self._trajectory(ended=status == workspace.ENDED)
@@ -520,48 +520,48 @@ class Simulation:
     def samples(self) -> Samples:
         """The samples taken so far."""
         rows = self.memory.samples[: self.clock["samples_written"]]
-        integer = rows[:, :3].astype(np.int64)
-        return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
+        integers = rows[:, :3].astype(np.int64)
+        return Samples(integers[:, 0], rows[:, 1].copy(), integers[:, 2], rows[:, 3:].copy())
 
-    def _done(self) -> float:
+    def _elapsed_periods(self) -> float:
         """Return the completed periods."""
         elapsed = self.clock["t"] / self.problem.period - self.start.cycle
         return float(self.clock["cycle"] + elapsed)
 
     def _drain(self) -> None:
         rows = self.events[: self.clock["events_written"]]
-        self.latest = np.concatenate([self.latest, rows[-LAST_EVENTS:]])[-LAST_EVENTS:]
+        self.last_rows = np.concatenate([self.last_rows, rows[-LAST_EVENTS:]])[-LAST_EVENTS:]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
-            self.kept.append(rows.copy())
+            self.chunks.append(rows.copy())
         self.clock["events_written"] = 0
 
     def _trajectory(self, *, ended: bool = False) -> Trajectory:
         width = self.events.shape[1]
-        rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
+        rows = np.concatenate(self.chunks) if self.chunks else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
         cycle, phase = int(clock["cycle"]), float(clock["t"])
         if phase == (clock["end_cycle"] - cycle) * period + clock["end_phase"]:
             # Dividing k periods by the period may round to just below k.
             cycle, phase = int(clock["end_cycle"]), float(clock["end_phase"])
-        ahead = math.floor(phase / period)
+        carry = math.floor(phase / period)
         return Trajectory(
             problem=self.problem,
             start=self.start,
             final=HybridState(
-                cycle + ahead,
-                phase - ahead * period,
+                cycle + carry,
+                phase - carry * period,
                 int(clock["mode"]),
                 self.memory.state,
-                self.bound.engine.export_memory(),
+                self.binding.engine.export_memory(),
                 bool(clock["switched"]),
             ),
             events=Events.from_rows(rows),
             steps=int(clock["steps"]),
             arcs=int(clock["arcs"]),
             ended=ended,
-            implicit_arcs=self.bound.engine.implicit_arcs,
+            implicit_arcs=self.binding.engine.implicit_arcs,
         )
 
     def _name_of(self, code: int) -> str:
@@ -571,7 +571,7 @@ class Simulation:
 
     def _failure(self, status: int) -> RunError:
         clock, options = self.clock, self.problem.options
-        failure, instant = int(clock["failure"]), int(clock["transitions_now"])
+        failure, transitions = int(clock["failure"]), int(clock["transitions_now"])
         automaton = self.problem.automaton
         name = self._name_of(failure) if status in GUARD_FAILURES else ""
         reason, remedy = {
@@ -585,12 +585,12 @@ class Simulation:
             ),
             workspace.EVENT_BUDGET: (
                 f"one period held more than max_events = {options.max_events} events"
-                + (f", {instant} of them in its last instant" if instant > 1 else ""),
+                + (f", {transitions} of them in its last instant" if transitions > 1 else ""),
                 "raise max_events if so many events are expected; a body that is pressed against a "
                 "stop never rests if its impacts lose nothing (restitution 1)",
             ),
             workspace.CYCLING: (
-                f"the same state comes back after {instant} transitions in one instant",
+                f"the same state comes back after {transitions} transitions in one instant",
                 "the transitions of the automaton undo each other: check guards and transition",
             ),
             workspace.INADMISSIBLE: (
@@ -611,19 +611,19 @@ class Simulation:
             ),
         }[status]
         guards = automaton.guards
-        at_guard = status == workspace.EVENT_BUDGET and failure < len(guards)
-        if at_guard and instant > 1 and not guards[failure].impact:
+        is_at_guard = status == workspace.EVENT_BUDGET and failure < len(guards)
+        if is_at_guard and transitions > 1 and not guards[failure].impact:
             remedy = (
                 f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
                 "lead to a mode in which it does not watch: while its margin falls it fires again"
             )
-        elif at_guard and 2 * instant > options.max_events:
+        elif is_at_guard and 2 * transitions > options.max_events:
             remedy = (
                 "raise max_events: bodies that touch in a row strike each other very often within "
                 "one instant, and the more often the more of them there are"
             )
-        here = self.memory.local.tolist()
-        if at_guard and instant > 1 and depends_on_time_only(self._margin_of(failure), here):
+        y = self.memory.local.tolist()
+        if is_at_guard and transitions > 1 and depends_on_time_only(self._margin_of(failure), y):
             remedy = AT_TIMES
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
             reason = "a chatter sequence has ended"
@@ -634,16 +634,16 @@ class Simulation:
                 "write modes of your own for where they meet, or make the two one SwitchingSurface"
             )
         if status in (workspace.CYCLING, workspace.EVENT_BUDGET):
-            latest = Events.from_rows(self.latest)
-            opposite = missing_sliding_mode(latest, self.problem)
-            reason, remedy = (opposite, SLIDING_REMEDY) if opposite else (reason, remedy)
+            events = Events.from_rows(self.last_rows)
+            description = missing_sliding_mode(events, self.problem)
+            reason, remedy = (description, SLIDING_REMEDY) if description else (reason, remedy)
         if (
             failure in (interface.NON_FINITE, interface.ROOT_FUNCTION_FAILED)
             and status == workspace.FAILED
         ):
-            found = self._invalid_value()
-            if found is not None:
-                reason, remedy = f"{reason}: {found.reason}", found.remedy
+            error = self._invalid_value()
+            if error is not None:
+                reason, remedy = f"{reason}: {error.reason}", error.remedy
         return self._run_error(reason, remedy)
 
     def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:

@@ -203,7 +203,7 @@ class SingleMethodEngine:
         """Return the memory of each mode."""
         return ()
 
-    def import_memory(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, memory: tuple[int, ...]) -> None:
         """Set the memory of each mode."""
 
     def is_stiff(self) -> bool:

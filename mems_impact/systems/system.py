@@ -554,7 +554,7 @@ def _at_rest(
     """
     best, distance = y, math.inf
     for before in range(len(automaton.modes)):
-        gaps = automaton.margins_at(before, time, y, p, otherwise=0.0)[0]
+        gaps = automaton.margins_at(before, time, y, p, inactive_value=0.0)[0]
         for i, gap in enumerate(gaps.tolist()):
             for code in (i, len(gaps) + i) if before != mode and gap != 0.0 else ():
                 try:

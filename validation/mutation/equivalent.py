@@ -41,8 +41,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "far below the rounding of any margin either way",
     (
         "mems_impact/hybrid/problem.py",
-        "self.table = bound.table(workspace.ROWS, max(n, 2 * m, switches))",
-        "self.table = bound.table(workspace.ROWS, max(n, 3 * m, switches))",
+        "self.table = binding.table(workspace.ROWS, max(n, 2 * m, switches))",
+        "self.table = binding.table(workspace.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",
     (
         "mems_impact/hybrid/variational/saltation.py",

@@ -40,10 +40,10 @@ AT_TIMES = (
 def depends_on_time_only(margin: Callable[[Sequence[float]], float], y: Sequence[float]) -> bool:
     """Return whether a margin is independent of all components of the state."""
     try:
-        here = margin(y)
+        reference = margin(y)
         for c, value in enumerate(y):
-            for far in (-1.0 - abs(value), 1.0 + abs(value)):
-                if margin([*y[:c], value + far, *y[c + 1 :]]) != here:
+            for shift in (-1.0 - abs(value), 1.0 + abs(value)):
+                if margin([*y[:c], value + shift, *y[c + 1 :]]) != reference:
                     return False
     except (FunctionError, ArithmeticError, ValueError):
         return False
@@ -65,14 +65,14 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
     """Return the error of a failed call, diagnosed by a repeated, checked call."""
     definition = definition_of(automaton)
     if definition is None:
-        found = _by_array(automaton, parameters, fault)
+        error = _array_error(automaton, parameters, fault)
     else:
-        found = _by_name(automaton, definition, parameters, fault)
-    if found is not None:
-        return found
+        error = _named_error(automaton, definition, parameters, fault)
+    if error is not None:
+        return error
     function = _function(automaton, fault.role)
     if fault.error is not None:
-        return _by_exception(automaton, fault.role, fault.error)
+        return _exception_error(automaton, fault.role, fault.error)
     time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
     problem = f"fails compiled at t = {time:.6g}, but not interpreted"
     remedy = 'use Options(engine="interpreted")'
@@ -88,42 +88,42 @@ def find_invalid_value(
     definition = definition_of(automaton)
     if definition is None:
         return None
-    checked = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    functions = CheckedFunctions(definition, parameters[: len(definition.parameters)])
     return _first(
-        lambda: checked.flow(point),
-        *(_margin(checked, i, point) for i in range(len(definition.guards))),
+        lambda: functions.flow(point),
+        *(_margin(functions, i, point) for i in range(len(definition.guards))),
     )
 
 
-def _margin(checked: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable[[], Any]:
-    guard = checked.definition.guards[i]
+def _margin(functions: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable[[], Any]:
+    guard = functions.definition.guards[i]
 
     def call() -> None:
         if guard.modes is None or point.mode in guard.modes:
-            checked.margin(i, point)
+            functions.margin(i, point)
             if guard.rate is not None:
-                checked.rate(i, point)
+                functions.rate(i, point)
 
     return call
 
 
-def _by_name(
+def _named_error(
     automaton: Automaton, definition: Definition, parameters: Sequence[float], fault: Fault
 ) -> FunctionError | None:
-    checked = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    functions = CheckedFunctions(definition, parameters[: len(definition.parameters)])
     point = EvaluationPoint(fault.mode, fault.time, fault.y.tolist())
     if fault.role == JACOBIAN:
-        return _first(lambda: checked.jacobian(point))
+        return _first(lambda: functions.jacobian(point))
     if fault.role != TRANSITION:
         return find_invalid_value(automaton, parameters, point)
     m = len(automaton.guards)
     if fault.code == 2 * m:
-        return _first(lambda: checked.transition("switch_transition", None, point))
+        return _first(lambda: functions.transition("switch_transition", None, point))
     kind = "transition" if fault.code < m else "rest"
-    return _first(lambda: checked.transition(kind, fault.code % m, point))
+    return _first(lambda: functions.transition(kind, fault.code % m, point))
 
 
-def _by_array(
+def _array_error(
     automaton: Automaton, parameters: Sequence[float], fault: Fault
 ) -> FunctionError | None:
     n, m = len(automaton.states), len(automaton.guards)
@@ -141,18 +141,18 @@ def _by_array(
     try:
         _function(automaton, fault.role).call(*arguments[fault.role])
     except Exception as error:
-        return _by_exception(automaton, fault.role, error)
+        return _exception_error(automaton, fault.role, error)
     return None
 
 
-def _by_exception(automaton: Automaton, role: int, error: Exception) -> FunctionError:
+def _exception_error(automaton: Automaton, role: int, error: Exception) -> FunctionError:
     function = _function(automaton, role)
-    found = function.explain_exception(error)[0]
+    cause = function.explain_exception(error)[0]
     if not is_own(function.call):
-        return found
+        return cause
     # The package's wrapper of a user function has no name that the user knows.
     description = f"a {function.kind} of the system"
-    return FunctionError(description, found.problem, found.remedy, found.file, found.line)
+    return FunctionError(description, cause.problem, cause.remedy, cause.file, cause.line)
 
 
 def _function(automaton: Automaton, role: int) -> UserFunction:
@@ -196,16 +196,16 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
     from mems_impact.integrators.jit.closures import summarize_numba_error, try_compile
 
     definition = definition_of(automaton)
-    for case in _of_arrays(automaton) if definition is None else _of_names(definition):
+    for case in _array_cases(automaton) if definition is None else _named_cases(definition):
         call = getattr(case.function.call, "py_func", case.function.call)
-        found = try_compile(call, case.arguments)
-        if found.problem:
+        attempt = try_compile(call, case.arguments)
+        if attempt.problem:
             file, line = place_of(call)
-            problem = f"cannot be compiled by numba: {found.problem}"
+            problem = f"cannot be compiled by numba: {attempt.problem}"
             return FunctionError(
-                case.function.role, problem, INTERPRETED_REMEDY, file, found.line or line
+                case.function.role, problem, INTERPRETED_REMEDY, file, attempt.line or line
             )
-        problem = _unlike(found.returned, case)
+        problem = _mismatch(attempt.returned, case)
         if problem:
             remedy = "return the same kind of thing on every path"
             return case.function.error(f"returns {problem}", remedy)
@@ -215,7 +215,7 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
     return FunctionError("a function of the system", problem, INTERPRETED_REMEDY)
 
 
-def _of_names(definition: Definition) -> Iterator[_Case]:
+def _named_cases(definition: Definition) -> Iterator[_Case]:
     """Yield all functions of a definition with the types of their arguments."""
     from numba import typeof, types
 
@@ -225,26 +225,28 @@ def _of_names(definition: Definition) -> Iterator[_Case]:
     )
     by_array = writes_into_arrays(definition.flow)
     y = vector if by_array else typeof(named_tuple("State", definition.states)(*[0.0] * n))
-    plain = (types.int64, types.float64, y, p)
-    out, size = ((*plain, vector), None) if by_array else (plain, n)
-    yield _Case(UserFunction("flow", definition.flow), out, size)
+    inputs = (types.int64, types.float64, y, p)
+    arguments, size = ((*inputs, vector), None) if by_array else (inputs, n)
+    yield _Case(UserFunction("flow", definition.flow), arguments, size)
     for guard in definition.guards:
         for kind in ("margin", "rate"):
             if getattr(guard, kind) is not None:
-                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), plain, 1)
+                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), inputs, 1)
         for kind in ("transition", "rest"):
             if getattr(guard, kind) is not None:
-                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), out, size, True)
+                yield _Case(
+                    UserFunction(kind, getattr(guard, kind), guard.name), arguments, size, True
+                )
     if definition.switch_transition is not None:
         yield _Case(
-            UserFunction("switch_transition", definition.switch_transition), out, size, True
+            UserFunction("switch_transition", definition.switch_transition), arguments, size, True
         )
     if definition.jacobian is not None:
         matrix = types.Array(types.float64, 2, "F")
-        yield _Case(UserFunction("jacobian", definition.jacobian), (*plain, matrix))
+        yield _Case(UserFunction("jacobian", definition.jacobian), (*inputs, matrix))
 
 
-def _of_arrays(automaton: Automaton) -> Iterator[_Case]:
+def _array_cases(automaton: Automaton) -> Iterator[_Case]:
     """Yield the functions of an automaton over arrays."""
     from numba import types
 
@@ -257,7 +259,7 @@ def _of_arrays(automaton: Automaton) -> Iterator[_Case]:
         yield _Case(UserFunction("jacobian", automaton.jacobian), (mode, *head, matrix))
 
 
-def _unlike(returned: Any, case: _Case) -> str:
+def _mismatch(returned: Any, case: _Case) -> str:
     """Return a description of a return type that differs from the required one, or ""."""
     from numba import types
 
@@ -277,9 +279,9 @@ def _unlike(returned: Any, case: _Case) -> str:
         if not (isinstance(returned, types.BaseTuple) and len(returned) == 2):
             return f"{_name(returned)}, not a mode and a state"
         mode, state = returned
-        one = isinstance(state, types.BaseTuple) or case.numbers > 1
+        has_numbers = isinstance(state, types.BaseTuple) or case.numbers > 1
         return ("" if is_number(mode) else f"{_name(mode)} for the mode") or (
-            numbers(state, case.numbers) if one else f"{_name(state)} for the state"
+            numbers(state, case.numbers) if has_numbers else f"{_name(state)} for the state"
         )
     if case.after_mode:
         return "" if is_number(returned) else f"{_name(returned)}, not the mode"

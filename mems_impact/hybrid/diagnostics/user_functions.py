@@ -79,24 +79,24 @@ class GuardedMatrix:
         self._name, self._size = name, size
         self._entries: dict[Any, Any] = {}
 
-    def __getitem__(self, place: Any) -> Any:
-        return self._entries.get(self._checked(place, "reads"), 0.0)
+    def __getitem__(self, index: Any) -> Any:
+        return self._entries.get(self._index(index, "reads"), 0.0)
 
-    def __setitem__(self, place: Any, value: Any) -> None:
-        self._entries[self._checked(place, "writes")] = value
+    def __setitem__(self, index: Any, value: Any) -> None:
+        self._entries[self._index(index, "writes")] = value
 
     def __iter__(self) -> Any:
         return iter(sorted(self._entries.items()))
 
-    def _checked(self, place: Any, verb: str) -> tuple[int, int]:
+    def _index(self, index: Any, verb: str) -> tuple[int, int]:
         n, name = self._size, self._name
-        if not (isinstance(place, tuple) and len(place) == 2):
-            raise ArrayMisuse(f"{verb} {name}[{place}]", f"write {name}[i, j]")
-        for i in place:
+        if not (isinstance(index, tuple) and len(index) == 2):
+            raise ArrayMisuse(f"{verb} {name}[{index}]", f"write {name}[i, j]")
+        for i in index:
             if not -n <= i < n:
-                problem = f"{verb} {name}[{place[0]}, {place[1]}], but it is {n} x {n}"
+                problem = f"{verb} {name}[{index[0]}, {index[1]}], but it is {n} x {n}"
                 raise ArrayMisuse(problem, f"let both go from 0 to {n - 1}")
-        return place[0] % n, place[1] % n
+        return index[0] % n, index[1] % n
 
 
 # --- Errors of user functions, with their lines
@@ -128,9 +128,9 @@ class UserFunction(NamedTuple):
 
     def explain_exception(self, error: BaseException) -> tuple[FunctionError, bool]:
         """Return the error for an exception, and whether it is independent of the values."""
-        problem, remedy, always = _explanation(error)
-        place = innermost_user_line(error.__traceback__, self.call)
-        return FunctionError(self.role, problem, remedy, *place), always
+        problem, remedy, is_structural = _explanation(error)
+        location = innermost_user_line(error.__traceback__, self.call)
+        return FunctionError(self.role, problem, remedy, *location), is_structural
 
 
 def place_of(function: Callable[..., Any]) -> tuple[str, int]:
@@ -156,13 +156,13 @@ def innermost_user_line(
     trace: TracebackType | None, function: Callable[..., Any]
 ) -> tuple[str, int]:
     """Return the innermost user line in a traceback; else the first line of `function`."""
-    own = place = place_of(function)
+    definition = location = place_of(function)
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
-        if is_user_file(file) or file == own[0]:
-            place = file, trace.tb_lineno
+        if is_user_file(file) or file == definition[0]:
+            location = file, trace.tb_lineno
         trace = trace.tb_next
-    return place
+    return location
 
 
 def describe_value(value: Any) -> str:
@@ -182,14 +182,14 @@ def describe_value(value: Any) -> str:
 
 def suggestion(error: AttributeError) -> str:
     """Return a suggestion for an unknown state or parameter."""
-    known = getattr(error.obj, "_fields", ())
-    near = get_close_matches(str(error.name), known, n=1)
-    return f"did you mean {near[0]}?" if near else f"there are {', '.join(known) or 'none'}"
+    names = getattr(error.obj, "_fields", ())
+    matches = get_close_matches(str(error.name), names, n=1)
+    return f"did you mean {matches[0]}?" if matches else f"there are {', '.join(names) or 'none'}"
 
 
 def _explanation(error: BaseException) -> tuple[str, str, bool]:
     """Return problem, remedy, and whether the error is independent of the values."""
-    raised = f"raises {type(error).__name__}: {error}"
+    exception = f"raises {type(error).__name__}: {error}"
     match error:
         case ArrayMisuse():
             return error.problem, error.remedy, True
@@ -204,11 +204,11 @@ def _explanation(error: BaseException) -> tuple[str, str, bool]:
         case AttributeError() if isinstance(error.obj, list):
             return f"reads .{error.name} of an array", "write y[0], y[1], …", True
         case AttributeError() | NameError() | TypeError() | ImportError():
-            return raised, "correct this line", True
+            return exception, "correct this line", True
         case ArithmeticError() | ValueError():
-            return raised, DOMAIN, False
+            return exception, DOMAIN, False
         case _:
-            return raised, "define it for all states that the system reaches", False
+            return exception, "define it for all states that the system reaches", False
 
 
 # --- Checked calls
@@ -247,84 +247,86 @@ class CheckedFunctions:
         self.states, self.n = definition.states, len(definition.states)
         self.by_array = writes_into_arrays(definition.flow)
         self.p = named_tuple("Parameters", definition.parameters)(*parameters)
-        self._twice: set[Any] = set()  # functions and modes with a repeated call
+        self._repetitions: set[Any] = set()  # functions and modes with a repeated call
 
     def state(self, y: Sequence[float]) -> Any:
         """Return a state as functions receive it."""
         return list(y) if self.by_array else named_tuple("State", self.states)(*y)
 
-    def flow(self, at: EvaluationPoint) -> list[float]:
+    def flow(self, point: EvaluationPoint) -> list[float]:
         """Return the flow."""
         function = UserFunction("flow", self.definition.flow)
         if not self.by_array:
-            return self._tuple(function, self._call(function, at), at)
+            return self._tuple(function, self._call(function, point), point)
         slope: list[Any] = [None] * self.n
-        self._call(function, at, slope)
+        self._call(function, point, slope)
         if None in slope:
-            problem = f"does not write dy[{slope.index(None)}] in mode {self._mode(at)}"
+            problem = f"does not write dy[{slope.index(None)}] in mode {self._mode(point)}"
             remedy = "write every component, 0.0 for a state that does not change"
             raise function.error(problem, remedy)
-        return self._finite(function, slope, at)
+        return self._finite(function, slope, point)
 
-    def margin(self, i: int, at: EvaluationPoint) -> float:
+    def margin(self, i: int, point: EvaluationPoint) -> float:
         """Return the margin of guard `i`."""
-        return self._scalar("margin", i, at)
+        return self._scalar("margin", i, point)
 
-    def constraint(self, i: int, at: EvaluationPoint) -> float:
+    def constraint(self, i: int, point: EvaluationPoint) -> float:
         """Return the value of constraint `i`, zero if it holds."""
-        return self._number(UserFunction("constraint", self.definition.constraints[i][1]), at)
+        return self._number(UserFunction("constraint", self.definition.constraints[i][1]), point)
 
-    def rate(self, i: int, at: EvaluationPoint) -> float:
+    def rate(self, i: int, point: EvaluationPoint) -> float:
         """Return the user's rate of the margin of guard `i`."""
-        return self._scalar("rate", i, at)
+        return self._scalar("rate", i, point)
 
-    def transition(self, kind: str, i: int | None, at: EvaluationPoint) -> tuple[int, list[float]]:
+    def transition(
+        self, kind: str, i: int | None, point: EvaluationPoint
+    ) -> tuple[int, list[float]]:
         """Return mode and state after the "transition" or "rest" of guard `i`, or at a switch."""
         guard = None if i is None else self.definition.guards[i]
         call = getattr(guard or self.definition, kind)
         if call is None:
-            return at.mode, at.y
+            return point.mode, point.y
         function = UserFunction(kind, call, guard.name if guard else "")
         if self.by_array:
-            new: list[Any] = list(at.y)
-            mode = self._call(function, at, new)
-            return self._existing(function, mode), self._finite(function, new, at)
-        result = self._call(function, at)
+            new: list[Any] = list(point.y)
+            mode = self._call(function, point, new)
+            return self._mode_number(function, mode), self._finite(function, new, point)
+        result = self._call(function, point)
         if not (isinstance(result, tuple) and len(result) == 2):
-            problem = f"returns {describe_value(result)} in mode {self._mode(at)}"
+            problem = f"returns {describe_value(result)} in mode {self._mode(point)}"
             remedy = "return the new mode and the new state on every path: mode, (…)"
             raise function.error(problem, remedy)
         mode, state = result
-        return self._existing(function, mode), self._tuple(function, state, at)
+        return self._mode_number(function, mode), self._tuple(function, state, point)
 
-    def jacobian(self, at: EvaluationPoint) -> list[list[float]]:
+    def jacobian(self, point: EvaluationPoint) -> list[list[float]]:
         """Return the user's Jacobian."""
         assert self.definition.jacobian is not None
         function = UserFunction("jacobian", self.definition.jacobian)
         entries = GuardedMatrix("J", self.n)
-        self._call(function, at, entries)
+        self._call(function, point, entries)
         rows = [[entries[i, j] for j in range(self.n)] for i in range(self.n)]
-        return [self._finite(function, row, at) for row in rows]
+        return [self._finite(function, row, point) for row in rows]
 
-    def _scalar(self, kind: str, i: int, at: EvaluationPoint) -> float:
+    def _scalar(self, kind: str, i: int, point: EvaluationPoint) -> float:
         guard = self.definition.guards[i]
-        return self._number(UserFunction(kind, getattr(guard, kind), guard.name), at)
+        return self._number(UserFunction(kind, getattr(guard, kind), guard.name), point)
 
-    def _number(self, function: UserFunction, at: EvaluationPoint) -> float:
-        value = self._call(function, at)
+    def _number(self, function: UserFunction, point: EvaluationPoint) -> float:
+        value = self._call(function, point)
         if not isinstance(value, Real | complex):
-            problem = f"returns {describe_value(value)} in mode {self._mode(at)}"
+            problem = f"returns {describe_value(value)} in mode {self._mode(point)}"
             raise function.error(problem, "return one number on every path")
         if isinstance(value, complex) or math.isnan(value):
-            raise self._undefined(function, value, "", at)
+            raise self._domain_error(function, value, "", point)
         return float(value)
 
-    def _call(self, function: UserFunction, at: EvaluationPoint, *out: Any) -> Any:
+    def _call(self, function: UserFunction, point: EvaluationPoint, *out: Any) -> Any:
         """Call a function as the engine does; twice for its first call in a mode."""
         call = getattr(function.call, "py_func", function.call)  # the source of a numba function
-        mode, t, y = at
+        mode, t, y = point
         state = self.state(y)
-        fresh = [GuardedMatrix("J", self.n) if not isinstance(a, list) else list(a) for a in out]
+        copies = [GuardedMatrix("J", self.n) if not isinstance(a, list) else list(a) for a in out]
         try:
             result = call(mode, t, state, self.p, *out)
             if self.by_array and any(a is not b for a, b in zip(state, y, strict=True)):
@@ -332,51 +334,55 @@ class CheckedFunctions:
                     "writes into y", "leave it as it is, and write into the last argument"
                 )
         except Exception as error:
-            raise self._explained(function, error, at, fresh) from error
-        if (call, mode) not in self._twice:
-            self._twice.add((call, mode))
+            raise self._error_of(function, error, point, copies) from error
+        if (call, mode) not in self._repetitions:
+            self._repetitions.add((call, mode))
             try:
-                again = call(mode, t, state, self.p, *fresh)
+                repetition = call(mode, t, state, self.p, *copies)
             except Exception as error:
-                again = error
-            if not same((result, *map(list, out)), (again, *map(list, fresh))):
+                repetition = error
+            if not same((result, *map(list, out)), (repetition, *map(list, copies))):
                 problem = "returns two results for the same mode, time and state"
                 remedy = "let it depend on its arguments alone: no random numbers, no counters"
                 raise function.error(problem, remedy)
         return result
 
-    def _explained(
-        self, function: UserFunction, error: Exception, at: EvaluationPoint, out: Sequence[Any]
+    def _error_of(
+        self, function: UserFunction, error: Exception, point: EvaluationPoint, out: Sequence[Any]
     ) -> FunctionError | DomainError:
         """Return the error for an exception, after a call with checked arrays."""
         if self.by_array and not isinstance(error, ArrayMisuse):
             name = "dy" if function.kind == "flow" else "new"
-            watched = [CheckedVector(name, a) if isinstance(a, list) else a for a in out]
+            arrays = [CheckedVector(name, a) if isinstance(a, list) else a for a in out]
             try:
-                function.call(at.mode, at.t, CheckedVector("y", at.y, fixed=True), self.p, *watched)
-            except Exception as closer:
-                error = closer
-        found, always = function.explain_exception(error)
-        if always:
-            return found
-        problem = f"{found.problem} {self.place(at)}"
-        return DomainError(FunctionError(found.role, problem, found.remedy, found.file, found.line))
+                function.call(
+                    point.mode, point.t, CheckedVector("y", point.y, fixed=True), self.p, *arrays
+                )
+            except Exception as checked_error:
+                error = checked_error
+        cause, is_structural = function.explain_exception(error)
+        if is_structural:
+            return cause
+        problem = f"{cause.problem} {self.place(point)}"
+        return DomainError(FunctionError(cause.role, problem, cause.remedy, cause.file, cause.line))
 
-    def _tuple(self, function: UserFunction, values: Any, at: EvaluationPoint) -> list[float]:
+    def _tuple(self, function: UserFunction, values: Any, point: EvaluationPoint) -> list[float]:
         """Return a tuple with one number per state as a list."""
         names = ", ".join(self.states[:MAX_COMPONENTS]) + (", …" if self.n > MAX_COMPONENTS else "")
         remedy = f"return a tuple of {self.n}, for {names}, on every path"
         if not isinstance(values, tuple):
             raise function.error(
-                f"returns {describe_value(values)} in mode {self._mode(at)}", remedy
+                f"returns {describe_value(values)} in mode {self._mode(point)}", remedy
             )
         if len(values) != self.n:
-            problem = f"returns {len(values)} numbers for {self.n} states in mode {self._mode(at)}"
+            problem = (
+                f"returns {len(values)} numbers for {self.n} states in mode {self._mode(point)}"
+            )
             raise function.error(problem, remedy)
-        return self._finite(function, values, at)
+        return self._finite(function, values, point)
 
     def _finite(
-        self, function: UserFunction, values: Sequence[Any], at: EvaluationPoint
+        self, function: UserFunction, values: Sequence[Any], point: EvaluationPoint
     ) -> list[float]:
         for name, value in zip(self.states, values, strict=True):
             if isinstance(value, float | int) and math.isfinite(value):
@@ -386,45 +392,45 @@ class CheckedFunctions:
                     f"gives {describe_value(value)} for {name}", "let it be a number"
                 )
             if isinstance(value, complex) or not math.isfinite(value):
-                raise self._undefined(function, value, f" for {name}", at)
+                raise self._domain_error(function, value, f" for {name}", point)
         return [float(value) for value in values]
 
-    def _existing(self, function: UserFunction, mode: Any) -> int:
+    def _mode_number(self, function: UserFunction, mode: Any) -> int:
         """Return an existing mode."""
         modes = self.definition.modes
         if isinstance(mode, Integral) and int(mode) in (ENDS, NO_FIT, *range(len(modes))):
             return int(mode)
-        what = f"mode {mode}" if isinstance(mode, Real) else describe_value(mode)
-        known = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))
-        remedy = f"return one of the modes {known}, or give all modes to System as modes="
-        raise function.error(f"returns {what}", remedy)
+        description = f"mode {mode}" if isinstance(mode, Real) else describe_value(mode)
+        choices = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))
+        remedy = f"return one of the modes {choices}, or give all modes to System as modes="
+        raise function.error(f"returns {description}", remedy)
 
-    def _undefined(
-        self, function: UserFunction, value: Any, what: str, at: EvaluationPoint
+    def _domain_error(
+        self, function: UserFunction, value: Any, suffix: str, point: EvaluationPoint
     ) -> DomainError:
-        problem = f"gives {value}{what} {self.place(at)}"
+        problem = f"gives {value}{suffix} {self.place(point)}"
         remedy = "treat this case separately, or start elsewhere"
         return DomainError(function.error(problem, remedy))
 
-    def place(self, at: EvaluationPoint) -> str:
+    def place(self, point: EvaluationPoint) -> str:
         """Return the values of a point, for the end of a message."""
         *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
-        components = list(zip(self.states, at.y, sizes, strict=True))[:MAX_COMPONENTS]
+        components = list(zip(self.states, point.y, sizes, strict=True))[:MAX_COMPONENTS]
         numbers = [f"{name} = {value * size:.6g}" for name, value, size in components]
         numbers += ["…"] if self.n > MAX_COMPONENTS else []
-        return f"at {', '.join(numbers)}, t = {at.t * time:.6g}, mode {self._mode(at)}"
+        return f"at {', '.join(numbers)}, t = {point.t * time:.6g}, mode {self._mode(point)}"
 
-    def _mode(self, at: EvaluationPoint) -> str:
+    def _mode(self, point: EvaluationPoint) -> str:
         modes = self.definition.modes
-        known = isinstance(at.mode, int) and 0 <= at.mode < len(modes)
-        return modes[at.mode] if known else str(at.mode)
+        exists = isinstance(point.mode, int) and 0 <= point.mode < len(modes)
+        return modes[point.mode] if exists else str(point.mode)
 
 
-def same(one: Any, other: Any) -> bool:
+def same(value: Any, other: Any) -> bool:
     """Return whether two results are the same, nan for nan."""
-    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
-        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(value, tuple | list) and isinstance(other, tuple | list):
+        return len(value) == len(other) and all(map(same, value, other))
     try:
-        return bool(one == other) or bool(one != one and other != other)
+        return bool(value == other) or bool(value != value and other != other)
     except ValueError:  # arrays, which other checks report
         return True
