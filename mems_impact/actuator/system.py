@@ -909,10 +909,10 @@ class ImportedSystem(ActuatorSystem):
                 value=value,
                 unit=unit,
                 factor=self.scales.unit(self.drive_unit),
-                place=first + place,
-                rate_place=first + rate,
+                index=first + index,
+                rate_index=first + rate,
             )
-            for name, (place, rate, value) in self.drive.places.items()
+            for name, (index, rate, value) in self.drive.places.items()
         )
         own = tuple(number for number in model.numbers if number.name not in self._drive_names)
         return replace(

@@ -107,8 +107,8 @@ def first_instant(engine, s):  # type: ignore[no-untyped-def]
         return INADMISSIBLE
     guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
     for i in range(s.switches):
-        since = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
-        if min(since, s.period - since) <= SWITCH_RTOL * s.period:
+        distance = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
+        if min(distance, s.period - distance) <= SWITCH_RTOL * s.period:
             guard = 2 * s.m
     status = resolve_imported_instant(engine, s, y, guard)
     if status == DONE:
@@ -116,15 +116,15 @@ def first_instant(engine, s):  # type: ignore[no-untyped-def]
     return status
 
 
-def imported_instant(engine, s, changed):  # type: ignore[no-untyped-def]
+def imported_instant(engine, s, input_change):  # type: ignore[no-untyped-def]
     """Perform the transitions at ``s.t``, which an importer has located, and begin an arc.
 
-    `changed` is 1 if an input has changed, after which the mode is determined again.
+    `input_change` is 1 if an input has changed, after which the mode is determined again.
     """
     y = table_row(s, Y)
     if s.t > s.arc_start:
         s.switched = 0
-    if at_next_switch(s) or changed == 1:
+    if at_next_switch(s) or input_change == 1:
         guard = 2 * s.m
     else:
         guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
@@ -145,56 +145,56 @@ def at_next_switch(s):  # type: ignore[no-untyped-def]
     return True
 
 
-def resumed(engine, s, changed):  # type: ignore[no-untyped-def]
+def resume(engine, s, input_change):  # type: ignore[no-untyped-def]
     """Begin a new arc at a communication point, with the switch at which the last one ended.
 
-    `changed` is 1 if an input has changed, after which the mode is determined again.
+    `input_change` is 1 if an input has changed, after which the mode is determined again.
     """
     if s.first_arc == 0:
         s.restart = 1
-        if at_next_switch(s) or changed == 1:
+        if at_next_switch(s) or input_change == 1:
             s.pending_guard = 2 * s.m
 
 
 def imported_step(engine, s):  # type: ignore[no-untyped-def]
     """Return whether a guard fires at the end of a step of an importer."""
-    now, passed = table_row(s, MARGINS_AFTER), table_row(s, BELOW_ZERO)
+    margins, below_zero = table_row(s, MARGINS_AFTER), table_row(s, BELOW_ZERO)
     y = table_row(s, Y)
-    interface.margins(engine, s.mode, s.t, y, now)
-    missed = False
+    interface.margins(engine, s.mode, s.t, y, margins)
+    has_crossing = False
     for i in range(s.m):
-        if now[i] + interface.bias(engine, i) > 0.0:
-            passed[i] = 0.0
-            if now[i] > rounding_error(s, i):
+        if margins[i] + interface.bias(engine, i) > 0.0:
+            below_zero[i] = 0.0
+            if margins[i] > rounding_error(s, i):
                 interface.set_bias(engine, i, 0.0)
         else:
-            missed = True
-    return missed and first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE) != NONE
+            has_crossing = True
+    return has_crossing and first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE) != NONE
 
 
-def flight_blurred(engine, s, guard):  # type: ignore[no-untyped-def]
+def is_flight_blurred(engine, s, guard):  # type: ignore[no-untyped-def]
     """Return whether the importer's error is no small part of the flight that ends now.
 
     Its state before the impact, in STATE_BEFORE, is compared with a step of the classical
     Runge-Kutta method, and that with two half steps. Overwrites CONTACT_STATE and
     ACCUMULATION_STATE.
     """
-    begin, length = s.arc_start, s.t - s.arc_start
-    if not (length > 0.0 and table_row(s, HIT_TIME)[guard] == begin):
+    t_start, length = s.arc_start, s.t - s.arc_start
+    if not (length > 0.0 and table_row(s, HIT_TIME)[guard] == t_start):
         return False
-    g, start, mode = table_row(s, G), stepper.row(engine, stepper.START), engine.mode
-    whole, halves = table_row(s, ACCUMULATION_STATE), table_row(s, CONTACT_STATE)
-    rk4_probe(engine, s, mode, begin, start, length, whole)
-    rk4_probe(engine, s, mode, begin, start, 0.5 * length, halves)
-    rk4_probe(engine, s, mode, begin + 0.5 * length, halves, 0.5 * length, halves)
+    g, y_start, mode = table_row(s, G), stepper.row(engine, stepper.START), engine.mode
+    y_step, y_half_steps = table_row(s, ACCUMULATION_STATE), table_row(s, CONTACT_STATE)
+    rk4_probe(engine, s, mode, t_start, y_start, length, y_step)
+    rk4_probe(engine, s, mode, t_start, y_start, 0.5 * length, y_half_steps)
+    rk4_probe(engine, s, mode, t_start + 0.5 * length, y_half_steps, 0.5 * length, y_half_steps)
     interface.margins(engine, mode, s.t, table_row(s, STATE_BEFORE), g)
-    imported = g[guard]
-    interface.margins(engine, mode, s.t, whole, g)
-    coarse = g[guard]
-    interface.margins(engine, mode, s.t, halves, g)
-    error, doubt = abs(imported - g[guard]), abs(coarse - g[guard])
+    imported_margin = g[guard]
+    interface.margins(engine, mode, s.t, y_step, g)
+    step_margin = g[guard]
+    interface.margins(engine, mode, s.t, y_half_steps, g)
+    error, step_error = abs(imported_margin - g[guard]), abs(step_margin - g[guard])
     height = 0.25 * table_row(s, HIT_SPEED)[guard] * length
-    return error > BLUR * height and error > 100.0 * doubt
+    return error > BLUR * height and error > 100.0 * step_error
 
 
 def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
@@ -203,40 +203,40 @@ def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
     The event loop advances to the accumulation point. An importer does not, so the bodies move in
     contact from here on, as on average they do during the remaining flights.
     """
-    past, entered, left = (
+    y_before, y_contact, y_end = (
         table_row(s, STATE_BEFORE),
         table_row(s, CONTACT_STATE),
         table_row(s, ACCUMULATION_STATE),
     )
     mode, t, code = s.mode, s.t, s.m + guard
-    blurred = flight_blurred(engine, s, guard)
-    before, speed = table_row(s, HIT_SPEED)[guard], table_row(s, MARGINS_AT)[s.m + guard]
+    is_blurred = is_flight_blurred(engine, s, guard)
+    previous_speed, speed = table_row(s, HIT_SPEED)[guard], table_row(s, MARGINS_AT)[s.m + guard]
     remaining, interval = remaining_chatter_time(engine, s, t, y, guard)
-    if remaining == math.inf and blurred and 0.0 <= speed < before:
+    if remaining == math.inf and is_blurred and 0.0 <= speed < previous_speed:
         a = acceleration(engine, s, mode, t, y, guard, 0.125 * (t - s.arc_start))
         if a < 0.0:
-            interval = 2.0 * before / -a
-            remaining = 2.0 * speed / -a / (1.0 - speed / before)
+            interval = 2.0 * previous_speed / -a
+            remaining = 2.0 * speed / -a / (1.0 - speed / previous_speed)
     if remaining == math.inf:
         return False
     for j in range(s.n):
-        past[j] = y[j]
-        entered[j] = y[j]
-    touch = interface.transition(engine, mode, code, t, entered)
-    if remaining > 0.0 and 0 <= touch < s.modes:
-        rk4_probe(engine, s, touch, t, entered, remaining, left)
+        y_before[j] = y[j]
+        y_contact[j] = y[j]
+    contact_mode = interface.transition(engine, mode, code, t, y_contact)
+    if remaining > 0.0 and 0 <= contact_mode < s.modes:
+        rk4_probe(engine, s, contact_mode, t, y_contact, remaining, y_end)
         h = 0.125 * interval
-        first = acceleration(engine, s, mode, t, entered, guard, h)
-        last = acceleration(engine, s, mode, t + remaining, left, guard, h)
-        change = (last - first) / first if first != 0.0 else math.inf
-        if not change * change * remaining <= CHATTER_END_RTOL * interval:
+        a_start = acceleration(engine, s, mode, t, y_contact, guard, h)
+        a_end = acceleration(engine, s, mode, t + remaining, y_end, guard, h)
+        relative_change = (a_end - a_start) / a_start if a_start != 0.0 else math.inf
+        if not relative_change * relative_change * remaining <= CHATTER_END_RTOL * interval:
             return True
-        remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
-    s.mode = touch
+        remaining = max(0.0, remaining - 2.0 / 3.0 * relative_change * (interval + remaining))
+    s.mode = contact_mode
     table_row(s, HIT_TIME)[guard] = table_row(s, HIT_BEGIN)[guard] = -math.inf
-    log_event(s, t + remaining, ACCUMULATION, guard, mode, past, entered)
+    log_event(s, t + remaining, ACCUMULATION, guard, mode, y_before, y_contact)
     for j in range(s.n):
-        y[j] = entered[j]
+        y[j] = y_contact[j]
     return True
 
 
@@ -316,7 +316,7 @@ ROOTS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "first_instant": (first_instant, (ENGINE, LOOP)),
     "imported_instant": (imported_instant, (ENGINE, LOOP, INTEGER)),
     "imported_step": (imported_step, (ENGINE, LOOP)),
-    "resumed": (resumed, (ENGINE, LOOP, INTEGER)),
+    "resume": (resume, (ENGINE, LOOP, INTEGER)),
 }
 
 

@@ -87,8 +87,8 @@ class ModelVariable:
 
 def identifier(name: str) -> str:
     """Return a name as an identifier."""
-    made = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return made if made and not made[0].isdigit() else f"_{made}"
+    result = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return result if result and not result[0].isdigit() else f"_{result}"
 
 
 def rate_unit(unit: str, time: str) -> str:
@@ -104,7 +104,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
     """Return all variables, in the order of their references."""
     automaton = model.automaton
     n, m = len(automaton.states), len(automaton.guards)
-    found = [
+    variables = [
         ModelVariable(
             name="time",
             reference=0,
@@ -113,24 +113,24 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
             unit=model.time_unit,
         )
     ]
-    starts = [
+    initial_values = [
         float(value) * factor
         for value, factor in zip(model.initial.y, model.state_factors, strict=True)
     ]
     for i, state in enumerate(automaton.states):
-        found.append(
+        variables.append(
             ModelVariable(
                 name=state,
                 reference=1 + i,
                 causality="output",
                 variability="continuous",
                 initial="exact",
-                start=starts[i],
+                start=initial_values[i],
                 unit=model.state_units[i],
             )
         )
     for i, state in enumerate(automaton.states):
-        found.append(
+        variables.append(
             ModelVariable(
                 name=f"der({state})",
                 reference=1 + n + i,
@@ -145,7 +145,7 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
         kind = kind_of_number(model, i)
         causality = {CONSTANT: "local", INPUT: "input"}.get(kind, "parameter")
         variability = {CONSTANT: "constant", INPUT: "continuous"}.get(kind, "fixed")
-        found.append(
+        variables.append(
             ModelVariable(
                 name=number.name,
                 reference=1 + 2 * n + i,
@@ -157,16 +157,16 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                 limits=number.limits,
             )
         )
-    first = 1 + 2 * n + len(model.numbers)
-    guards = [identifier(guard.name) for guard in automaton.guards]
-    for offset, what in ((0, "margin"), (m, "margin_rate")):
+    reference = 1 + 2 * n + len(model.numbers)
+    guard_names = [identifier(guard.name) for guard in automaton.guards]
+    for offset, quantity in ((0, "margin"), (m, "margin_rate")):
         for i, guard in enumerate(automaton.guards):
             if offset and not guard.impact:
                 continue
-            found.append(
+            variables.append(
                 ModelVariable(
-                    name=f"{guards[i]}.{what}",
-                    reference=first + offset + i,
+                    name=f"{guard_names[i]}.{quantity}",
+                    reference=reference + offset + i,
                     causality="local",
                     variability="continuous",
                     initial="calculated",
@@ -174,10 +174,10 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                     indicator=True,
                 )
             )
-    found.append(
+    variables.append(
         ModelVariable(
             name="event_time",
-            reference=first + 2 * m,
+            reference=reference + 2 * m,
             causality="output",
             variability="discrete",
             initial="calculated",
@@ -186,10 +186,10 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
         )
     )
     for i in range(m):
-        found.append(
+        variables.append(
             ModelVariable(
-                name=f"{guards[i]}.time",
-                reference=first + 2 * m + 1 + i,
+                name=f"{guard_names[i]}.time",
+                reference=reference + 2 * m + 1 + i,
                 causality="output",
                 variability="discrete",
                 initial="calculated",
@@ -206,12 +206,12 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
         ("event_guard", f"guard of the latest event (0: none, {names})", None),
     )
     assert len(integers) == EVENT_VARIABLES
-    place = first_integer(model)
+    integer_reference = first_integer(model)
     for i, (name, description, start) in enumerate(integers):
-        found.append(
+        variables.append(
             ModelVariable(
                 name=name,
-                reference=place + i,
+                reference=integer_reference + i,
                 causality="output",
                 variability="discrete",
                 initial="calculated" if start is None else "exact",
@@ -221,10 +221,10 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
             )
         )
     for i, guard in enumerate(automaton.guards):
-        found.append(
+        variables.append(
             ModelVariable(
-                name=f"{guards[i]}.count",
-                reference=place + EVENT_VARIABLES + i,
+                name=f"{guard_names[i]}.count",
+                reference=integer_reference + EVENT_VARIABLES + i,
                 causality="output",
                 variability="discrete",
                 initial="calculated",
@@ -232,20 +232,20 @@ def model_variables(model: ExportedModel) -> list[ModelVariable]:
                 integer=True,
             )
         )
-    return with_unique_names(found)
+    return with_unique_names(variables)
 
 
 def with_unique_names(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
     """Return variables with names that differ: a later one gets underscores."""
-    taken: set[str] = set()
-    found = []
+    names: set[str] = set()
+    result = []
     for variable in variables:
         name = variable.name
-        while name in taken:
+        while name in names:
             name += "_"
-        taken.add(name)
-        found.append(variable if name == variable.name else replace(variable, name=name))
-    return found
+        names.add(name)
+        result.append(variable if name == variable.name else replace(variable, name=name))
+    return result
 
 
 # --- Model description
@@ -266,9 +266,9 @@ def attributes(**values: object) -> str:
     for name, value in values.items():
         if value is None or value == "":
             continue
-        shown = str(value).lower() if isinstance(value, bool) else value
-        shown = repr(shown) if isinstance(shown, float) else str(shown)
-        parts.append(f"{name}={quoteattr(shown)}")
+        text = str(value).lower() if isinstance(value, bool) else value
+        text = repr(text) if isinstance(text, float) else str(text)
+        parts.append(f"{name}={quoteattr(text)}")
     return " ".join(parts)
 
 
@@ -299,7 +299,9 @@ def description_2(
     """Return ``modelDescription.xml`` of FMI 2.0."""
     guards = model.automaton.guards
     indicators = len(guards) + sum(guard.impact for guard in guards)
-    saves = attributes(modelIdentifier=name, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
+    capabilities = attributes(
+        modelIdentifier=name, canGetAndSetFMUstate=True, canSerializeFMUstate=True
+    )
     sources = "<SourceFiles><File name='fmi2.c'/></SourceFiles>"
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
@@ -312,16 +314,16 @@ def description_2(
             numberOfEventIndicators=indicators,
         )
         + ">",
-        f"  <ModelExchange {saves}>{sources}</ModelExchange>",
-        f"  <CoSimulation {saves} canHandleVariableCommunicationStepSize='true' "
+        f"  <ModelExchange {capabilities}>{sources}</ModelExchange>",
+        f"  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize='true' "
         f"maxOutputDerivativeOrder='1'>{sources}</CoSimulation>",
         *unit_lines(variables),
         experiment(model),
         "  <ModelVariables>",
     ]
-    places = {variable.reference: i for i, variable in enumerate(variables, 1)}
+    indices = {variable.reference: i for i, variable in enumerate(variables, 1)}
     for variable in variables:
-        outer = attributes(
+        variable_attributes = attributes(
             name=variable.name,
             valueReference=variable.reference,
             causality=variable.causality,
@@ -330,24 +332,24 @@ def description_2(
             description=variable.description,
         )
         if variable.integer:
-            inner = f"<Integer {attributes(start=variable.start)}/>"
+            element = f"<Integer {attributes(start=variable.start)}/>"
         else:
-            state = None if variable.state is None else places[variable.state]
-            inner = attributes(
+            state = None if variable.state is None else indices[variable.state]
+            element = attributes(
                 start=variable.start, unit=variable.unit, derivative=state, **variable.range
             )
-            inner = f"<Real {inner}/>"
-        lines.append(f"    <ScalarVariable {outer}>{inner}</ScalarVariable>")
+            element = f"<Real {element}/>"
+        lines.append(f"    <ScalarVariable {variable_attributes}>{element}</ScalarVariable>")
     lines += ["  </ModelVariables>", "  <ModelStructure>", "    <Outputs>"]
     outputs = [each for each in variables if each.causality == "output"]
     rates = [each for each in variables if each.state is not None]
     unknowns = [each for each in outputs if each.initial == "calculated"] + rates
-    lines += [f"      <Unknown index='{places[each.reference]}'/>" for each in outputs]
+    lines += [f"      <Unknown index='{indices[each.reference]}'/>" for each in outputs]
     lines += ["    </Outputs>", "    <Derivatives>"]
-    lines += [f"      <Unknown index='{places[each.reference]}'/>" for each in rates]
+    lines += [f"      <Unknown index='{indices[each.reference]}'/>" for each in rates]
     lines += ["    </Derivatives>", "    <InitialUnknowns>"]
-    indices = sorted(places[each.reference] for each in unknowns)
-    lines += [f"      <Unknown index='{index}'/>" for index in indices]
+    unknown_indices = sorted(indices[each.reference] for each in unknowns)
+    lines += [f"      <Unknown index='{index}'/>" for index in unknown_indices]
     lines += ["    </InitialUnknowns>", "  </ModelStructure>", "</fmiModelDescription>", ""]
     return "\n".join(lines)
 
@@ -356,7 +358,9 @@ def description_3(
     model: ExportedModel, variables: Sequence[ModelVariable], token: str, name: str, title: str
 ) -> str:
     """Return ``modelDescription.xml`` of FMI 3.0."""
-    saves = attributes(modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True)
+    capabilities = attributes(
+        modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True
+    )
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
         "<fmiModelDescription fmiVersion='3.0' "
@@ -367,8 +371,8 @@ def description_3(
             variableNamingConvention="flat",
         )
         + ">",
-        f"  <ModelExchange {saves} needsCompletedIntegratorStep='true'/>",
-        f"  <CoSimulation {saves} canHandleVariableCommunicationStepSize='true' "
+        f"  <ModelExchange {capabilities} needsCompletedIntegratorStep='true'/>",
+        f"  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize='true' "
         "maxOutputDerivativeOrder='1' hasEventMode='true' mightReturnEarlyFromDoStep='true'/>",
         *unit_lines(variables),
         experiment(model),
@@ -427,11 +431,11 @@ def build_description(name: str) -> str:
 
 def find_compiler() -> list[str]:
     """Return the command of a C compiler: that of the variable CC, or cc; empty without one."""
-    given = os.environ.get("CC", "")
-    if given:
-        return shlex.split(given)
-    found = next((each for each in COMPILERS if shutil.which(each)), None)
-    return [found] if found else []
+    command = os.environ.get("CC", "")
+    if command:
+        return shlex.split(command)
+    compiler = next((each for each in COMPILERS if shutil.which(each)), None)
+    return [compiler] if compiler else []
 
 
 def binary_path(fmi: str, name: str) -> str:
@@ -442,10 +446,10 @@ def binary_path(fmi: str, name: str) -> str:
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
     if fmi == "3.0":
         return f"binaries/{machine}-{system}/{name}.{suffix}"
-    short = {"windows": "win", "darwin": "darwin"}.get(system, "linux")
+    system_prefix = {"windows": "win", "darwin": "darwin"}.get(system, "linux")
     if machine == "x86_64":
-        return f"binaries/{short}64/{name}.{suffix}"
-    return f"binaries/{short}64-{machine}/{name}.{suffix}"
+        return f"binaries/{system_prefix}64/{name}.{suffix}"
+    return f"binaries/{system_prefix}64-{machine}/{name}.{suffix}"
 
 
 def compile_binary(sources: dict[str, str], main: str) -> tuple[bytes, str]:
@@ -466,7 +470,7 @@ def compile_in(folder: str, compiler: Sequence[str], main: str) -> tuple[bytes, 
     """Return the library compiled from the sources in a folder; empty, with the reason, if none."""
     command = [*compiler, *FLAGS, main, "-o", "model", "-lm"]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, check=False,
             timeout=COMPILER_SECONDS,
         )  # fmt: skip
@@ -474,9 +478,9 @@ def compile_in(folder: str, compiler: Sequence[str], main: str) -> tuple[bytes, 
         return b"", f"{shlex.join(compiler)} did not end within {COMPILER_SECONDS} s"
     except OSError as error:
         return b"", f"{shlex.join(compiler)} cannot be run ({error.strerror})"
-    if done.returncode != 0:
-        said = next((line for line in done.stderr.splitlines() if "error" in line), "")
-        return b"", f"{shlex.join(compiler)} failed: {said.strip()}"
+    if process.returncode != 0:
+        message = next((line for line in process.stderr.splitlines() if "error" in line), "")
+        return b"", f"{shlex.join(compiler)} failed: {message.strip()}"
     return Path(folder, "model").read_bytes(), ""
 
 
@@ -507,7 +511,7 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
     title = model.name or target.stem
     main = "fmi3.c" if fmi == "3.0" else "fmi2.c"
     folder = files("mems_impact.export") / "templates"
-    sources = {each: (folder / each).read_text(encoding="utf-8") for each in (*TEMPLATES, main)}
+    sources = {file: (folder / file).read_text(encoding="utf-8") for file in (*TEMPLATES, main)}
     variables = model_variables(model)
     describe = description_3 if fmi == "3.0" else description_2
     digest = hashlib.sha256()
@@ -522,7 +526,7 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
     }
     if fmi == "3.0":
         contents["sources/buildDescription.xml"] = build_description(name).encode()
-    contents |= {f"sources/{each}": content.encode() for each, content in sorted(sources.items())}
+    contents |= {f"sources/{file}": content.encode() for file, content in sorted(sources.items())}
     binary, reason = compile_binary(sources, main)
     if binary:
         contents[binary_path(fmi, name)] = binary
@@ -533,9 +537,9 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
         )
         warn(message, UserWarning)
     with replacing(target) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-        for place, data in contents.items():
-            entry = zipfile.ZipInfo(place, DATE)
+        for member, data in contents.items():
+            entry = zipfile.ZipInfo(member, DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = (0o755 if place.startswith("binaries/") else 0o644) << 16
+            entry.external_attr = (0o755 if member.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return target

@@ -47,11 +47,11 @@ class ScaledWriter(_ScalingWriter):
 
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
         """Return the function with these lines as its body."""
-        made = super().make(name, arguments, lines)
-        self.__dict__.setdefault("texts", {})[made.__code__] = function(
+        result = super().make(name, arguments, lines)
+        self.__dict__.setdefault("texts", {})[result.__code__] = function(
             f"{name}({arguments})", lines
         )
-        return made
+        return result
 
 
 def automaton_with_source(

@@ -25,10 +25,10 @@ class ExportedNumber:
         In the system's units.
     factor : float
         The unit of the numerics, in the system's units.
-    place : int or None
+    index : int or None
         Index in the parameter array; None if the array depends on it in another way, so that the
         exported model has its value as a constant.
-    rate_place : int or None
+    rate_index : int or None
         Index in the parameter array of the time derivative of an input.
     limits : Limits
         In the system's units.
@@ -38,8 +38,8 @@ class ExportedNumber:
     value: float
     unit: str = ""
     factor: float = 1.0
-    place: int | None = None
-    rate_place: int | None = None
+    index: int | None = None
+    rate_index: int | None = None
     limits: Limits = UNLIMITED
 
 
@@ -75,7 +75,7 @@ class ExportedModel:
         Functions of the parameters by name, in the system's units.
     switches : callable or None
         Likewise.
-    rate_step_place : int or None
+    rate_step_index : int or None
         Index in the parameter array of the difference step of rates.
     bounds : tuple of Bound
         Bounds of numbers by others, as functions of the parameter array.
@@ -98,5 +98,5 @@ class ExportedModel:
     period: Callable[..., Any] | None = None
     time_scale: Callable[..., Any] | None = None
     switches: Callable[..., Any] | None = None
-    rate_step_place: int | None = None
+    rate_step_index: int | None = None
     bounds: tuple[Bound, ...] = ()

@@ -49,7 +49,7 @@ def kind_of_number(model: ExportedModel, i: int) -> int:
     number = model.numbers[i]
     if number.name in model.inputs:
         return INPUT
-    return PARAMETER if number.place is not None else CONSTANT
+    return PARAMETER if number.index is not None else CONSTANT
 
 
 def model_header(model: ExportedModel) -> str:
@@ -107,7 +107,7 @@ def model_header(model: ExportedModel) -> str:
         "LOOP_FIRST_INSTANT": names["first_instant"],
         "LOOP_IMPORTED_INSTANT": names["imported_instant"],
         "LOOP_IMPORTED_STEP": names["imported_step"],
-        "LOOP_RESUMED": names["resumed"],
+        "LOOP_RESUME": names["resume"],
     }
     guards = automaton.guards
     factors = np.array(model.state_factors, dtype=float)
@@ -123,14 +123,14 @@ def model_header(model: ExportedModel) -> str:
         "static const int VALUE_KINDS[] = { "
         + (", ".join(str(kind_of_number(model, i)) for i in range(len(model.numbers))) or "0")
         + " };",
-        "static const int RATE_PLACES[] = { "
-        + (", ".join(str(rate_place(number)) for number in model.numbers) or "-1")
+        "static const int RATE_INDICES[] = { "
+        + (", ".join(str(rate_index(number)) for number in model.numbers) or "-1")
         + " };",
         reals("VALUE_FACTORS", [number.factor for number in model.numbers] or [1.0]),
         *limit_tables(model),
         reals("PARAMETER_STARTS", problem.parameters),
     ]
-    more = "\n\n".join(
+    functions = "\n\n".join(
         [
             parameter_function(model, source),
             bound_function(model, source),
@@ -149,54 +149,56 @@ def model_header(model: ExportedModel) -> str:
             PROTOTYPES,
             "\n".join(tables),
             source.text().rstrip(),
-            more,
+            functions,
             "#endif\n",
         ]
     )
 
 
-def rate_place(number: ExportedNumber) -> int:
+def rate_index(number: ExportedNumber) -> int:
     """Return the index of the rate of an input; -1 without one."""
-    return -1 if number.rate_place is None else number.rate_place
+    return -1 if number.rate_index is None else number.rate_index
 
 
 def limit_tables(model: ExportedModel) -> list[str]:
     """Return names and ranges of the numbers, and where their bounds by others apply."""
     numbers = model.numbers
-    lows, highs, allowed = [], [], []
+    lows, highs, ranges = [], [], []
     for number in numbers:
-        found = number.limits
-        lows.append(math.nextafter(found.low, math.inf) if found.low_excluded else found.low)
-        highs.append(math.nextafter(found.high, -math.inf) if found.high_excluded else found.high)
-        allowed.append(found.allowed)
-    places = {number.name: i for i, number in enumerate(numbers)}
+        limits = number.limits
+        lows.append(math.nextafter(limits.low, math.inf) if limits.low_excluded else limits.low)
+        highs.append(
+            math.nextafter(limits.high, -math.inf) if limits.high_excluded else limits.high
+        )
+        ranges.append(limits.allowed)
+    numbers_by_name = {number.name: i for i, number in enumerate(numbers)}
     rows = []
-    for each in model.bounds:
-        i = places[each.name]
-        place = numbers[i].place
-        assert place is not None
-        rows.append((i, place, each.upper, each.excluded))
+    for bound in model.bounds:
+        i = numbers_by_name[bound.name]
+        index = numbers[i].index
+        assert index is not None
+        rows.append((i, index, bound.upper, bound.excluded))
     return [
         reals("VALUE_LOWS", lows or [0.0]),
         reals("VALUE_HIGHS", highs or [0.0]),
         texts("VALUE_NAMES", [number.name for number in numbers]),
         texts("VALUE_UNITS", [f" {number.unit}".rstrip() for number in numbers]),
-        texts("VALUE_RANGES", allowed),
+        texts("VALUE_RANGES", ranges),
         "static const int VALUE_BOUNDS[][4] = { "
         + (
             ", ".join(f"{{ {', '.join(str(int(cell)) for cell in row)} }}" for row in rows)
             or "{ 0 }"
         )
         + " };",
-        texts("BOUND_SIGNS", [each.sign for each in model.bounds]),
-        texts("BOUND_MEANINGS", [each.what for each in model.bounds]),
+        texts("BOUND_SIGNS", [bound.sign for bound in model.bounds]),
+        texts("BOUND_MEANINGS", [bound.what for bound in model.bounds]),
     ]
 
 
 def texts(name: str, values: Sequence[str]) -> str:
     """Return a table of strings."""
-    listed = ", ".join(map(text, values)) or text("")
-    return f"static const char *const {name}[] = {{ {listed} }};"
+    literals = ", ".join(map(text, values)) or text("")
+    return f"static const char *const {name}[] = {{ {literals} }};"
 
 
 def reals(name: str, values: Sequence[float]) -> str:
@@ -219,7 +221,7 @@ def named_values(model: ExportedModel) -> tuple[Tuple, str]:
     return kind, f"({kind.ctype}){{{', '.join(f'values[{i}]' for i in range(len(names)))}}}"
 
 
-def called(function: Any, model: ExportedModel, source: CSource) -> str:
+def call_expression(function: Any, model: ExportedModel, source: CSource) -> str:
     """Return the value of a user's function of the parameters, as C."""
     kind, values = named_values(model)
     return f"{source.function(function, (kind,)).name}({values})"
@@ -230,28 +232,28 @@ def parameter_function(model: ExportedModel, source: CSource) -> str:
     problem = model.problem
     lines = ["memcpy(p, PARAMETER_STARTS, sizeof PARAMETER_STARTS);"]
     for i, number in enumerate(model.numbers):
-        if number.place is not None:
+        if number.index is not None:
             lines.append(
                 f"if (values[{i}] != VALUE_STARTS[{i}]) "
-                f"p[{number.place}] = values[{i}] / {literal(number.factor)};"
+                f"p[{number.index}] = values[{i}] / {literal(number.factor)};"
             )
     unit = literal(model.time_factor)
     if model.period is not None:
-        lines.append(f"*period = {called(model.period, model, source)} / {unit};")
+        lines.append(f"*period = {call_expression(model.period, model, source)} / {unit};")
     else:
         lines.append(f"*period = {literal(problem.period)};")
     if model.time_scale is not None:
-        lines.append(f"*scale = {called(model.time_scale, model, source)} / {unit};")
+        lines.append(f"*scale = {call_expression(model.time_scale, model, source)} / {unit};")
     elif problem.time_scale is not None:
         lines.append(f"*scale = {literal(problem.time_scale)};")
     else:
         lines.append("*scale = *period;")
-    if model.rate_step_place is not None and (model.period or model.time_scale):
-        lines.append(f"p[{model.rate_step_place}] = {literal(RATE_STEP)} * *scale;")
+    if model.rate_step_index is not None and (model.period or model.time_scale):
+        lines.append(f"p[{model.rate_step_index}] = {literal(RATE_STEP)} * *scale;")
     if model.switches is not None and problem.switches:
         kind, values = named_values(model)
-        found = source.function(model.switches, (kind,))
-        lines.append(f"{{ {found.result.ctype} times = {found.name}({values});")
+        times_function = source.function(model.switches, (kind,))
+        lines.append(f"{{ {times_function.result.ctype} times = {times_function.name}({values});")
         lines += [
             f"switches[{i}] = (double)times.f{i} / {unit};" for i in range(len(problem.switches))
         ]
@@ -269,8 +271,8 @@ def parameter_function(model: ExportedModel, source: CSource) -> str:
 def bound_function(model: ExportedModel, source: CSource) -> str:
     """Return the function that computes a bound, in the units of the numerics."""
     p = Array((len(model.problem.parameters),))
-    found = [source.function(bound.value, (p,)).name for bound in model.bounds]
-    lines = [f"if (i == {i}) return {name}(p);" for i, name in enumerate(found)]
+    names = [source.function(bound.value, (p,)).name for bound in model.bounds]
+    lines = [f"if (i == {i}) return {name}(p);" for i, name in enumerate(names)]
     return block(
         "static double model_bound(int i, double *p)", [*lines, "(void)i; (void)p;", "return 0.0;"]
     )
@@ -285,9 +287,11 @@ def mode_function(model: ExportedModel, source: CSource) -> str:
     elif model.mode_of is not None:
         kind, values = named_values(model)
         state = Tuple((REAL,) * n, model.automaton.states)
-        found = source.function(model.mode_of, (INTEGER, REAL, state, kind))
+        translated = source.function(model.mode_of, (INTEGER, REAL, state, kind))
         y = ", ".join(f"y[{i}] * STATE_UNITS[{i}]" for i in range(n))
-        lines.append(f"return {found.name}(mode, t * TIME_UNIT, ({state.ctype}){{{y}}}, {values});")
+        lines.append(
+            f"return {translated.name}(mode, t * TIME_UNIT, ({state.ctype}){{{y}}}, {values});"
+        )
     else:
         lines.append("return mode;")
     return block(

@@ -684,12 +684,12 @@ class HybridSystem(Result, ABC):
                 value=value,
                 unit=self.unit(name),
                 factor=self.factor(name),
-                place=indices.get(name),
+                index=indices.get(name),
                 limits=self.limits(name),
             )
             for name, value in self.parameters.items()
         )
-        settable = [number.name for number in numbers if number.place is not None]
+        settable = [number.name for number in numbers if number.index is not None]
         for name in inputs:
             if name not in settable:
                 raise InvalidParameter("inputs", name, f"among {', '.join(settable)}")

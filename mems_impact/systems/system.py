@@ -416,7 +416,7 @@ class System(HybridSystem):
             period=_function_or_none(self._period),
             time_scale=_function_or_none(self._time_scale),
             switches=_function_or_none(self._switches),
-            rate_step_place=len(self._parameters),
+            rate_step_index=len(self._parameters),
         )
 
     @property

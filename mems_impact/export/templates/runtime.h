@@ -162,8 +162,8 @@ static void update_parameters(Memory *memory)
     double period, scale, switches[SWITCHES + 1];
     model_parameters(memory->values, memory->parameters, &period, &scale, switches);
     for (i = 0; i < VALUES; i++)
-        if (RATE_PLACES[i] >= 0)
-            memory->parameters[RATE_PLACES[i]] = memory->rates[i] * TIME_UNIT / VALUE_FACTORS[i];
+        if (RATE_INDICES[i] >= 0)
+            memory->parameters[RATE_INDICES[i]] = memory->rates[i] * TIME_UNIT / VALUE_FACTORS[i];
     memory->loop.period = period;
     memory->loop.scale = scale;
     memory->loop.switches = SWITCHES;
@@ -356,7 +356,7 @@ static int advance(Memory *memory, double until, int early)
         double period = loop->period, whole = floor(target / period);
         loop->end_cycle = (int64_t)whole;
         loop->end_phase = target - whole * period;
-        LOOP_RESUMED(&memory->engine, loop, memory->changed);
+        LOOP_RESUME(&memory->engine, loop, memory->changed);
         memory->changed = 0;
     }
     for (;;) {
