@@ -86,14 +86,14 @@ def apply_transition(
 ) -> tuple[int, list[float]]:
     """Return mode and state after a transition."""
     arguments = int(mode), int(code), float(t)
-    after: Any = list(y)
+    new_state: Any = list(y)
     try:
-        into = transition(*arguments, after, p)
+        new_mode = transition(*arguments, new_state, p)
     except _DOMAIN:
         # NumPy floats continue with infinity, as compiled code does; the result may be finite.
-        after = np.array(y)
-        into = transition(*arguments, after, p)
-    return int(into), [float(value) for value in after]
+        new_state = np.array(y)
+        new_mode = transition(*arguments, new_state, p)
+    return int(new_mode), [float(value) for value in new_state]
 
 
 class Functions(SingleMethodEngine):
@@ -161,11 +161,13 @@ class Functions(SingleMethodEngine):
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
-        before = scalars(y, self.n)
+        state = scalars(y, self.n)
         try:
-            mode, after = apply_transition(self._transition, mode, code, t, before, self.parameters)
+            mode, new_state = apply_transition(
+                self._transition, mode, code, t, state, self.parameters
+            )
         except Exception as error:
             self.record_fault(error, TRANSITION, mode, code, t, y)
             return NO_MODE
-        y[: self.n] = after
+        y[: self.n] = new_state
         return mode

@@ -91,7 +91,7 @@ def in_lanes(function, states, outputs=1):
         out, p = code.vector(code.out, code.count(outputs)), code.vector(code.parameters, code.size)
         with code.call(code.mode, code.t, state, p, out):
             code.fill(code.out, outputs, math.nan)
-        return code.either(if_failed=1, otherwise=0)
+        return code.either(if_failed=1, if_successful=0)
 
     kernel = compile_kernel(
         lambda: snapshot.frozen_by(LaneCopier(pipeline_class=LaneCompiler))[0],

@@ -169,7 +169,7 @@ class _GpuCopier(Copier):
             return self._numpy
         return self._substitutes.get(value, value) if isinstance(value, FunctionType) else value
 
-    def prepared(self, copy: FunctionType, function: FunctionType) -> Any:
+    def prepare(self, copy: FunctionType, function: FunctionType) -> Any:
         if function in VIEWS:
             return cuda.jit(device=True, inline="always")(copy)
         inner = cuda.jit(device=True)(copy)

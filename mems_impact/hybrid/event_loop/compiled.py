@@ -27,12 +27,12 @@ from mems_impact.integrators.jit.numba_support import (
     record_at,
 )
 
-_compiling = threading.Lock()  # simultaneous threads compile a loop only once
+_compilation_lock = threading.Lock()  # simultaneous threads compile a loop only once
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return `function`, written over `integrators.interface`, compiled; it releases the GIL."""
-    with _compiling:
+    with _compilation_lock:
         return _compiled(function)
 
 
@@ -147,7 +147,7 @@ def address_of_loop(handle: Any, clock: Any) -> int:
     """
     entry: Any = compiled(loop.run_steps)
     kinds = typeof(handle), typeof(clock), types.int64
-    with _compiling:
+    with _compilation_lock:
         entry.compile(kinds)
     result = entry.overloads[kinds]
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))

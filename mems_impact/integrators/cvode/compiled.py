@@ -137,8 +137,8 @@ def load() -> ctypes.CDLL:
 
     import llvmlite.binding as llvm
 
-    for name, place in addresses.items():
-        llvm.add_symbol(SYMBOL_PREFIX + name, place)
+    for name, location in addresses.items():
+        llvm.add_symbol(SYMBOL_PREFIX + name, location)
     return library
 
 
@@ -192,10 +192,10 @@ def symbol(name: str) -> Any:
     """Return the function `name` for numba code; `load` must run before the code does."""
     from numba import types
 
-    kinds: dict[Any, Any] = {None: types.void, _int: types.int32}
-    kinds |= {_real: types.float64, _ptr: types.intp}
+    numba_types: dict[Any, Any] = {None: types.void, _int: types.int32}
+    numba_types |= {_real: types.float64, _ptr: types.intp}
     result, arguments = SIGNATURES[name]
-    signature = kinds[result](*(kinds[argument] for argument in arguments))
+    signature = numba_types[result](*(numba_types[argument] for argument in arguments))
     return types.ExternalFunction(SYMBOL_PREFIX + name, signature)
 
 
@@ -216,12 +216,12 @@ HANDLE = np.dtype(
         ("dense", np.int64),  # N_Vector around spare
         ("spare", np.int64),
         ("jacobian", np.int64),
-        ("seen", np.int64),  # margins and rates of the last evaluation, and its time
-        ("seen_at", np.float64),
+        ("last_margins", np.int64),  # margins and rates of the last evaluation, and its time
+        ("last_time", np.float64),
         ("rtol", np.float64),
         ("atol", np.float64),
         ("share", np.float64),  # factor on the tolerances of the last arc
-        ("longest", np.float64),  # longest step
+        ("max_step", np.float64),  # longest step
     ],
     align=True,
 )
@@ -243,9 +243,9 @@ def callbacks() -> Callbacks:
     def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
         handle = _handle(user)
         slope = _data(dy)
-        now = min(t, handle.last_instant)
+        time = min(t, handle.last_instant)
         size, p = handle.parameter_count, handle.parameters
-        call_kernel(handle.flow, handle.mode, 0, now, _data(y), p, size, slope)
+        call_kernel(handle.flow, handle.mode, 0, time, _data(y), p, size, slope)
         total = 0.0
         for i in range(handle.n):
             total += abs(pointer(slope)[i])
@@ -255,13 +255,14 @@ def callbacks() -> Callbacks:
         handle = _handle(user)
         m = handle.m
         state = _data(y)
-        now = min(t, handle.last_instant)
+        time = min(t, handle.last_instant)
         size, p = handle.parameter_count, handle.parameters
-        call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
-        values, bias, seen = pointer(out), pointer(handle.bias), pointer(handle.seen)
-        handle.seen_at = t
+        call_kernel(handle.margins, handle.mode, 0, time, state, p, size, out)
+        values, bias = pointer(out), pointer(handle.bias)
+        last_margins = pointer(handle.last_margins)
+        handle.last_time = t
         for i in range(2 * m):
-            seen[i] = values[i]
+            last_margins[i] = values[i]
         for i in range(m):
             if math.isnan(values[i]) or math.isnan(values[m + i]):
                 return -1
@@ -286,12 +287,12 @@ def jacobian_callback() -> Any:
 
     def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
         handle = _handle(user)
-        now = min(t, handle.last_instant)
+        time = min(t, handle.last_instant)
         size, p = handle.parameter_count, handle.parameters
         entries = _matrix_data(out)
         for i in range(handle.n * handle.n):
             pointer(entries)[i] = 0.0
-        call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
+        call_kernel(handle.jacobian, handle.mode, 0, time, _data(y), p, size, entries)
         return 0
 
     return compile_callback(jacobian, JACOBIAN_CALLBACK, sources())
@@ -323,13 +324,13 @@ def _step(engine: Any) -> int:
 
 
 def _end_margins(engine: Any, out: Any) -> None:
-    if engine.seen_at == engine.t:
+    if engine.last_time == engine.t:
         for i in range(2 * engine.m):
-            out[i] = pointer(engine.seen)[i]
+            out[i] = pointer(engine.last_margins)[i]
     else:  # the root search evaluated other times afterwards
-        now, y = min(engine.t, engine.last_instant), engine.y
+        time, y = min(engine.t, engine.last_instant), engine.y
         size, p = engine.parameter_count, engine.parameters
-        call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
+        call_kernel(engine.margins, engine.mode, 0, time, y, p, size, data(out))
 
 
 def _interpolate(engine: Any, t: float, y: Any) -> None:
@@ -357,11 +358,11 @@ def _sharpen(engine: Any, share: float, flight_time: float) -> None:
         rtol, atol = scaled_tolerances(engine.rtol, engine.atol, share)
         engine.share = share
         _set_tolerances(engine.cvode, rtol, atol)
-        _set_first_step(engine.cvode, first_step(engine.longest, rtol, flight_time))
+        _set_first_step(engine.cvode, first_step(engine.max_step, rtol, flight_time))
 
 
 def _reset(engine: Any, max_step: float) -> None:
-    engine.longest = max_step
+    engine.max_step = max_step
     engine.share = 1.0
     _set_tolerances(engine.cvode, engine.rtol, engine.atol)
     _set_max_step(engine.cvode, max_step)
@@ -401,7 +402,7 @@ class CompiledCvode(CompiledEngine):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         sun = load()
         n, m, jacobian = equations.n, equations.m, equations.jacobian
-        super().__init__(HANDLE, equations, {"spare": n, "seen": 2 * m}, functions())
+        super().__init__(HANDLE, equations, {"spare": n, "last_margins": 2 * m}, functions())
         handle, direction = self.handle, equations.crossing[2]
         self._callbacks = callbacks()
         context = ctypes.c_void_p()
@@ -413,48 +414,52 @@ class CompiledCvode(CompiledEngine):
         bdf = options.method == "bdf"
         memory = sun.CVodeCreate(CV_BDF if bdf else CV_ADAMS, context)
         handle["cvode"], handle["vector"], handle["dense"] = memory, vector, dense
-        owned = _Owned(sun, context, memory, [vector, dense])
-        self._finalizer = weakref.finalize(self, owned.free)
+        objects = _Objects(sun, context, memory, [vector, dense])
+        self._finalizer = weakref.finalize(self, objects.free)
 
-        _must(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
-        _must(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
+        _check_flag(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
+        _check_flag(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
         handle["rtol"], handle["atol"] = options.rtol, options.atol
-        handle["share"], handle["longest"] = 1.0, max_step
-        _must(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
+        handle["share"], handle["max_step"] = 1.0, max_step
+        _check_flag(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
         if bdf:
-            owned.matrix = sun.SUNDenseMatrix(n, n, context)
-            owned.linear = sun.SUNLinSol_Dense(vector, owned.matrix, context)
-            flag = sun.CVodeSetLinearSolver(memory, owned.linear, owned.matrix)
-            _must(flag, "CVodeSetLinearSolver")
+            objects.matrix = sun.SUNDenseMatrix(n, n, context)
+            objects.linear = sun.SUNLinSol_Dense(vector, objects.matrix, context)
+            flag = sun.CVodeSetLinearSolver(memory, objects.linear, objects.matrix)
+            _check_flag(flag, "CVodeSetLinearSolver")
             if jacobian is not None:
                 self._jacobian = jacobian_of(jacobian, n)
                 handle["jacobian"] = self._jacobian.address
                 flag = sun.CVodeSetJacFn(memory, jacobian_callback().address)
-                _must(flag, "CVodeSetJacFn")
+                _check_flag(flag, "CVodeSetJacFn")
         else:
-            owned.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)
-            _must(sun.CVodeSetNonlinearSolver(memory, owned.nonlinear), "CVodeSetNonlinearSolver")
+            objects.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)
+            _check_flag(
+                sun.CVodeSetNonlinearSolver(memory, objects.nonlinear), "CVodeSetNonlinearSolver"
+            )
             # By default the step grows only if it may grow by half, and an arc between two impacts
             # ends before the order has increased: 1.2 saves a sixth of the steps on the paper's
             # set, with a smaller error.
-            _must(sun.CVodeSetEtaFixedStepBounds(memory, 0.0, 1.2), "CVodeSetEtaFixedStepBounds")
+            _check_flag(
+                sun.CVodeSetEtaFixedStepBounds(memory, 0.0, 1.2), "CVodeSetEtaFixedStepBounds"
+            )
         flag = sun.CVodeRootInit(memory, 2 * m + 1, self._callbacks.roots.address)
-        _must(flag, "CVodeRootInit")
+        _check_flag(flag, "CVodeRootInit")
         directions = np.array([-1] * m + [1] * m + [direction], dtype=np.int32)
         flag = sun.CVodeSetRootDirection(memory, directions.ctypes.data)
-        _must(flag, "CVodeSetRootDirection")
-        _must(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
-        _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
-        _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
-        first = first_step(max_step, options.rtol, math.inf)
-        _must(sun.CVodeSetInitStep(memory, first), "CVodeSetInitStep")
+        _check_flag(flag, "CVodeSetRootDirection")
+        _check_flag(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
+        _check_flag(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
+        _check_flag(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
+        initial_step = first_step(max_step, options.rtol, math.inf)
+        _check_flag(sun.CVodeSetInitStep(memory, initial_step), "CVodeSetInitStep")
 
     def close(self) -> None:
         """Free CVODE's memory before the object is destroyed."""
         self._finalizer()
 
 
-class _Owned:
+class _Objects:
     """The C objects of one engine, freed in the order that SUNDIALS requires."""
 
     def __init__(self, sun: Any, context: Any, memory: int, vectors: list[int]) -> None:
@@ -474,6 +479,6 @@ class _Owned:
         sun.SUNContext_Free(ctypes.byref(self.context))
 
 
-def _must(flag: int, name: str) -> None:
+def _check_flag(flag: int, name: str) -> None:
     if flag < 0:
         raise RuntimeError(f"{name} failed with code {flag}")

@@ -28,8 +28,8 @@ def first_step(max_step: float, rtol: float, flight_time: float) -> float:
     the spacing of floating-point numbers. In a short flight its error is a thousandth of the
     tolerance, so that CVODE detects the end of the flight.
     """
-    usual = 1e-13 + 256.0 * 2.0**-52 * max_step
-    return min(usual, 0.01 * math.sqrt(rtol) * flight_time)
+    default = 1e-13 + 256.0 * 2.0**-52 * max_step
+    return min(default, 0.01 * math.sqrt(rtol) * flight_time)
 
 
 def scaled_tolerances(rtol: float, atol: float, share: float) -> tuple[float, float]:
@@ -67,7 +67,7 @@ class InterpretedCvode(Functions):
         self._last_instant = math.inf
         self._result: Any = None
         self._t = 0.0
-        self._frozen: Any = None
+        self._root_values: Any = None
 
         def rhs(t: float, y: Any, dy: Any) -> None:
             self.flow(self._mode, min(t, self._last_instant), y, dy)
@@ -75,8 +75,8 @@ class InterpretedCvode(Functions):
                 raise _Failure(interface.NON_FINITE)
 
         def roots(t: float, y: Any, out: Any) -> None:
-            if self._frozen is not None:
-                out[:] = self._frozen
+            if self._root_values is not None:
+                out[:] = self._root_values
                 return
             self.margins(self._mode, min(t, self._last_instant), y, out)
             out[:m] += self.bias
@@ -89,17 +89,17 @@ class InterpretedCvode(Functions):
         def jacobian_entries(t: float, y: Any, _dy: Any, entries: Any) -> None:
             assert jacobian is not None
             entries[:] = 0.0
-            now = min(t, self._last_instant)
+            time = min(t, self._last_instant)
             try:
-                jacobian(self._mode, now, scalars(y, self.n), self.parameters, entries)
+                jacobian(self._mode, time, scalars(y, self.n), self.parameters, entries)
             except Exception as error:
-                self.record_fault(error, JACOBIAN, self._mode, 0, now, y)
+                self.record_fault(error, JACOBIAN, self._mode, 0, time, y)
                 raise _Failure(interface.NON_FINITE) from None
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
         self._roots = roots
-        self._otherwise = -np.array(roots.direction)  # type: ignore[attr-defined]
+        self._other_directions = -np.array(roots.direction)  # type: ignore[attr-defined]
         self._arguments: dict[str, Any] = {
             "rhsfn": rhs,
             "method": options.method,
@@ -113,22 +113,26 @@ class InterpretedCvode(Functions):
     def reset(self, max_step: float) -> None:
         """Restore the initial state, with the longest step `max_step`."""
         self._max_step = max_step
-        self._make(1.0, math.inf)
+        self._create_solver(1.0, math.inf)
 
     def sharpen(self, share: float, flight_time: float) -> None:
         """Reduce the tolerances of the next arc by the factor `share`."""
         if share < 1.0 or self._share < 1.0:
-            self._make(share, flight_time)
+            self._create_solver(share, flight_time)
 
-    def _make(self, share: float, flight_time: float) -> None:
+    def _create_solver(self, share: float, flight_time: float) -> None:
         from sksundae.cvode import CVODE  # imports scipy.optimize
 
         # A solver's tolerances cannot be changed.
         self._share = share
         rtol, atol = scaled_tolerances(self._rtol, self._atol, share)
-        first = first_step(self._max_step, rtol, flight_time)
+        initial_step = first_step(self._max_step, rtol, flight_time)
         self._solver = CVODE(
-            **self._arguments, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
+            **self._arguments,
+            rtol=rtol,
+            atol=atol,
+            first_step=initial_step,
+            max_step=self._max_step,
         )
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
@@ -176,14 +180,14 @@ class InterpretedCvode(Functions):
         """Write the state at `t`, within the last internal step, into `y`."""
         # On the way back CVODE searches for roots and loses those already found. So the root
         # functions are frozen at their known values, and the solver returns to its time afterwards.
-        frozen = np.empty(2 * self.m + 1)
-        self._roots(self._t, self._result.y, frozen)
+        root_values = np.empty(2 * self.m + 1)
+        self._roots(self._t, self._result.y, root_values)
         if self._result.status == interface.ROOT:
             # An exact zero is a crossing; if not reported, in the irrelevant direction.
-            crossed = np.array(self._result.i_events[-1])
-            crossed = np.where(crossed == 0, self._otherwise, crossed)
-            frozen = np.where(frozen == 0.0, 1e-300 * crossed, frozen)
-        self._frozen = frozen
+            directions = np.array(self._result.i_events[-1])
+            directions = np.where(directions == 0, self._other_directions, directions)
+            root_values = np.where(root_values == 0.0, 1e-300 * directions, root_values)
+        self._root_values = root_values
         y[: self.n] = self._solver.step(t, method="normal").y.tolist()
         self._solver.step(self._t, method="normal")
-        self._frozen = None
+        self._root_values = None

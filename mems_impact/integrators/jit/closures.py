@@ -43,15 +43,15 @@ LIBRARIES = ("math", "numba", "numpy")
 
 LOAD_GLOBAL = opmap["LOAD_GLOBAL"]
 
-_registering = threading.Lock()  # numba's registries are not thread-safe
+_registration_lock = threading.Lock()  # numba's registries are not thread-safe
 
 # Functions with overloads of their own.
-_overloaded: set[Callable[..., Any]] = {*SUBSTITUTES.values()}
+_overloads: set[Callable[..., Any]] = {*SUBSTITUTES.values()}
 
 
 def mark_overloaded(*functions: Callable[..., Any]) -> None:
     """Declare that `functions` have overloads of their own, and are not copied."""
-    _overloaded.update(functions)
+    _overloads.update(functions)
 
 
 @dataclass(frozen=True)
@@ -72,12 +72,12 @@ class Snapshot:
     name: str
     lasting: bool
     functions: tuple[FunctionType, ...] = field(compare=False)
-    _kept: tuple[Any, ...] = field(compare=False, repr=False)  # identified by address
+    _objects: tuple[Any, ...] = field(compare=False, repr=False)  # identified by address
 
     @property
-    def passing(self) -> tuple[Any, ...]:
+    def volatile_dependencies(self) -> tuple[Any, ...]:
         """Dependencies that are different objects in every process."""
-        return self._kept
+        return self._objects
 
     def frozen(self, **options: Any) -> list[Any]:
         """Return copies of the functions, and of all functions that they call, for numba.
@@ -93,7 +93,7 @@ class Snapshot:
 
     def frozen_by(self, copier: Copier) -> list[Any]:
         """Return the same copies by a copier."""
-        with _registering:
+        with _registration_lock:
             return [copier.function(function) for function in self.functions]
 
 
@@ -102,26 +102,26 @@ _Reads = list[tuple[Callable[[str], Any], str, Any]]
 # The last snapshot of some functions, with its distinct dependencies as three columns, which every
 # run of a compiled engine compares without a Python loop.
 _Columns = tuple[tuple[Callable[[str], Any], ...], tuple[str, ...], tuple[Any, ...]]
-_taken: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
+_snapshots: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
 
 
 def take_snapshot(*functions: Callable[..., Any]) -> Snapshot:
     """Take a snapshot of `functions`."""
-    if functions in _taken:
-        snapshot, (gets, names, values) = _taken[functions]
-        if all(map(operator.is_, map(operator.call, gets, names), values)):
+    if functions in _snapshots:
+        snapshot, (getters, names, values) = _snapshots[functions]
+        if all(map(operator.is_, map(operator.call, getters, names), values)):
             return snapshot
     reader = _Reader()
     reader.put(sources())
-    plain = tuple(_plain(function) for function in functions)
-    for function in plain:
+    originals = tuple(_python_function(function) for function in functions)
+    for function in originals:
         assert isinstance(function, FunctionType), function
         reader.value(function)
-    snapshot = Snapshot(reader.name(), not reader.kept, plain, tuple(reader.kept))
+    snapshot = Snapshot(reader.name(), not reader.objects, originals, tuple(reader.objects))
     if not reader.arrays:  # whose contents may change in place
-        once = {(get, name): value for get, name, value in reader.reads}
-        gets, names = zip(*once, strict=True) if once else ((), ())
-        _taken[functions] = snapshot, (gets, names, tuple(once.values()))
+        unique_reads = {(get, name): value for get, name, value in reader.reads}
+        getters, names = zip(*unique_reads, strict=True) if unique_reads else ((), ())
+        _snapshots[functions] = snapshot, (getters, names, tuple(unique_reads.values()))
     return snapshot
 
 
@@ -129,7 +129,7 @@ def digest(*functions: Callable[..., Any]) -> str:
     """Return a digest of functions with their dependencies, without the sources of the engine."""
     reader = _Reader()
     for function in functions:
-        reader.value(_plain(function))
+        reader.value(_python_function(function))
     return reader.name()
 
 
@@ -144,7 +144,7 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-def _plain(value: Any) -> Any:
+def _python_function(value: Any) -> Any:
     """Return the Python function of a numba dispatcher; any other value unchanged."""
     return value.py_func if isinstance(value, Dispatcher) else value
 
@@ -154,14 +154,19 @@ def _is_library(name: str | None) -> bool:
 
 
 def _is_external(function: FunctionType) -> bool:
-    return function in _overloaded or _is_library(function.__module__)
+    return function in _overloads or _is_library(function.__module__)
 
 
 @cache
 def _names(code: CodeType) -> tuple[str, ...]:
     """Return all names of globals and attributes in `code` and its nested functions."""
-    inner = [name for part in code.co_consts if isinstance(part, CodeType) for name in _names(part)]
-    return tuple(sorted({*code.co_names, *inner}))
+    nested = [
+        name
+        for constant in code.co_consts
+        if isinstance(constant, CodeType)
+        for name in _names(constant)
+    ]
+    return tuple(sorted({*code.co_names, *nested}))
 
 
 @cache
@@ -170,23 +175,23 @@ def _global_names(code: CodeType) -> tuple[str, ...]:
 
     Attribute names are excluded: ``p.e`` does not read a global ``e``.
     """
-    inner = [
+    nested = [
         name
-        for part in code.co_consts
-        if isinstance(part, CodeType)
-        for name in _global_names(part)
+        for constant in code.co_consts
+        if isinstance(constant, CodeType)
+        for name in _global_names(constant)
     ]
-    return tuple(sorted({*_names_of_globals(code), *inner}))
+    return tuple(sorted({*_names_of_globals(code), *nested}))
 
 
 def _names_of_globals(code: CodeType) -> Iterator[str]:
     """Yield the names that LOAD_GLOBAL reads; `dis` takes ten times as long."""
-    extended = 0
+    prefix = 0
     for operation, argument in zip(code.co_code[::2], code.co_code[1::2], strict=True):
-        argument |= extended << 8
+        argument |= prefix << 8
         if operation == LOAD_GLOBAL:
             yield code.co_names[argument >> 1]  # the last bit requests a NULL on the stack
-        extended = argument if operation == EXTENDED_ARG else 0
+        prefix = argument if operation == EXTENDED_ARG else 0
 
 
 def _globals(function: FunctionType) -> Iterator[tuple[str, Any]]:
@@ -234,9 +239,9 @@ class _Reader:
     def __init__(self) -> None:
         self._digest = hashlib.sha256()
         self._numbers: dict[FunctionType, int] = {}
-        self._inside: list[ModuleType] = []
-        self._wholes: list[Any] = []  # mutable objects whose parts are being added
-        self.kept: list[Any] = []  # objects identified by address only
+        self._modules: list[ModuleType] = []
+        self._containers: list[Any] = []  # mutable objects whose parts are being added
+        self.objects: list[Any] = []  # objects identified by address only
         self.arrays = False  # whether arrays, lists or dicts are among the dependencies
         self.reads: _Reads = []
 
@@ -248,7 +253,7 @@ class _Reader:
 
     def value(self, value: Any, names: tuple[str, ...] = ()) -> None:
         """Add a value to the digest; of a module, the attributes among `names`."""
-        value = _plain(value)
+        value = _python_function(value)
         kind = f"{type(value).__module__}.{type(value).__qualname__}"
         if isinstance(value, FunctionType):
             self._function(value)
@@ -284,19 +289,21 @@ class _Reader:
             self._parts(value, value.items() if isinstance(value, dict) else value, names)
         else:
             # The reference keeps the object alive, so that its address stays unique.
-            self.kept.append(value)
+            self.objects.append(value)
             self.put(kind, id(value))
-            own = getattr(value, "__dict__", {})
-            self._parts(value, [(name, own[name]) for name in names if name in own], names)
+            attributes = getattr(value, "__dict__", {})
+            self._parts(
+                value, [(name, attributes[name]) for name in names if name in attributes], names
+            )
 
-    def _parts(self, whole: Any, parts: Iterable[Any], names: tuple[str, ...]) -> None:
+    def _parts(self, container: Any, parts: Iterable[Any], names: tuple[str, ...]) -> None:
         """Add the parts of a mutable object, which may contain itself."""
-        if any(whole is each for each in self._wholes):
+        if any(container is other for other in self._containers):
             return
-        self._wholes.append(whole)
+        self._containers.append(container)
         for part in parts:
             self.value(part, names)
-        self._wholes.pop()
+        self._containers.pop()
 
     def _function(self, function: FunctionType) -> None:
         if function in self._numbers:
@@ -310,8 +317,8 @@ class _Reader:
         self.put(function.__qualname__, _code_digest(function.__code__))
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             self.reads.append((function.__getattribute__, name, getattr(function, name)))
-        scope, read = function.__globals__, _global_names(function.__code__)
-        self.reads += [(scope.get, name, scope.get(name)) for name in read]
+        scope, global_names = function.__globals__, _global_names(function.__code__)
+        self.reads += [(scope.get, name, scope.get(name)) for name in global_names]
         for cell, (_, value) in zip(function.__closure__ or (), _contents(function), strict=True):
             if value is not None:
                 self.reads.append((cell.__getattribute__, "cell_contents", value))
@@ -325,14 +332,14 @@ class _Reader:
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> None:
         self.put(module.__name__)
-        if module in self._inside or _is_library(module.__name__):
+        if module in self._modules or _is_library(module.__name__):
             return
-        self._inside.append(module)
+        self._modules.append(module)
         self.reads += [(vars(module).get, name, getattr(module, name, None)) for name in names]
         for name, value in _attributes(module, names):
             self.put(name)
             self.value(value, names)
-        self._inside.pop()
+        self._modules.pop()
 
 
 # Copies of functions by digest and options of numba, with the objects that only an address
@@ -342,7 +349,7 @@ _copies: dict[str, tuple[FunctionType, list[Any]]] = {}
 
 def forget_copies() -> None:
     """Let later snapshots make new copies: numba keeps the error of one that it cannot compile."""
-    with _registering:
+    with _registration_lock:
         _copies.clear()
 
 
@@ -368,7 +375,7 @@ class Copier:
         """Return what stands for a copied value in a tuple."""
         return value
 
-    def prepared(self, copy: FunctionType, function: FunctionType) -> Any:
+    def prepare(self, copy: FunctionType, function: FunctionType) -> Any:
         """Return the copy of `function`, ready to be called by compiled code."""
         return copy
 
@@ -376,11 +383,11 @@ class Copier:
         """Return a digest of a function, and objects that keep it unique."""
         reader = _Reader()
         reader.value(function)
-        return reader.name(), reader.kept
+        return reader.name(), reader.objects
 
     def value(self, value: Any, names: tuple[str, ...]) -> Any:
         """Return a value with copies of all functions in it."""
-        value = self.substitute(_plain(value))
+        value = self.substitute(_python_function(value))
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType) and not _is_library(value.__name__):
@@ -397,7 +404,7 @@ class Copier:
             self._copies[function] = self.copy(function, *self.name(function))
         return self._copies[function]
 
-    def copy(self, function: FunctionType, name: str, kept: list[Any]) -> Any:
+    def copy(self, function: FunctionType, name: str, objects: list[Any]) -> Any:
         """Return a copy of a function with its `name`."""
         return self._copy(function, name)
 
@@ -415,7 +422,7 @@ class Copier:
             cell.cell_contents = self.value(value, names)
         for name, value in _globals(function):
             space[name] = self.value(value, names)
-        return self.prepared(copy, function)
+        return self.prepare(copy, function)
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:
         key = (module, names)
@@ -449,7 +456,7 @@ class ProcessorCopier(Copier):
         # numba calls functions in a tuple only if they are compiled.
         return njit(**JIT)(value) if isinstance(value, FunctionType) else value
 
-    def prepared(self, copy: FunctionType, function: FunctionType) -> FunctionType:
+    def prepare(self, copy: FunctionType, function: FunctionType) -> FunctionType:
         overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
         return copy
 
@@ -457,24 +464,27 @@ class ProcessorCopier(Copier):
         reader = _Reader()
         reader.put(sources(), self._label)
         reader.value(function)
-        return reader.name(), reader.kept
+        return reader.name(), reader.objects
 
-    def copy(self, function: FunctionType, name: str, kept: list[Any]) -> FunctionType:
+    def copy(self, function: FunctionType, name: str, objects: list[Any]) -> FunctionType:
         if name not in _copies:
-            _copies[name] = self._copy(function, name), kept
+            _copies[name] = self._copy(function, name), objects
         return _copies[name][0]
 
 
 def _without_keyword_only(function: FunctionType) -> tuple[CodeType, tuple[Any, ...] | None]:
     """Return code and defaults with ordinary arguments for keyword-only ones, unknown to numba."""
     code, defaults = function.__code__, function.__defaults__
-    first, count = code.co_argcount, code.co_kwonlyargcount
-    if count == 0:
+    count, keyword_count = code.co_argcount, code.co_kwonlyargcount
+    if keyword_count == 0:
         return code, defaults
-    own = function.__kwdefaults__ or {}
+    keyword_defaults = function.__kwdefaults__ or {}
     # An argument that every call gives may follow arguments with defaults; None does not compile.
-    more = tuple(own.get(name) for name in code.co_varnames[first : first + count])
-    return code.replace(co_argcount=first + count, co_kwonlyargcount=0), (*(defaults or ()), *more)
+    extra_defaults = tuple(
+        keyword_defaults.get(name) for name in code.co_varnames[count : count + keyword_count]
+    )
+    code = code.replace(co_argcount=count + keyword_count, co_kwonlyargcount=0)
+    return code, (*(defaults or ()), *extra_defaults)
 
 
 # --- Errors of numba
@@ -486,8 +496,8 @@ _CONSTANT = (
     re.compile(r"\((?P<kind>List)\(.*\n.* = freevar\((?P<name>\w+): "),
     re.compile(r"The use of a reflected (?P<kind>\w+)\(.* to variable '(?P<name>\w+)' in globals"),
 )
-_OWNING = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
-_PLACE = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?P<j>\d+)\)')
+_ALLOCATION = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
+_LOCATION = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?P<j>\d+)\)')
 _FRAME = ("Failed in", "File ", "During", "raised from", ">>>", "There are", "- Of which")
 
 
@@ -516,13 +526,13 @@ def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Com
     file = function.__code__.co_filename
     forget_copies()  # which may be of an equal function at another line
     try:
-        (frozen,) = take_snapshot(function).frozen()
-        compiled = njit(**JIT)(frozen)
-        compiled.compile(arguments)
+        (copy,) = take_snapshot(function).frozen()
+        dispatcher = njit(**JIT)(copy)
+        dispatcher.compile(arguments)
     except Exception as error:  # numba raises various exceptions
         message = str(error) or type(error).__name__
         return CompileOutcome(summarize_numba_error(message), _line(message, file))
-    return CompileOutcome("", 0, compiled.overloads[arguments].signature.return_type)
+    return CompileOutcome("", 0, dispatcher.overloads[arguments].signature.return_type)
 
 
 def summarize_numba_error(message: str) -> str:
@@ -531,13 +541,13 @@ def summarize_numba_error(message: str) -> str:
     This is the innermost report, after the last heading.
     """
     for pattern in _CONSTANT:
-        if found := pattern.search(message):
-            kind = found["kind"].replace("List", "list")  # numba's name
-            return f"it reads {found['name']}, of type {kind}"
-    if any(words in message for words in _OWNING):
+        if match := pattern.search(message):
+            kind = match["kind"].replace("List", "list")  # numba's name
+            return f"it reads {match['name']}, of type {kind}"
+    if any(phrase in message for phrase in _ALLOCATION):
         return "it creates a list, an array or a string at run time"
-    last = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
-    lines = [line.strip() for line in (last[2] or message).splitlines() if line.strip()]
+    section = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
+    lines = [line.strip() for line in (section[2] or message).splitlines() if line.strip()]
     reports = [line for line in lines if not line.startswith(_FRAME)]
     text = (reports or lines or ["no reason given"])[0]
     text = re.sub(r"Type of variable '\$.*", "the type of a value cannot be determined", text)
@@ -548,7 +558,7 @@ def summarize_numba_error(message: str) -> str:
 def _line(message: str, file: str) -> int:
     """Return the first (innermost) line of `file` in a message."""
     name = file.replace("\\", "/").rpartition("/")[2]
-    for found in _PLACE.finditer(message):
-        if (found["a"] or found["b"]).replace("\\", "/").rpartition("/")[2] == name:
-            return int(found["i"] or found["j"])
+    for match in _LOCATION.finditer(message):
+        if (match["a"] or match["b"]).replace("\\", "/").rpartition("/")[2] == name:
+            return int(match["i"] or match["j"])
     return 0

@@ -87,15 +87,15 @@ class IfConversion(FunctionPass):
         """Convert the branches of a function, if an argument is a vector."""
         if not any(map(has_lanes, state.args)):
             return False
-        function, converted = state.func_ir, False
+        function, has_changed = state.func_ir, False
         while _convert_branch(function, _varying_branches(function, state.args)):
-            converted = True
+            has_changed = True
         # Branches on a mode may be in the way.
         while _varying_branches(function, state.args) and _convert_branch(function):
-            converted = True
-        if converted:
+            has_changed = True
+        if has_changed:
             PostProcessor(function).run(emit_dels=False)
-        return converted
+        return has_changed
 
 
 class LaneCompiler(INNER.get("pipeline_class", Compiler)):  # type: ignore[misc]
@@ -119,11 +119,13 @@ def _varying_branches(function: Any, args: Sequence[Any]) -> list[int]:
         for statement in statements:
             value = statement.value
             if isinstance(value, ir.Arg):
-                varies = has_lanes(args[value.index])
+                is_varying = has_lanes(args[value.index])
             else:
-                read = value.list_vars() if isinstance(value, ir.Expr) else [value]
-                varies = any(isinstance(each, ir.Var) and each.name in names for each in read)
-            if varies:
+                variables = value.list_vars() if isinstance(value, ir.Expr) else [value]
+                is_varying = any(
+                    isinstance(each, ir.Var) and each.name in names for each in variables
+                )
+            if is_varying:
                 names.add(statement.target.name)
         if len(names) == count:
             ends = {label: block.body[-1] for label, block in blocks.items()}
@@ -131,7 +133,7 @@ def _varying_branches(function: Any, args: Sequence[Any]) -> list[int]:
             return [label for label, branch in branches.items() if branch.cond.name in names]
 
 
-def _convert_branch(function: Any, allowed: Sequence[int] | None = None) -> bool:
+def _convert_branch(function: Any, labels: Sequence[int] | None = None) -> bool:
     """Convert the first branch that can be, of blocks with these labels or of all.
 
     Return whether there was one.
@@ -142,11 +144,12 @@ def _convert_branch(function: Any, allowed: Sequence[int] | None = None) -> bool
         for label in block.terminator.get_targets():
             entries[label] = entries.get(label, 0) + 1
     for label, block in blocks.items():
-        last = block.body[-1]
-        if not isinstance(last, ir.Branch) or (allowed is not None and label not in allowed):
+        terminator = block.body[-1]
+        if not isinstance(terminator, ir.Branch) or (labels is not None and label not in labels):
             continue
-        arms = [_Arm(function, each, entries[each], label) for each in (last.truebr, last.falsebr)]
-        condition = guard(function.get_definition, last.cond)
+        targets = terminator.truebr, terminator.falsebr
+        arms = [_Arm(function, each, entries[each], label) for each in targets]
+        condition = guard(function.get_definition, terminator.cond)
         if not _is_decision(function, condition):
             continue
         if all(arm.is_plain and isinstance(arm.last, ir.Return) for arm in arms):
@@ -155,7 +158,7 @@ def _convert_branch(function: Any, allowed: Sequence[int] | None = None) -> bool
             # A branch without statements of its own goes to the end of the other one.
             for arm, other in (arms, arms[::-1]):
                 if not arm.is_plain and other.is_plain and other.target == arm.label:
-                    arm.leave_out()
+                    arm.bypass()
             target = arms[0].target
             if not all(arm.is_plain for arm in arms) or target is None or arms[1].target != target:
                 continue
@@ -173,8 +176,8 @@ def _is_decision(function: Any, condition: Any) -> bool:
     """Return whether a condition is the truth of a value, and not the end of a loop."""
     if not isinstance(condition, ir.Expr) or condition.op != "call":
         return False
-    called = guard(function.get_definition, condition.func)
-    return isinstance(called, ir.Global) and called.value is bool
+    callee = guard(function.get_definition, condition.func)
+    return isinstance(callee, ir.Global) and callee.value is bool
 
 
 def _join_chains(blocks: dict[int, Any]) -> None:
@@ -182,21 +185,21 @@ def _join_chains(blocks: dict[int, Any]) -> None:
     for label in sorted(blocks):
         while label in blocks and isinstance(blocks[label].body[-1], ir.Jump):
             target = blocks[label].body[-1].target
-            ways = sum(each.terminator.get_targets().count(target) for each in blocks.values())
-            if ways != 1 or target == label:
+            entries = sum(each.terminator.get_targets().count(target) for each in blocks.values())
+            if entries != 1 or target == label:
                 break
-            joined = blocks.pop(target)
-            blocks[label].body[-1:] = joined.body
-            for after in joined.terminator.get_targets():
-                for statement in _phi_assignments(blocks[after]):
+            successor = blocks.pop(target)
+            blocks[label].body[-1:] = successor.body
+            for next_label in successor.terminator.get_targets():
+                for statement in _phi_assignments(blocks[next_label]):
                     sources = statement.value.incoming_blocks
                     sources[:] = [label if each == target else each for each in sources]
 
 
 def _phi_assignments(block: Any) -> list[Any]:
     """Return the statements that assign values by the block from which control comes."""
-    assigned = block.find_insts(ir.Assign)
-    return [each for each in assigned if getattr(each.value, "op", "") == "phi"]
+    assignments = block.find_insts(ir.Assign)
+    return [each for each in assignments if getattr(each.value, "op", "") == "phi"]
 
 
 class _Arm:
@@ -216,7 +219,7 @@ class _Arm:
             and all(_is_pure(function, each) for each in self.statements)
         )
 
-    def leave_out(self) -> None:
+    def bypass(self) -> None:
         """Let the branch go from the origin to its block directly."""
         self.target, self.label = self.label, self._origin
         self.statements, self.is_plain = [], True
@@ -239,19 +242,19 @@ def _is_pure_call(function: Any, call: Any) -> bool:
         if isinstance(module, ir.Global | ir.FreeVar):
             return getattr(module.value, "__name__", "") == math.__name__  # or its stand-in
     if isinstance(definition, ir.Global | ir.FreeVar):
-        called = definition.value
-        own = called in (truth, choose) or called in FUNCTIONS
-        return own or getattr(called, "__module__", "") == "math"
+        callee = definition.value
+        is_own = callee in (truth, choose) or callee in FUNCTIONS
+        return is_own or getattr(callee, "__module__", "") == "math"
     return False
 
 
 def _join_returns(block: Any, arms: list[_Arm], condition: Any) -> None:
     """Let a block return a selection of what its branches return."""
     values = [arm.last.value for arm in arms]
-    body = _undecided(block) + arms[0].statements + arms[1].statements
-    chosen = block.scope.redefine("$chosen", loc=condition.loc)
-    body += _selection(block, condition, chosen, values)
-    block.body = [*body, ir.Return(chosen, condition.loc)]
+    body = _common_statements(block) + arms[0].statements + arms[1].statements
+    selection = block.scope.redefine("$chosen", loc=condition.loc)
+    body += _selection(block, condition, selection, values)
+    block.body = [*body, ir.Return(selection, condition.loc)]
 
 
 def _join_values(
@@ -259,25 +262,25 @@ def _join_values(
 ) -> None:
     """Let a block go to the end of its branches with selections of their values."""
     block, sources = blocks[label], [arm.label for arm in arms]
-    body = _undecided(block) + arms[0].statements + arms[1].statements
+    body = _common_statements(block) + arms[0].statements + arms[1].statements
     for statement in _phi_assignments(blocks[target]):
         phi = statement.value
         incoming = dict(zip(phi.incoming_blocks, phi.incoming_values, strict=True))
         values = [incoming.pop(source) for source in sources]
-        defined = {value.name: value for value in values if value is not ir.UNDEFINED}
-        chosen = next(iter(defined.values()), ir.UNDEFINED)
-        if len(defined) == 2:
-            chosen = block.scope.redefine("$chosen", loc=condition.loc)
-            body += _selection(block, condition, chosen, values)
-        incoming[label] = chosen
+        distinct = {value.name: value for value in values if value is not ir.UNDEFINED}
+        selection = next(iter(distinct.values()), ir.UNDEFINED)
+        if len(distinct) == 2:
+            selection = block.scope.redefine("$chosen", loc=condition.loc)
+            body += _selection(block, condition, selection, values)
+        incoming[label] = selection
         if len(incoming) == 1:
-            statement.value = chosen
+            statement.value = selection
         else:
             phi.incoming_blocks[:], phi.incoming_values[:] = incoming.keys(), incoming.values()
     block.body = [*body, ir.Jump(target, condition.loc)]
 
 
-def _undecided(block: Any) -> list[Any]:
+def _common_statements(block: Any) -> list[Any]:
     """Return the statements of a block without its decision and the branch."""
     *statements, branch = block.body
     return [
@@ -287,11 +290,11 @@ def _undecided(block: Any) -> list[Any]:
     ]
 
 
-def _selection(block: Any, condition: Any, chosen: Any, values: list[Any]) -> list[Any]:
-    """Return the statements that assign a selection of two values to `chosen`."""
+def _selection(block: Any, condition: Any, selection: Any, values: list[Any]) -> list[Any]:
+    """Return the statements that assign a selection of two values to `selection`."""
     loc, statements = condition.loc, []
 
-    def called(function: Callable[..., Any], args: list[Any], target: Any = None) -> Any:
+    def call(function: Callable[..., Any], args: list[Any], target: Any = None) -> Any:
         name = block.scope.redefine(f"${function.__name__}", loc=loc)
         result = target or block.scope.redefine("$condition", loc=loc)
         statements.append(ir.Assign(ir.Global(function.__name__, function, loc), name, loc))
@@ -299,5 +302,5 @@ def _selection(block: Any, condition: Any, chosen: Any, values: list[Any]) -> li
         return result
 
     # The condition of a branch is a call of `bool`, which decides.
-    called(choose, [called(truth, list(condition.args)), *values], chosen)
+    call(choose, [call(truth, list(condition.args)), *values], selection)
     return statements

@@ -78,14 +78,14 @@ class KernelCode:
 
     def fill(self, address: Any, size: int, value: float) -> None:
         """Set `size` doubles at `address` to `value`."""
-        place = self._pointer(address)
+        pointer = self._pointer(address)
         with cgutils.for_range(self._builder, self.count(size), intp=_WORD) as loop:
-            self._builder.store(ir.Constant(_REAL, value), self._builder.gep(place, [loop.index]))
+            self._builder.store(ir.Constant(_REAL, value), self._builder.gep(pointer, [loop.index]))
 
     def copy(self, target: Any, source: Any, size: int) -> None:
         """Copy `size` doubles from one address to another."""
-        places = self._pointer(target), self._pointer(source)
-        cgutils.raw_memcpy(self._builder, *places, self.count(size), WORD)
+        pointers = self._pointer(target), self._pointer(source)
+        cgutils.raw_memcpy(self._builder, *pointers, self.count(size), WORD)
 
     def is_first_fault(self) -> Any:
         """Return whether no fault is recorded after the parameters."""
@@ -99,7 +99,7 @@ class KernelCode:
 
     def record_fault(self, role: int, n: int) -> None:
         """Record a failed call after the parameters, if it is the first."""
-        builder, begin = self._builder, self.after(self.parameters, self.size)
+        builder, record = self._builder, self.after(self.parameters, self.size)
         with self.only_if(self.is_first_fault()):
             head = [
                 ir.Constant(_REAL, float(role)),
@@ -108,15 +108,15 @@ class KernelCode:
                 self.t,
             ]
             for i, value in enumerate(head):
-                builder.store(value, builder.gep(self._pointer(begin), [self.count(i)]))
-            self.copy(self.after(begin, self.count(HEAD)), self.y, n)
+                builder.store(value, builder.gep(self._pointer(record), [self.count(i)]))
+            self.copy(self.after(record, self.count(HEAD)), self.y, n)
 
     @contextmanager
     def call(self, *arguments: Any) -> Iterator[None]:
         """Call the user's function; the instructions of the ``with`` are executed if it fails."""
-        done = self._function
+        compiled = self._function
         self._status, self._result = self._context.call_internal_no_propagate(
-            self._builder, done.fndesc, done.signature, arguments
+            self._builder, compiled.fndesc, compiled.signature, arguments
         )
         with self.only_if(self._status.is_error):
             yield
@@ -129,10 +129,10 @@ class KernelCode:
         value = self._context.cast(self._builder, self._result, kind, types.int64)
         return self._builder.select(self._status.is_error, self.count(if_failed), value)
 
-    def either(self, if_failed: int, otherwise: int) -> Any:
+    def either(self, if_failed: int, if_successful: int) -> Any:
         """Return one of two integers."""
         return self._builder.select(
-            self._status.is_error, self.count(if_failed), self.count(otherwise)
+            self._status.is_error, self.count(if_failed), self.count(if_successful)
         )
 
     def _pointer(self, address: Any) -> Any:
@@ -188,7 +188,7 @@ def compile_kernel(
 
 
 @lru_cache(maxsize=64)
-def _inlined(function: Callable[..., Any], options: tuple[tuple[str, Any], ...]) -> Any:
+def _inline_function(function: Callable[..., Any], options: tuple[tuple[str, Any], ...]) -> Any:
     """Return the numba function, one for all sizes: its translation takes most of the time."""
     # The calling convention of an array is a quarter of the time of a small function.
     return njit(**{**JIT, **INNER, "forceinline": True, **dict(options)})(function)
@@ -202,15 +202,15 @@ def _link(
     code: type[KernelCode],
     options: dict[str, Any],
 ) -> Any:
-    compiled = _inlined(function, tuple(options.items()))
+    compiled = _inline_function(function, tuple(options.items()))
     compiled.compile(arguments)
-    done = compiled.overloads[arguments]
+    result = compiled.overloads[arguments]
     library = cpu_target.target_context.codegen().create_library(name)
     library.enable_object_caching()
     module = library.create_ir_module(name)
     builder = ir.IRBuilder(ir.Function(module, code.kind, name).append_basic_block())
-    builder.ret(body(code(builder, done)))
-    library.add_linking_library(done.library)
+    builder.ret(body(code(builder, result)))
+    library.add_linking_library(result.library)
     library.add_ir_module(module)
     library.finalize()
     return library

@@ -120,7 +120,7 @@ class Kernels(NamedTuple):
 
 
 # One compilation at a time: simultaneous threads often need the same kernels.
-_compiling = threading.RLock()
+_compilation_lock = threading.RLock()
 
 
 def kernels(
@@ -138,14 +138,14 @@ def kernels(
     HEAD + n values.
     """
     snapshot = take_snapshot(flow, margins, transition)
-    with _compiling:
+    with _compilation_lock:
         return _kernels(snapshot, n, m, bounds)
 
 
 @cache
 def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
     if not snapshot.lasting:
-        announce_uncached(snapshot.passing)
+        announce_uncached(snapshot.volatile_dependencies)
     # Each function by itself, so that a change of one requires no compilation of the others.
     flow, margins, transition = (take_snapshot(function) for function in snapshot.functions)
     return Kernels(
@@ -206,17 +206,17 @@ def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
 def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
     def body(code: KernelCode) -> Any:
         record = code.after(code.parameters, code.size)
-        before, first = code.after(record, code.count(HEAD)), code.is_first_fault()
-        with code.only_if(first, likely=True):
+        state_copy, is_first = code.after(record, code.count(HEAD)), code.is_first_fault()
+        with code.only_if(is_first, likely=True):
             # The transition may change the state before it fails.
-            code.copy(before, code.y, n)
+            code.copy(state_copy, code.y, n)
         state, parameters = (
             code.vector(code.y, code.count(n)),
             code.vector(code.parameters, code.size),
         )
         with code.call(code.mode, code.code, code.t, state, parameters):
-            with code.only_if(first, likely=True):
-                code.copy(code.y, before, n)
+            with code.only_if(is_first, likely=True):
+                code.copy(code.y, state_copy, n)
             code.record_fault(TRANSITION, n)
         return code.result(if_failed=NO_MODE)
 
@@ -227,7 +227,7 @@ def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
 def jacobian_of(jacobian: Callable[..., Any], n: int) -> Kernel:
     """Compile the Jacobian of an automaton with `n` states to a C function, for BDF only."""
     snapshot = take_snapshot(jacobian)
-    with _compiling:
+    with _compilation_lock:
         return _jacobian_kernel(snapshot, n)
 
 
@@ -252,7 +252,7 @@ def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
     It has the signature of a kernel, with two states in succession, and returns 1 if it fails.
     """
     snapshot = take_snapshot(observe)
-    with _compiling:
+    with _compilation_lock:
         return _observables_kernel(snapshot, n, count)
 
 
@@ -266,7 +266,7 @@ def _observables_kernel(snapshot: Snapshot, n: int, count: int) -> Kernel:
         parameters = code.vector(code.parameters, code.size)
         with code.call(code.mode, code.code, code.t, states, parameters, values):
             pass
-        return code.either(if_failed=1, otherwise=0)
+        return code.either(if_failed=1, if_successful=0)
 
     kinds = (_word, _word, _real, VECTOR, VECTOR, VECTOR)
     return compile_role("observables", snapshot, kinds, body, (n, count), boundscheck=True)
@@ -393,8 +393,8 @@ class CompiledEngine(SingleMethodEngine):
         # The handle has addresses in this block, which lives as long as the engine. The kernels
         # write a fault record after the parameters.
         sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}
-        fired = 2 * m + 1  # as 32-bit integers, two to a number
-        block = np.zeros(sum(sizes.values()) + fired // 2 + 1)
+        root_count = 2 * m + 1  # as 32-bit integers, two to a number
+        block = np.zeros(sum(sizes.values()) + root_count // 2 + 1)
         handles = np.zeros(1, dtype=dtype)
         self.memory = block
         self.address = handles.ctypes.data
@@ -404,16 +404,16 @@ class CompiledEngine(SingleMethodEngine):
         self._functions = functions
         for name, function in functions.items():
             handle[name] = function.address
-        place, begin = block.ctypes.data, 0
+        base, offset = block.ctypes.data, 0
         for name, size in sizes.items():
-            handle[name] = place + WORD * begin
+            handle[name] = base + WORD * offset
             if name == "parameters":
-                fault_start = begin + parameters.size
-                self.parameters = block[begin:fault_start]
+                fault_start = offset + parameters.size
+                self.parameters = block[offset:fault_start]
                 self.parameters[:] = parameters
-                self._fault_record = block[fault_start : begin + size]
-            begin += size
-        handle["fired"] = place + WORD * begin
+                self._fault_record = block[fault_start : offset + size]
+            offset += size
+        handle["fired"] = base + WORD * offset
         handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
         handle["approach_search"] = 1
         handle["section"], handle["level"], _ = equations.crossing

@@ -54,9 +54,9 @@ class LaneCopier(ProcessorCopier):
     numba tries the function with vectors first, and if it does not compile, with each lane.
     """
 
-    def prepared(self, copy: FunctionType, function: FunctionType) -> FunctionType:
+    def prepare(self, copy: FunctionType, function: FunctionType) -> FunctionType:
         """Return the copy of a function, ready to be called by compiled code."""
-        super().prepared(copy, function)
+        super().prepare(copy, function)
         wrapper = lane_by_lane(copy)
         overload(copy, jit_options=self._options, strict=False)(
             lambda *kinds, **_: wrapper if any(map(has_lanes, kinds)) else None
@@ -68,23 +68,24 @@ def lane_by_lane(function: FunctionType) -> FunctionType:
     """Return a function of vectors that calls a function of numbers for each lane."""
 
     @intrinsic
-    def call_each(typing: Any, given: Any) -> Any:
+    def call_each(typing: Any, arguments: Any) -> Any:
         callee = typing.resolve_value_type(function)
-        resolved = callee.get_call_type(typing, tuple(map(scalar_kind, given.types)), {})
+        call_signature = callee.get_call_type(typing, tuple(map(scalar_kind, arguments.types)), {})
 
         def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            call = context.get_function(callee, resolved)
+            call = context.get_function(callee, call_signature)
             context.add_linking_libs(getattr(call, "libs", ()))
-            values = cgutils.unpack_tuple(builder, args[0], len(given.types))
+            values = cgutils.unpack_tuple(builder, args[0], len(arguments.types))
             readers = [
-                _reader(context, builder, *each) for each in zip(given.types, values, strict=True)
+                _reader(context, builder, *pair)
+                for pair in zip(arguments.types, values, strict=True)
             ]
-            write, result = _writer(context, builder, resolved.return_type)
+            write, result = _writer(context, builder, call_signature.return_type)
             with cgutils.for_range(builder, ir.Constant(INTEGER, LANES), intp=INTEGER) as loop:
                 write(loop.index, call(builder, [read(loop.index) for read in readers]))
             return result()
 
-        return signature(vector_kind(resolved.return_type), given), codegen
+        return signature(vector_kind(call_signature.return_type), arguments), codegen
 
     names = ", ".join(inspect.signature(function).parameters)
     space = {"call_each": call_each, "__name__": __name__}
@@ -101,16 +102,16 @@ STRIDED = types.Array(types.float64, 1, "A")
 def scalar_kind(kind: Any) -> Any:
     """Return the type of a value in one lane."""
     if isinstance(kind, types.BaseTuple):
-        own = getattr(kind, "instance_class", None)
-        return types.BaseTuple.from_types(tuple(map(scalar_kind, kind.types)), own)
+        tuple_class = getattr(kind, "instance_class", None)
+        return types.BaseTuple.from_types(tuple(map(scalar_kind, kind.types)), tuple_class)
     return {Lanes: types.float64, LaneVector: STRIDED}.get(kind, types.unliteral(kind))
 
 
 def vector_kind(kind: Any) -> Any:
     """Return the type of the results in all lanes."""
     if isinstance(kind, types.BaseTuple):
-        own = getattr(kind, "instance_class", None)
-        return types.BaseTuple.from_types(tuple(map(vector_kind, kind.types)), own)
+        tuple_class = getattr(kind, "instance_class", None)
+        return types.BaseTuple.from_types(tuple(map(vector_kind, kind.types)), tuple_class)
     if kind not in (types.float64, types.boolean, types.none):
         raise TypingError(f"a function of lanes returns {kind}")
     return {types.float64: Lanes, types.boolean: Mask}.get(kind, kind)
@@ -119,18 +120,18 @@ def vector_kind(kind: Any) -> Any:
 def _reader(context: Any, builder: Any, kind: Any, value: Any) -> Callable[[Any], Any]:
     """Return a function that emits the value of an argument in the lane of an index."""
     if kind == Lanes:
-        place = cgutils.alloca_once_value(builder, value)
-        numbers = builder.bitcast(place, DOUBLE.as_pointer())
+        memory = cgutils.alloca_once_value(builder, value)
+        numbers = builder.bitcast(memory, DOUBLE.as_pointer())
         return lambda i: builder.load(builder.gep(numbers, [i]))
     if kind == LaneVector:
         vector = cgutils.create_struct_proxy(LaneVector)(context, builder, value=value)
 
         def lane(i: Any) -> Any:
             view = make_array(STRIDED)(context, builder)
-            first = builder.add(vector.address, builder.mul(i, ir.Constant(INTEGER, WORD)))
+            address = builder.add(vector.address, builder.mul(i, ir.Constant(INTEGER, WORD)))
             populate_array(
                 view,
-                data=builder.inttoptr(first, view.data.type),
+                data=builder.inttoptr(address, view.data.type),
                 shape=[vector.length],
                 strides=[ir.Constant(INTEGER, STRIDE)],
                 itemsize=ir.Constant(INTEGER, WORD),
@@ -157,8 +158,8 @@ def _writer(
 
         def write_parts(i: Any, value: Any) -> None:
             values = cgutils.unpack_tuple(builder, value, len(kind))
-            for (write, _), each in zip(parts, values, strict=True):
-                write(i, each)
+            for (write, _), part_value in zip(parts, values, strict=True):
+                write(i, part_value)
 
         def all_parts() -> Any:
             return context.make_tuple(builder, vector_kind(kind), [result() for _, result in parts])
@@ -166,8 +167,8 @@ def _writer(
         return write_parts, all_parts
     if kind == types.none:
         return lambda *_: None, context.get_dummy_value
-    place = cgutils.alloca_once(builder, REALS)
-    numbers = builder.bitcast(place, DOUBLE.as_pointer())
+    memory = cgutils.alloca_once(builder, REALS)
+    numbers = builder.bitcast(memory, DOUBLE.as_pointer())
     is_bit = kind == types.boolean
 
     def write(i: Any, value: Any) -> None:
@@ -175,7 +176,7 @@ def _writer(
         builder.store(number, builder.gep(numbers, [i]))
 
     def result() -> Any:
-        vector = builder.load(place)
+        vector = builder.load(memory)
         zeros = splat(builder, DOUBLE(0.0))
         return builder.fcmp_ordered("!=", vector, zeros) if is_bit else vector
 
@@ -219,7 +220,7 @@ class LaneKernelCode(KernelCode):
 FOR_LANES: dict[str, Any] = {
     "copier": LaneCopier, "code": LaneKernelCode, "pipeline_class": LaneCompiler
 }  # fmt: skip
-_compiling = threading.Lock()  # simultaneous threads compile a system only once
+_compilation_lock = threading.Lock()  # simultaneous threads compile a system only once
 
 
 class LaneKernels(NamedTuple):
@@ -233,7 +234,7 @@ def lane_kernels(
     flow: Callable[..., Any], margins: Callable[..., Any], n: int, m: int
 ) -> LaneKernels | None:
     """Compile functions of an automaton for lanes; None if numba cannot."""
-    with _compiling:
+    with _compilation_lock:
         return _lane_kernels(take_snapshot(flow), take_snapshot(margins), n, m)
 
 

@@ -92,16 +92,16 @@ class _LaneVectorModel(models.StructModel):
 
 def splat(builder: Any, value: Any) -> Any:
     """Return a vector of equal numbers."""
-    none = ir.Constant(ir.VectorType(value.type, LANES), ir.Undefined)
-    first = builder.insert_element(none, value, ir.Constant(ir.IntType(32), 0))
+    undefined = ir.Constant(ir.VectorType(value.type, LANES), ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(first, none, zeros)
+    return builder.shuffle_vector(first, undefined, zeros)
 
 
 @lower_cast(types.Float, _Lanes)
 @lower_cast(types.Integer, _Lanes)
-def _castis_number(context: Any, builder: Any, given: Any, _kind: Any, value: Any) -> Any:
-    return splat(builder, context.cast(builder, value, given, types.float64))
+def _cast_number(context: Any, builder: Any, source: Any, _kind: Any, value: Any) -> Any:
+    return splat(builder, context.cast(builder, value, source, types.float64))
 
 
 def has_lanes(kind: Any) -> bool:
@@ -136,8 +136,8 @@ def _operation(operation: Any, count: int, result: Any, emit: Callable[..., Any]
 
 def _call(builder: Any, name: str, *args: Any) -> Any:
     kind = ir.FunctionType(REALS, [REALS] * len(args))
-    full = f"llvm.{name}.v{LANES}f64"
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, full), args)
+    intrinsic_name = f"llvm.{name}.v{LANES}f64"
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, intrinsic_name), args)
 
 
 # Minimum and maximum return the first argument unless the second one is beyond, as those of numba.
@@ -183,14 +183,14 @@ def _each_lane(function: Any, context: Any, builder: Any, args: Any) -> Any:
     """Call a function of numbers for each lane."""
     typing = context.typing_context
     kind = typing.resolve_value_type(function)
-    resolved = kind.get_call_type(typing, (types.float64,) * len(args), {})
-    call = context.get_function(kind, resolved)
+    call_signature = kind.get_call_type(typing, (types.float64,) * len(args), {})
+    call = context.get_function(kind, call_signature)
     context.add_linking_libs(getattr(call, "libs", ()))
     result = ir.Constant(REALS, ir.Undefined)
     for i in range(LANES):
-        place = ir.Constant(ir.IntType(32), i)
-        values = [builder.extract_element(vector, place) for vector in args]
-        result = builder.insert_element(result, call(builder, values), place)
+        index = ir.Constant(ir.IntType(32), i)
+        values = [builder.extract_element(vector, index) for vector in args]
+        result = builder.insert_element(result, call(builder, values), index)
     return result
 
 
@@ -230,14 +230,14 @@ def _variable_power(context: Any, builder: Any, _signature: Any, args: Any) -> A
 
 
 @lower_builtin(operator.pow, _Lanes, types.IntegerLiteral)
-def _constant_power(_context: Any, builder: Any, given: Any, args: Any) -> Any:
+def _constant_power(_context: Any, builder: Any, signature: Any, args: Any) -> Any:
     """Raise to a constant power, by the same products as numba for numbers."""
-    power, square, result = given.args[1].literal_value, args[0], splat(builder, DOUBLE(1.0))
-    left = abs(power)
-    while left > 0:
-        if left & 1:
+    power, square, result = signature.args[1].literal_value, args[0], splat(builder, DOUBLE(1.0))
+    remaining = abs(power)
+    while remaining > 0:
+        if remaining & 1:
             result = builder.fmul(result, square)
-        left >>= 1
+        remaining >>= 1
         square = builder.fmul(square, square)
     return builder.fdiv(splat(builder, DOUBLE(1.0)), result) if power < 0 else result
 
@@ -249,7 +249,9 @@ class _Reduction(trigonometry.Reduction):
     suffix = f"v{LANES}f64"
 
 
-def _wave(stand_in: Callable[..., Any], library: Callable[..., Any], quarter_turns: int) -> None:
+def _register_sine(
+    stand_in: Callable[..., Any], library: Callable[..., Any], quarter_turns: int
+) -> None:
     """Register the sine or cosine of `trigonometry`, with the bits of that of numbers."""
 
     @intrinsic
@@ -268,18 +270,18 @@ def _wave(stand_in: Callable[..., Any], library: Callable[..., Any], quarter_tur
 
         def implementation(x):  # type: ignore[no-untyped-def]
             size = abs(x)
-            within = (size > 0.0) & (size < trigonometry.LARGEST_ARGUMENT)
+            is_within = (size > 0.0) & (size < trigonometry.LARGEST_ARGUMENT)
             value = advanced_sine(x)
-            if bits(within) != ALL:
-                value = select(within, value, library(x))
+            if bits(is_within) != ALL:
+                value = select(is_within, value, library(x))
             return value
 
         return implementation
 
 
 ALL = 2**LANES - 1
-_wave(trigonometry.sin, math.sin, 0)
-_wave(trigonometry.cos, math.cos, 1)
+_register_sine(trigonometry.sin, math.sin, 0)
+_register_sine(trigonometry.cos, math.cos, 1)
 
 # --- Masks and memory
 
@@ -288,7 +290,7 @@ _wave(trigonometry.cos, math.cos, 1)
 def select(_typing: Any, mask: Any, a: Any, b: Any) -> Any:
     """Return `a` in the lanes of a mask, `b` in the others."""
 
-    def codegen(context: Any, builder: Any, given: Any, args: Any) -> Any:
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
         values = [
             context.cast(builder, value, kind, Lanes)
             for value, kind in zip(args[1:], (a, b), strict=True)
@@ -459,10 +461,10 @@ def _get_checked(vector, index):  # type: ignore[no-untyped-def]
     if isinstance(index, types.Integer):
 
         def number(vector, index):  # type: ignore[no-untyped-def]
-            place = index + _length(vector) if index < 0 else index
-            if place < 0 or place >= _length(vector):
+            i = index + _length(vector) if index < 0 else index
+            if i < 0 or i >= _length(vector):
                 raise IndexError("index out of range")
-            return lane_pointer(_address(vector))[place]
+            return lane_pointer(_address(vector))[i]
 
         return number
     if isinstance(index, types.SliceType) and not index.has_step:
@@ -484,9 +486,9 @@ def _set_checked(vector, index, value):  # type: ignore[no-untyped-def]
         return None
 
     def number(vector, index, value):  # type: ignore[no-untyped-def]
-        place = index + _length(vector) if index < 0 else index
-        if place < 0 or place >= _length(vector):
+        i = index + _length(vector) if index < 0 else index
+        if i < 0 or i >= _length(vector):
             raise IndexError("index out of range")
-        lane_pointer(_address(vector))[place] = value
+        lane_pointer(_address(vector))[i] = value
 
     return number

@@ -191,18 +191,22 @@ def caller(signature: Any) -> Any:
     def call(_typing: Any, function: Any, arguments: Any) -> Any:
         def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             values = []
-            for i, (given, wanted) in enumerate(zip(arguments, signature.args, strict=True)):
+            for i, (argument_type, parameter_type) in enumerate(
+                zip(arguments, signature.args, strict=True)
+            ):
                 value = builder.extract_value(args[1], i)
-                if isinstance(given, types.Array | types.CPointer):
-                    values.append(_data(given, context, builder, value))
+                if isinstance(argument_type, types.Array | types.CPointer):
+                    values.append(_data(argument_type, context, builder, value))
                 else:
-                    values.append(context.cast(builder, value, given, wanted))
+                    values.append(context.cast(builder, value, argument_type, parameter_type))
             kinds = [context.get_value_type(kind) for kind in signature.args]
-            void = signature.return_type == types.void
-            result = ir.VoidType() if void else context.get_value_type(signature.return_type)
-            pointer = ir.FunctionType(result, kinds).as_pointer()
-            answer = builder.call(builder.inttoptr(args[0], pointer), values)
-            return context.get_dummy_value() if void else answer
+            is_void = signature.return_type == types.void
+            return_type = (
+                ir.VoidType() if is_void else context.get_value_type(signature.return_type)
+            )
+            pointer = ir.FunctionType(return_type, kinds).as_pointer()
+            result = builder.call(builder.inttoptr(args[0], pointer), values)
+            return context.get_dummy_value() if is_void else result
 
         return signature.return_type(types.int64, arguments), codegen
 
@@ -267,14 +271,14 @@ class _NamedCache(Cache):
         """
         try:
             with self._guard_against_spurious_io_errors():
-                found = self._load_overload(sig, target_context)
+                code = self._load_overload(sig, target_context)
         except Exception as error:  # unpickling a damaged file may raise any exception
             _log.info("compiled code in %s cannot be read (%s)", self.cache_path, error)
-            found = None
+            code = None
             self._discard()
-        if found is None:
+        if code is None:
             announce(self.notice)
-        return found
+        return code
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save compiled code if the directory is writable."""
@@ -297,8 +301,8 @@ class _FunctionCache(_NamedCache, FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return compiled code of the installation or from disk, or None."""
-        found = _shipped(self._function, self._key_name, sig, target_context)
-        return super().load_overload(sig, target_context) if found is None else found
+        code = _installed_code(self._function, self._key_name, sig, target_context)
+        return super().load_overload(sig, target_context) if code is None else code
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save compiled code, as that of the installation while it is prepared."""
@@ -309,7 +313,7 @@ class _FunctionCache(_NamedCache, FunctionCache):
             super().save_overload(sig, data)
 
 
-def _shipped(function: Callable[..., Any], name: str, sig: Any, target_context: Any) -> Any:
+def _installed_code(function: Callable[..., Any], name: str, sig: Any, target_context: Any) -> Any:
     """Return compiled code of the installation, or None."""
     try:
         content = precompiled.read(function, name, sig)
@@ -334,12 +338,12 @@ class _NoCache(NullCache):
         self._function, self._key_name, self._cache = function, name, cache
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = None
+        code = None
         if self._key_name is not None and self._cache is _FunctionCache:
-            found = _shipped(self._function, self._key_name, sig, target_context)
-        if found is None:
+            code = _installed_code(self._function, self._key_name, sig, target_context)
+        if code is None:
             announce(self._cache.notice)
-        return found
+        return code
 
 
 def _cache_of(
@@ -357,11 +361,11 @@ def _cache_of(
 def library_cache(name: str, lasting: bool) -> Any:
     """Return the cache of the code with a name, in which nothing is kept unless it is `lasting`."""
 
-    def place() -> None:
+    def location() -> None:
         """Determine the directory and the name of the files."""
 
-    place.__qualname__ = name
-    return _cache_of(place, name if lasting else None, _LibraryCache)
+    location.__qualname__ = name
+    return _cache_of(location, name if lasting else None, _LibraryCache)
 
 
 def compile_callback(
@@ -419,19 +423,19 @@ def announce(notice: str) -> None:
             "; the code compiled at installation is for other sources, or for another version of "
             "Python, numba or llvmlite"
         )
-    _say(notice)
+    _report(notice)
 
 
-def announce_uncached(things: Iterable[Any]) -> None:
-    """Report that compiled code cannot be cached on disk because of `things`."""
-    kinds = ", ".join(sorted({type(thing).__name__ for thing in things}))
-    _say(
+def announce_uncached(objects: Iterable[Any]) -> None:
+    """Report that compiled code cannot be cached on disk because of `objects`."""
+    kinds = ", ".join(sorted({type(each).__name__ for each in objects}))
+    _report(
         "the compiled code of this system is not kept: its functions depend on objects that differ "
         f"between processes ({kinds}); use numbers in their place"
     )
 
 
-def _say(text: str) -> None:
+def _report(text: str) -> None:
     if sys.stderr is not None and sys.stderr.isatty():
         sys.stderr.write(f"mems-impact: {text}\n")
     else:

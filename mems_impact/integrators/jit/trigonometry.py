@@ -71,20 +71,21 @@ class Reduction:
         name = f"llvm.fma.{self.suffix}"
         self._fma = cgutils.get_or_insert_function(builder.module, kind, name)
         self._builder = builder
-        shifted = self.fma(x, self.constant(2.0 / math.pi), self.constant(SHIFTER))
-        count = builder.fsub(shifted, self.constant(SHIFTER))
+        rounded = self.fma(x, self.constant(2.0 / math.pi), self.constant(SHIFTER))
+        count = builder.fsub(rounded, self.constant(SHIFTER))
         first, second, third = (self.constant(-part) for part in HALF_PI)
-        rest = self.fma(count, first, x)  # exact
+        remainder = self.fma(count, first, x)  # exact
         product = builder.fmul(count, second)
-        self.angle = builder.fadd(rest, product)
+        self.angle = builder.fadd(remainder, product)
         # The error of this sum (Knuth's TwoSum), that of the product, and the third part.
-        back = builder.fsub(self.angle, rest)
+        increment = builder.fsub(self.angle, remainder)
         error = builder.fadd(
-            builder.fsub(rest, builder.fsub(self.angle, back)), builder.fsub(product, back)
+            builder.fsub(remainder, builder.fsub(self.angle, increment)),
+            builder.fsub(product, increment),
         )
         error = builder.fadd(error, self.fma(count, second, builder.fneg(product)))
         self.tail = self.fma(count, third, error)
-        self.quadrant = builder.bitcast(shifted, self.word)
+        self.quadrant = builder.bitcast(rounded, self.word)
         self.square = builder.fmul(self.angle, self.angle)
 
     def constant(self, value: float) -> Any:
@@ -115,9 +116,9 @@ class Reduction:
         cosine = b.fadd(weight, self.fma(fourth, self.polynomial(COSINE, fourth), error))
         word = self.word
         turns = b.add(self.quadrant, constant(word, quarter_turns))
-        chosen = b.select(b.trunc(turns, self.bit), cosine, sine)
+        result = b.select(b.trunc(turns, self.bit), cosine, sine)
         sign = b.shl(b.and_(turns, constant(word, 2)), constant(word, 62))
-        return b.bitcast(b.xor(b.bitcast(chosen, word), sign), self.real)
+        return b.bitcast(b.xor(b.bitcast(result, word), sign), self.real)
 
 
 def constant(kind: Any, value: float) -> Any:
