@@ -427,12 +427,12 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
             row(explicit, stepper.ARGUMENT)[j] = rows[LANES * j + lane]
             row(explicit, END)[j] = rows[LANES * (END * width + j) + lane]
             k = component(explicit, j)
-            for stage in range(13):
-                k[stage] = components[LANES * (stepper.ENGINE_NUMBERS * j + stage) + lane]
+            for i in range(11, stepper.ENGINE_NUMBERS - 1):
+                k[i] = components[LANES * (stepper.ENGINE_NUMBERS * j + i) + lane]
         for k in range(2 * m):
             row(explicit, HIGH)[k] = rows[LANES * (HIGH * width + k) + lane]
         row(explicit, HIGH)[2 * m] = 1.0
-        explicit.has_dense = 0
+        explicit.has_dense = 1
         explicit.rest = 1
         stepper.accept_step(
             explicit,

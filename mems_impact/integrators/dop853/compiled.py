@@ -60,7 +60,7 @@ _word, _real = types.int64, types.float64
 SIGNATURES = {
     **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
-    "dense": types.void(_word),
+    "dense": types.void(_word, _real, _real),
     "begin": _word(_word),
 }
 
@@ -124,8 +124,8 @@ def functions() -> dict[str, Any]:
     def stages(engine, t, h):  # type: ignore[no-untyped-def]
         return run_stages(_handle(engine), t, h)
 
-    def dense(engine):  # type: ignore[no-untyped-def]
-        run_dense(_handle(engine))
+    def dense(engine, t, h):  # type: ignore[no-untyped-def]
+        run_dense(_handle(engine), t, h)
 
     def begin(engine):  # type: ignore[no-untyped-def]
         return run_begin(_handle(engine))
@@ -213,9 +213,9 @@ def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
 
 
 @overload(method.make_dense, jit_options={**JIT, **INNER})
-def _make_dense(engine):  # type: ignore[no-untyped-def]
+def _make_dense(engine, t, h):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine: _call_dense(engine.dense, (address(engine),))
+        return lambda engine, t, h: _call_dense(engine.dense, (address(engine), t, h))
 
 
 def begin(engine: Any) -> int:

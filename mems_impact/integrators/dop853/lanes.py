@@ -3,7 +3,8 @@
 The stages are those of `stepper`, over a record with vectors in place of numbers. A step is *plain*
 if it passes the error test, ends before the next stop or sample, and contains no event by its
 margins and rates at both ends. A lane takes plain steps here; `hybrid.attractors.lanes` hands any
-other step to the engine of its trajectory, which continues from the stages with the same bits.
+other step, with its dense output, to the engine of its trajectory, which continues with the same
+bits.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from mems_impact.integrators.dop853.stepper import (
     START,
     ULP,
     component,
+    dense,
     eighth_root,
+    make_dense,
     row,
     stages,
     try_step,
@@ -41,8 +44,8 @@ from mems_impact.integrators.jit.numba_support import INNER, JIT, data, pointer
 
 # Rows of vectors beside those of `stepper`: biases, the recent change of the rates before and after
 # a step, and the largest sizes of the components.
-BIAS, RATE_CHANGE, CHANGE_AHEAD, SIZES = 7, 8, 9, 10
-ROWS = 11
+BIAS, RATE_CHANGE, CHANGE_AHEAD, SIZES = 8, 9, 10, 11
+ROWS = 12
 # Numbers of each lane: time; step to be tried, and that planned by the last step; longest step and
 # size of the largest; next stop; time at which another step is not plain; recent step length; 1
 # after a rejection; plain steps that may follow, that were taken, and until the next check of
@@ -161,6 +164,8 @@ def attempt_step(engine: Any, active: int) -> None:
     engine.complete = bits(passed & mask & ~plain)
     engine.rejected = bits(rejected)
     engine.due = bits(plain & (x[UNCHECKED] < 0.5))
+    if engine.complete != 0:
+        make_dense(engine, t, h)
 
 
 def advance_lanes(engine: Any, chosen: int) -> None:
@@ -218,10 +223,16 @@ def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
 
 
 # The arithmetic of the engine for numbers.
-(_contracted_stages,) = take_snapshot(stages).frozen(**CONTRACTED)
+_contracted_stages, _contracted_dense = take_snapshot(stages, dense).frozen(**CONTRACTED)
 
 
 @overload(stepper.try_step, jit_options={**JIT, **INNER})
 def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
     if is_lane_engine(engine):
         return lambda engine, t, h: _contracted_stages(engine, t, h)
+
+
+@overload(stepper.make_dense, jit_options={**JIT, **INNER})
+def _make_dense(engine, t, h):  # type: ignore[no-untyped-def]
+    if is_lane_engine(engine):
+        return lambda engine, t, h: _contracted_dense(engine, t, h)

@@ -158,11 +158,11 @@ DENSE = 16
 ENGINE_NUMBERS = 24
 
 # Rows of values, the arguments and results of the automaton's functions.
-ARGUMENT, SLOPE = 0, 1  # state of a stage, and its slope
+ARGUMENT, SLOPE = 0, 1  # state of a stage of the step, and its slope
 START, END = 2, 3  # states at both ends of the step
 STATE = 4  # state at the present time
 LOW, HIGH = 5, 6  # root functions at the present time, and at the end of the step
-SPARE = 7  # two rows of root functions for the root search
+SPARE = 7  # two rows: root functions of the root search; state of a stage of the dense output
 # Rows of the candidates of the root search: function, sign and bias; values at the ends of the
 # bracket, at its former end, and at the next point.
 INDEX, SIGN, BIAS, NEAR, FAR, LAST, TRIAL = range(9, 16)
@@ -302,11 +302,10 @@ def stages(engine: Any, t: float, h: float) -> float:
     return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
 
 
-def dense(engine: Any) -> None:
-    """Compute the coefficients of the dense output of the last step, with three more stages."""
+def dense(engine: Any, t: float, h: float) -> None:
+    """Compute the coefficients of the dense output of the step from `t`, with three more stages."""
     n, mode, limit = engine.n, engine.mode, engine.last_instant
-    t, h = engine.t_start, engine.t_end - engine.t_start
-    y, slope = row(engine, ARGUMENT), row(engine, SLOPE)
+    y, slope = row(engine, SPARE), row(engine, SLOPE)
     start, end = row(engine, START), row(engine, END)
     # fmt: off
     a0, a6, a7, a8, a9, a10, a11, a12 = A[13]
@@ -378,9 +377,9 @@ def try_step(engine: Any, t: float, h: float) -> float:
     return stages(engine, t, h)
 
 
-def make_dense(engine: Any) -> None:
+def make_dense(engine: Any, t: float, h: float) -> None:
     """Call `dense`."""
-    dense(engine)
+    dense(engine, t, h)
 
 
 def slope_at_end(engine: Any, t: float) -> bool:
@@ -416,10 +415,11 @@ def dense_at(engine: Any, t: float, y: Any) -> None:
         for j in range(engine.n):
             y[j] = start[j] if t <= engine.t_start else end[j]
         return
+    h = engine.t_end - engine.t_start
     if engine.has_dense == 0:
         engine.has_dense = 1
-        make_dense(engine)
-    u = (t - engine.t_start) / (engine.t_end - engine.t_start)
+        make_dense(engine, engine.t_start, h)
+    u = (t - engine.t_start) / h
     v = 1.0 - u
     for j in range(engine.n):
         k = component(engine, j)
