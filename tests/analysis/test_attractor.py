@@ -249,10 +249,10 @@ def test_a_regular_approach_is_continued(differences, latest, extended):
     memory = np.zeros((returns.RING + 2, 4))
     first = returns.LARGEST_DISTANCES
     memory[first + 3 : first : -1, 0] = differences  # the latest window comes first
-    memory[returns.RING :, returns.WHERE + 1] = latest
+    memory[returns.RING :, returns.RETURN_STATE + 1] = latest
     s = SimpleNamespace(n=1, end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
     w = SimpleNamespace(
-        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
+        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, window_start=400,
         returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=0,
     )  # fmt: skip
     assert returns.extend_approach(s, w) == extended
@@ -281,8 +281,8 @@ def test_a_period_is_completed_within_a_bounded_time(end, extended):
     memory[returns.RING + 2, returns.DURATION] = 2.0  # of the latest return
     s = SimpleNamespace(n=1, end_cycle=end, end_phase=0.0, period=2.0, first_arc=0)
     w = SimpleNamespace(
-        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, opened=400,
-        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=1, covered=421,
+        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, window_start=400,
+        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=1, search_start=421,
     )  # fmt: skip
     assert returns.extend_approach(s, w) == extended
     assert s.end_cycle == end + 3
