@@ -83,25 +83,27 @@ def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
     """Return the layout; the states of a left electrode have the names ``left_...``."""
     states = list(STATES)
 
-    def placed(names: Sequence[str], prefix: str = "") -> dict[str, int]:
-        first = len(states)
+    def add_states(names: Sequence[str], prefix: str = "") -> dict[str, int]:
+        start = len(states)
         states.extend(prefix + name for name in names)
-        return {name: first + i for i, name in enumerate(names)}
+        return {name: start + i for i, name in enumerate(names)}
 
-    firsts = list(accumulate((kind.length for kind in kinds), initial=eq.DRIVE))
+    starts = list(accumulate((kind.length for kind in kinds), initial=eq.DRIVE))
     terms = tuple(
-        kind.at(first, placed(kind.term.states(kind.shape)))
-        for kind, first in zip(kinds, firsts, strict=False)
+        kind.at(start, add_states(kind.term.states(kind.shape)))
+        for kind, start in zip(kinds, starts, strict=False)
     )
-    sides = tuple(
+    electrode_indices = tuple(
         tuple(
-            kind.at(first, placed(kind.term.electrode_states(kind.shape), prefix))
-            for kind, first in zip(kinds, firsts, strict=False)
+            kind.at(start, add_states(kind.term.electrode_states(kind.shape), prefix))
+            for kind, start in zip(kinds, starts, strict=False)
         )
         for prefix in ("", "left_")[:electrodes]
     )
-    scratch = firsts[-1]
-    return ArrayLayout(tuple(states), terms, sides, scratch, scratch + SCRATCH_ARRAYS * len(states))
+    scratch = starts[-1]
+    return ArrayLayout(
+        tuple(states), terms, electrode_indices, scratch, scratch + SCRATCH_ARRAYS * len(states)
+    )
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class LimitedState(NamedTuple):
 
     Attributes
     ----------
-    place : int
+    state : int
         Index of the state.
     side : str
         "" for the right electrode, "left " for the left one.
@@ -173,89 +175,94 @@ class LimitedState(NamedTuple):
         With ``rate(v, w, y, p)``.
     """
 
-    place: int
+    state: int
     side: str
     limit: RateLimit
 
 
 @cache
-def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
+def compose(kinds: tuple[TermKind, ...], electrode_count: int) -> Model:
     """Return the equations of an actuator with terms and one or two electrodes."""
-    places = layout(kinds, electrodes)
-    parts = tuple(
-        kind.term.contribution(at, kind.shape) for kind, at in zip(kinds, places.terms, strict=True)
+    indices = layout(kinds, electrode_count)
+    contributions = tuple(
+        kind.term.contribution(term_indices, kind.shape)
+        for kind, term_indices in zip(kinds, indices.terms, strict=True)
     )
-    ends = tuple(
-        electrode_of(kinds, own, side)
-        for own, side in zip(places.electrodes, (1, -1), strict=False)
+    electrodes = tuple(
+        electrode_of(kinds, electrode_indices, side)
+        for electrode_indices, side in zip(indices.electrodes, (1, -1), strict=False)
     )
-    normal = product_of([part.normal for part in parts if part.normal])
+    normal = product_of([part.normal for part in contributions if part.normal])
     return Model(
-        layout=places,
-        contributions=parts,
-        electrodes=ends,
-        pull=pull_of(ends),
-        force=total_of([part.force for part in parts if part.force]),
-        on_frame=total_of([part.on_frame for part in parts if part.on_frame]),
-        on_block=total_of([part.on_block for part in parts if part.on_block]),
+        layout=indices,
+        contributions=contributions,
+        electrodes=electrodes,
+        pull=pull_of(electrodes),
+        force=total_of([part.force for part in contributions if part.force]),
+        on_frame=total_of([part.on_frame for part in contributions if part.on_frame]),
+        on_block=total_of([part.on_block for part in contributions if part.on_block]),
         static_limit=limit_of(normal),
-        sliding_friction=friction_of(override(parts, "friction") or eq.mu_d, normal),
-        restitution=override(parts, "restitution") or impact_law.restitution,
-        adhesion=override(parts, "adhesion") or eq.no_adhesion,
-        stopper=override(parts, "stopper"),
-        stopper_slopes=override(parts, "stopper_slopes") or eq.no_slopes,
-        rates=all_rates(kinds, places, parts, ends),
-        limits=rate_limits(kinds, places, ends),
-        sticks=all(part.sticks for part in parts),
-        cyclic=cyclic_of(parts, places),
+        sliding_friction=friction_of(override(contributions, "friction") or eq.mu_d, normal),
+        restitution=override(contributions, "restitution") or impact_law.restitution,
+        adhesion=override(contributions, "adhesion") or eq.no_adhesion,
+        stopper=override(contributions, "stopper"),
+        stopper_slopes=override(contributions, "stopper_slopes") or eq.no_slopes,
+        rates=all_rates(kinds, indices, contributions, electrodes),
+        limits=rate_limits(kinds, indices, electrodes),
+        sticks=all(part.sticks for part in contributions),
+        cyclic=cyclic_of(contributions, indices),
     )
 
 
-def cyclic_of(parts: Sequence[TermContribution], places: ArrayLayout) -> tuple[int, ...]:
+def cyclic_of(contributions: Sequence[TermContribution], indices: ArrayLayout) -> tuple[int, ...]:
     """Return the indices of the states that no function reads: usually x1, and sums of terms."""
-    frame = () if any(part.places_frame for part in parts) else (X1,)
-    sums = (at.y[each] for part, at in zip(parts, places.terms, strict=True) for each in part.sums)
+    frame = () if any(part.places_frame for part in contributions) else (X1,)
+    sums = (
+        term_indices.y[each]
+        for part, term_indices in zip(contributions, indices.terms, strict=True)
+        for each in part.sums
+    )
     return (*frame, *sums)
 
 
-def override(parts: Sequence[TermContribution], name: str) -> Any:
+def override(contributions: Sequence[TermContribution], name: str) -> Any:
     """Return the function `name` of the term that provides it; None without such a term."""
-    found = [each for part in parts if (each := getattr(part, name))]
-    return found[-1] if found else None
+    functions = [function for part in contributions if (function := getattr(part, name))]
+    return functions[-1] if functions else None
 
 
 def total_of(functions: Sequence[Function]) -> Function:
     """Return the sum of functions ``f(y, p)``."""
     if not functions:
 
-        def nothing(y, p):  # type: ignore[no-untyped-def]
+        def zero(y, p):  # type: ignore[no-untyped-def]
             return 0.0
 
-        return nothing
+        return zero
     if len(functions) == 1:
         return functions[0]
-    first, rest = functions[0], total_of(functions[1:])
+    first, remainder = functions[0], total_of(functions[1:])
 
-    def both(y, p):  # type: ignore[no-untyped-def]
-        return first(y, p) + rest(y, p)
+    def total(y, p):  # type: ignore[no-untyped-def]
+        return first(y, p) + remainder(y, p)
 
-    return both
+    return total
 
 
 def product_of(functions: Sequence[Function]) -> Function:
     """Return the product of functions ``f(p)``."""
     if not functions:
 
-        def one(p):  # type: ignore[no-untyped-def]
+        def unity(p):  # type: ignore[no-untyped-def]
             return 1.0
 
-        return one
-    first, rest = functions[0], product_of(functions[1:])
+        return unity
+    first, remainder = functions[0], product_of(functions[1:])
 
-    def both(p):  # type: ignore[no-untyped-def]
-        return first(p) * rest(p)
+    def total(p):  # type: ignore[no-untyped-def]
+        return first(p) * remainder(p)
 
-    return both
+    return total
 
 
 def limit_of(normal: Function) -> Function:
@@ -278,7 +285,7 @@ def friction_of(coefficient: Function, normal: Function) -> Function:
 
 
 def electrode_of(
-    kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices], side: int
+    kinds: tuple[TermKind, ...], indices: Sequence[ParameterIndices], side: int
 ) -> Electrode:
     """Return the electrode on `side` as modified by all terms."""
 
@@ -289,11 +296,11 @@ def electrode_of(
         return 0.0
 
     electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset, side)
-    ordered = sorted(zip(kinds, places, strict=True), key=lambda each: each[0].term.layer)
-    for kind, at in ordered:
+    layers = sorted(zip(kinds, indices, strict=True), key=lambda item: item[0].term.layer)
+    for kind, term_indices in layers:
         if kind.term.instead == "electrode" and not kind.term.acts_at(kind.shape, side):
             continue
-        electrode = kind.term.electrode(at, kind.shape, electrode)
+        electrode = kind.term.electrode(term_indices, kind.shape, electrode)
     return electrode
 
 
@@ -302,8 +309,8 @@ def attraction_of(electrode: Electrode) -> Function:
     slope, node, offset = electrode.slope, electrode.node, electrode.offset
 
     def attraction(v, x, y, p):  # type: ignore[no-untyped-def]
-        across = node(v, x, y, p) - offset(y, p)
-        return 0.5 * slope(x, p) * across * across
+        gap_voltage = node(v, x, y, p) - offset(y, p)
+        return 0.5 * slope(x, p) * gap_voltage * gap_voltage
 
     return attraction
 
@@ -319,87 +326,91 @@ def pull_of(electrodes: Sequence[Electrode]) -> Function:
         return pull
     left = attraction_of(electrodes[1])
 
-    def both(v, w, y, p):  # type: ignore[no-untyped-def]
+    def two_sided_pull(v, w, y, p):  # type: ignore[no-untyped-def]
         return right(v, y[X2], y, p) - left(w, -y[X2], y, p)
 
-    return both
+    return two_sided_pull
 
 
 def all_rates(
     kinds: Sequence[TermKind],
-    places: ArrayLayout,
-    parts: Sequence[TermContribution],
+    indices: ArrayLayout,
+    contributions: Sequence[TermContribution],
     electrodes: Sequence[Electrode],
 ) -> Function:
     """Return the function that writes the derivatives of all states of terms."""
-    found: list[tuple[int, Function]] = []
-    for part, at in zip(parts, places.terms, strict=True):
-        found += zip(at.y.values(), map(voltage_independent, part.rates), strict=True)
-    for side, (electrode, own) in enumerate(zip(electrodes, places.electrodes, strict=True)):
-        for kind, at in zip(kinds, own, strict=True):
-            rates = kind.term.electrode_rates(at, kind.shape, electrode)
-            sided = [at_left(rate) if side else at_right(rate) for rate in rates]
-            found += zip(at.y.values(), sided, strict=True)
-    return rate_writer(found)
+    entries: list[tuple[int, Function]] = []
+    for part, term_indices in zip(contributions, indices.terms, strict=True):
+        entries += zip(term_indices.y.values(), map(voltage_independent, part.rates), strict=True)
+    for side, (electrode, electrode_indices) in enumerate(
+        zip(electrodes, indices.electrodes, strict=True)
+    ):
+        for kind, term_indices in zip(kinds, electrode_indices, strict=True):
+            rates = kind.term.electrode_rates(term_indices, kind.shape, electrode)
+            electrode_rates = [at_left(rate) if side else at_right(rate) for rate in rates]
+            entries += zip(term_indices.y.values(), electrode_rates, strict=True)
+    return rate_writer(entries)
 
 
 def rate_limits(
-    kinds: Sequence[TermKind], places: ArrayLayout, electrodes: Sequence[Electrode]
+    kinds: Sequence[TermKind], indices: ArrayLayout, electrodes: Sequence[Electrode]
 ) -> tuple[LimitedState, ...]:
     """Return the limited states of all electrodes."""
-    found = []
-    for side, (electrode, own) in enumerate(zip(electrodes, places.electrodes, strict=True)):
-        for kind, at in zip(kinds, own, strict=True):
-            limit = kind.term.rate_limit(at, kind.shape, electrode)
+    limits = []
+    for side, (electrode, electrode_indices) in enumerate(
+        zip(electrodes, indices.electrodes, strict=True)
+    ):
+        for kind, term_indices in zip(kinds, electrode_indices, strict=True):
+            limit = kind.term.rate_limit(term_indices, kind.shape, electrode)
             if limit is not None:
                 rate = at_left(limit.rate) if side else at_right(limit.rate)
-                place, prefix = at.y[limit.state], ("", "left ")[side]
-                found.append(LimitedState(place, prefix, limit._replace(rate=rate)))
-    return tuple(found)
+                index, prefix = term_indices.y[limit.state], ("", "left ")[side]
+                limits.append(LimitedState(index, prefix, limit._replace(rate=rate)))
+    return tuple(limits)
 
 
 def voltage_independent(rate: Function) -> Function:
     """Return a function of state and parameters as one of the voltages, too."""
 
-    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+    def two_voltage_rate(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(y, p)
 
-    return driven
+    return two_voltage_rate
 
 
 def at_right(rate: Function) -> Function:
     """Return the rate of a state at the right electrode as a function of both voltages."""
 
-    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+    def two_voltage_rate(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(v, y[X2], y[V2], y, p)
 
-    return driven
+    return two_voltage_rate
 
 
 def at_left(rate: Function) -> Function:
     """Return the rate of a state at the left electrode as a function of both voltages."""
 
-    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+    def two_voltage_rate(v, w, y, p):  # type: ignore[no-untyped-def]
         return rate(w, -y[X2], -y[V2], y, p)
 
-    return driven
+    return two_voltage_rate
 
 
 def rate_writer(rates: Sequence[tuple[int, Function]]) -> Function:
     """Return the function that writes rates at their indices."""
     if not rates:
 
-        def nothing(v, w, y, p, dy):  # type: ignore[no-untyped-def]
+        def write_none(v, w, y, p, dy):  # type: ignore[no-untyped-def]
             pass
 
-        return nothing
-    (place, rate), rest = rates[0], rate_writer(rates[1:])
+        return write_none
+    (index, rate), write_others = rates[0], rate_writer(rates[1:])
 
-    def fill(v, w, y, p, dy):  # type: ignore[no-untyped-def]
-        dy[place] = rate(v, w, y, p)
-        rest(v, w, y, p, dy)
+    def write(v, w, y, p, dy):  # type: ignore[no-untyped-def]
+        dy[index] = rate(v, w, y, p)
+        write_others(v, w, y, p, dy)
 
-    return fill
+    return write
 
 
 # --- Automaton of an actuator with terms
@@ -416,10 +427,10 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
     load : callable
         ``load(side, v, w, y, p)``, the force of a moving block on the frame; `side` is that of a
         compliant stopper in contact, 0 for none.
-    moved : callable
-        ``moved(mode, v, w, y, p)``, the total force on the frame without friction.
-    pressing : callable
-        ``pressing(side, direction, v, w, y, p)``, the contact force between a block at rest and a
+    frame_force : callable
+        ``frame_force(mode, v, w, y, p)``, the total force on the frame without friction.
+    contact_force : callable
+        ``contact_force(side, direction, v, w, y, p)``, between a block at rest and a
         stopper, for a slip in `direction`.
     resting_acceleration : callable
         ``resting_acceleration(direction, y, p)``, that of frame and block together.
@@ -427,43 +438,43 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
     pull, force, stopper = model.pull, model.force, model.stopper
     on_frame, on_block = model.on_frame, model.on_block
     sliding_friction, adhesion = model.sliding_friction, model.adhesion
-    rigid = stopper is None
+    is_rigid = stopper is None
 
-    def inner(v, w, y, p):  # type: ignore[no-untyped-def]
+    def free_load(v, w, y, p):  # type: ignore[no-untyped-def]
         return eq.load(y[X2], y[V2], pull(v, w, y, p) + force(y, p), p)
 
     if stopper is None:
 
         def load(side, v, w, y, p):  # type: ignore[no-untyped-def]
-            return inner(v, w, y, p)
+            return free_load(v, w, y, p)
 
     else:
 
         def load(side, v, w, y, p):  # type: ignore[no-untyped-def]
-            found = inner(v, w, y, p)
+            total = free_load(v, w, y, p)
             if side != 0:
                 depth = side * y[X2] - p[eq.DELTA]
-                found += side * (stopper(depth, side * y[V2], p) - adhesion(p))
-            return found
+                total += side * (stopper(depth, side * y[V2], p) - adhesion(p))
+            return total
 
-    def moved(mode, v, w, y, p):  # type: ignore[no-untyped-def]
+    def frame_force(mode, v, w, y, p):  # type: ignore[no-untyped-def]
         side = side_of(mode)
-        if rigid and side != 0:
+        if is_rigid and side != 0:
             return on_frame(y, p) + on_block(y, p)
         return load(side, v, w, y, p) + on_frame(y, p)
 
     def resting_acceleration(direction, y, p):  # type: ignore[no-untyped-def]
         if direction == 0:
             return 0.0
-        outside = on_frame(y, p) + on_block(y, p)
-        return (outside - sliding_friction(direction, y[V1], p)) / (p[eq.M1] + p[eq.M2])
+        external_force = on_frame(y, p) + on_block(y, p)
+        return (external_force - sliding_friction(direction, y[V1], p)) / (p[eq.M1] + p[eq.M2])
 
-    def pressing(side, direction, v, w, y, p):  # type: ignore[no-untyped-def]
-        carried = p[eq.M2] * resting_acceleration(direction, y, p)
-        held = eq.load(side * p[eq.DELTA], 0.0, pull(v, w, y, p) + force(y, p), p)
-        return side * (on_block(y, p) - held - carried) + adhesion(p)
+    def contact_force(side, direction, v, w, y, p):  # type: ignore[no-untyped-def]
+        inertia = p[eq.M2] * resting_acceleration(direction, y, p)
+        block_load = eq.load(side * p[eq.DELTA], 0.0, pull(v, w, y, p) + force(y, p), p)
+        return side * (on_block(y, p) - block_load - inertia) + adhesion(p)
 
-    return load, moved, pressing, resting_acceleration
+    return load, frame_force, contact_force, resting_acceleration
 
 
 @cache
@@ -485,31 +496,31 @@ def composed_automaton(
         As for `mems_impact.actuator.automaton.actuator_automaton`.
     """
     model = compose(kinds, 1 if left is None else 2)
-    load, moved, pressing, resting_acceleration = forces_of(model)
+    load, frame_force, contact_force, resting_acceleration = forces_of(model)
     static_limit, sliding_friction = model.static_limit, model.sliding_friction
     on_frame, on_block, rates = model.on_frame, model.on_block, model.rates
-    restitution, hardness = model.restitution, model.stopper_slopes
-    rigid, sticks = model.stopper is None, model.sticks
-    n, scratch, begin = len(model.layout.states), model.layout.scratch, model.layout.drive
-    volts = voltages(voltage, left, begin)
-    volt_rates = voltages(voltage_rate, left_rate, begin)
+    restitution, stopper_slopes = model.restitution, model.stopper_slopes
+    is_rigid, sticks = model.stopper is None, model.sticks
+    n, scratch, drive_start = len(model.layout.states), model.layout.scratch, model.layout.drive
+    voltages_at = voltages(voltage, left, drive_start)
+    voltage_rates_at = voltages(voltage_rate, left_rate, drive_start)
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        v, w = volts(t, p)
+        v, w = voltages_at(t, p)
         direction, side = direction_of(mode), side_of(mode)
-        if rigid and side != 0:
+        if is_rigid and side != 0:
             dy[X2] = 0.0
             dy[V1] = resting_acceleration(direction, y, p)
             dy[V2] = 0.0
         else:
-            own = load(side, v, w, y, p)
+            frame_load = load(side, v, w, y, p)
             a1 = 0.0
             if direction != 0:
                 friction = sliding_friction(direction, y[V1], p)
-                a1 = (own + on_frame(y, p) - friction) / p[eq.M1]
+                a1 = (frame_load + on_frame(y, p) - friction) / p[eq.M1]
             dy[X2] = y[V2]
             dy[V1] = a1
-            dy[V2] = (on_block(y, p) - own) / p[eq.M2] - a1
+            dy[V2] = (on_block(y, p) - frame_load) / p[eq.M2] - a1
         dy[X1] = y[V1] if direction != 0 else 0.0
         rates(v, w, y, p, dy)
 
@@ -517,44 +528,44 @@ def composed_automaton(
         # A slipping frame slips on. At rest it sticks by Equation (4), or slips with the force.
         if y[V1] != 0.0:
             return friction_towards(y[V1])
-        own = moved(mode, v, w, y, p)
-        if sticks and abs(own) <= static_limit(p):
+        force = frame_force(mode, v, w, y, p)
+        if sticks and abs(force) <= static_limit(p):
             return STUCK
-        return friction_towards(own if own != 0.0 else 1.0)
+        return friction_towards(force if force != 0.0 else 1.0)
 
-    def contact_mode(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+    def contact_mode(last_contact, v, w, y, p):  # type: ignore[no-untyped-def]
         # The contact of the block. A contact with a compliant stopper persists, and starts if the
         # block moves into the stopper at its face. On either kind of stopper, a block at rest with
         # a positive contact force is in contact.
-        if not rigid and kept != FREE:
-            return kept
+        if not is_rigid and last_contact != FREE:
+            return last_contact
         for contact in (RIGHT, LEFT):
             side = 1 if contact == RIGHT else -1
             depth = side * y[X2] - p[eq.DELTA]
-            if not rigid and (depth > 0.0 or (depth == 0.0 and side * y[V2] > 0.0)):
+            if not is_rigid and (depth > 0.0 or (depth == 0.0 and side * y[V2] > 0.0)):
                 return contact
             if depth >= 0.0 and y[V2] == 0.0:
                 friction = friction_mode(mode_of(STUCK, contact), v, w, y, p)
-                if pressing(side, direction_of(friction), v, w, y, p) > 0.0:
+                if contact_force(side, direction_of(friction), v, w, y, p) > 0.0:
                     return contact
         return FREE
 
-    def mode_under(kept, v, w, y, p):  # type: ignore[no-untyped-def]
-        contact = contact_mode(kept, v, w, y, p)
+    def mode_under(last_contact, v, w, y, p):  # type: ignore[no-untyped-def]
+        contact = contact_mode(last_contact, v, w, y, p)
         return mode_of(friction_mode(mode_of(STUCK, contact), v, w, y, p), contact)
 
     def difference_force(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
         # The force whose rate is computed by differences. It excludes the force of a compliant
         # stopper, which is nonlinear over less than the difference step.
         if code == RELEASE:
-            return pressing(side_of(mode), direction_of(mode), v, w, y, p)
-        return moved(mode if rigid else mode % 3, v, w, y, p)
+            return contact_force(side_of(mode), direction_of(mode), v, w, y, p)
+        return frame_force(mode if is_rigid else mode % 3, v, w, y, p)
 
     def slope_along(code, mode, t, y, p):  # type: ignore[no-untyped-def]
         # Differences along the flow and along the voltage rates, since voltages jump at switches.
         # The force is smooth, unlike a margin, so the points may be far apart for fast charges.
-        v, w = volts(t, p)
-        dv, dw = volt_rates(t, p)
+        v, w = voltages_at(t, p)
+        dv, dw = voltage_rates_at(t, p)
         h = LOAD_RATE_STEP * (p[eq.M2] / p[eq.K]) ** 0.5
         slope = p[scratch : scratch + n]
         x = p[scratch + n : scratch + 2 * n]
@@ -566,17 +577,17 @@ def composed_automaton(
             s = sign * size * h
             for k in range(n):
                 x[k] = y[k] + s * slope[k]
-            found = difference_force(code, mode, v + s * dv, w + s * dw, x, p)
-            total += sign * (8.0 if size == 1 else -1.0) * found
+            force = difference_force(code, mode, v + s * dv, w + s * dw, x, p)
+            total += sign * (8.0 if size == 1 else -1.0) * force
         rate = total / (12.0 * h)
         side = side_of(mode)
-        if not rigid and code == BREAK_AWAY and side != 0:
-            by_depth, by_rate = hardness(side * y[X2] - p[eq.DELTA], side * y[V2], p)
-            rate += by_depth * slope[X2] + by_rate * slope[V2]
+        if not is_rigid and code == BREAK_AWAY and side != 0:
+            depth_slope, rate_slope = stopper_slopes(side * y[X2] - p[eq.DELTA], side * y[V2], p)
+            rate += depth_slope * slope[X2] + rate_slope * slope[V2]
         return rate
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
-        v, w = volts(t, p)
+        v, w = voltages_at(t, p)
         direction, side = direction_of(mode), side_of(mode)
         for i in range(COUNT):
             g[i] = 1.0
@@ -586,31 +597,31 @@ def composed_automaton(
             r[RIGHT_IMPACT] = -y[V2]
             g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
             r[LEFT_IMPACT] = y[V2]
-        elif rigid:
-            g[RELEASE] = pressing(side, direction, v, w, y, p)
+        elif is_rigid:
+            g[RELEASE] = contact_force(side, direction, v, w, y, p)
             r[RELEASE] = slope_along(RELEASE, mode, t, y, p)
         else:
             g[RELEASE] = side * y[X2] - p[eq.DELTA]
             r[RELEASE] = side * y[V2]
         if direction != 0:
-            force = moved(mode, v, w, y, p) - sliding_friction(direction, y[V1], p)
-            mass = p[eq.M1] + p[eq.M2] if rigid and side != 0 else p[eq.M1]
+            force = frame_force(mode, v, w, y, p) - sliding_friction(direction, y[V1], p)
+            mass = p[eq.M1] + p[eq.M2] if is_rigid and side != 0 else p[eq.M1]
             g[SLIP_END] = direction * y[V1]
             r[SLIP_END] = direction * force / mass
         else:
-            push = moved(mode, v, w, y, p)
+            push = frame_force(mode, v, w, y, p)
             rate = slope_along(BREAK_AWAY, mode, t, y, p)
             g[BREAK_AWAY], r[BREAK_AWAY] = static_reserve(static_limit(p), push, rate)
 
-    def apply_impact(side, resting, y, p):  # type: ignore[no-untyped-def]
+    def apply_impact(side, is_rest, y, p):  # type: ignore[no-untyped-def]
         y[X2] = side * p[eq.DELTA]
-        if rigid:
-            e = 0.0 if resting else restitution(abs(y[V2]), p)
+        if is_rigid:
+            e = 0.0 if is_rest else restitution(abs(y[V2]), p)
             y[V1] = impact_law.frame_speed_after(y[V1], y[V2], e, p)
             y[V2] = impact_law.block_speed_after(y[V2], e)
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        v, w = volts(t, p)
+        v, w = voltages_at(t, p)
         if code in (RIGHT_IMPACT, LEFT_IMPACT):
             apply_impact(1 if code == RIGHT_IMPACT else -1, False, y, p)
         elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
@@ -625,26 +636,28 @@ def composed_automaton(
         elif code == BREAK_AWAY:
             # The force is at the static limit up to rounding: slip on either side of it.
             y[V1] = 0.0
-            return mode_of(friction_towards(moved(mode, v, w, y, p)), mode // 3)
+            return mode_of(friction_towards(frame_force(mode, v, w, y, p)), mode // 3)
         return mode_under(mode // 3, v, w, y, p)
 
     automaton = Automaton(
         states=model.layout.states,
         modes=MODES,
-        guards=GUARDS if rigid else tuple(replace(guard, impact=False) for guard in GUARDS),
+        guards=GUARDS if is_rigid else tuple(replace(guard, impact=False) for guard in GUARDS),
         flow=flow,
         margins=margins,
         transition=transition,
         cyclic=model.cyclic,
         stiff=any(kind.term.stiff for kind in kinds),
-        step=1e-3 if rigid else CONTACT_STEP_RATIO,
+        step=1e-3 if is_rigid else CONTACT_STEP_RATIO,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )
-    return limited(automaton, model, volts, volt_rates) if model.limits else automaton
+    return limited(automaton, model, voltages_at, voltage_rates_at) if model.limits else automaton
 
 
-def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> Automaton:
+def limited(
+    automaton: Automaton, model: Model, voltages_at: Any, voltage_rates_at: Any
+) -> Automaton:
     """Return the automaton with further modes in which limited rates have their largest values.
 
     A mode is that of `automaton`, plus the number of its modes times a number to base three: a
@@ -652,16 +665,20 @@ def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> 
     """
     base, m, count = len(automaton.modes), len(automaton.guards), len(model.limits)
     n, scratch, total = len(automaton.states), model.layout.scratch, m + count
-    places = tuple(each.place for each in model.limits)
+    indices = tuple(each.state for each in model.limits)
     right, left = model.limits[0].limit, model.limits[-1].limit
-    right_rate, right_most, left_rate, left_most = right.rate, right.most, left.rate, left.most
-    move, base_margins, base_transition = automaton.flow, automaton.margins, automaton.transition
+    right_rate, right_max, left_rate, left_max = right.rate, right.most, left.rate, left.most
+    base_flow, base_margins, base_transition = (
+        automaton.flow,
+        automaton.margins,
+        automaton.transition,
+    )
 
     def rate(i, v, w, y, p):  # type: ignore[no-untyped-def]
         return right_rate(v, w, y, p) if i == 0 else left_rate(v, w, y, p)
 
-    def most(i, p):  # type: ignore[no-untyped-def]
-        return right_most(p) if i == 0 else left_most(p)
+    def max_rate(i, p):  # type: ignore[no-untyped-def]
+        return right_max(p) if i == 0 else left_max(p)
 
     def digit(i, mode):  # type: ignore[no-untyped-def]
         return (mode // base if i == 0 else mode // base // 3) % 3
@@ -671,19 +688,19 @@ def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> 
         return mode + (value - digit(i, mode)) * weight
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        move(mode % base, t, y, p, dy)
-        v, w = volts(t, p)
+        base_flow(mode % base, t, y, p, dy)
+        v, w = voltages_at(t, p)
         for i in range(count):
-            own = digit(i, mode)
-            if own == 0:
-                dy[places[i]] = rate(i, v, w, y, p)
+            limit_mode = digit(i, mode)
+            if limit_mode == 0:
+                dy[indices[i]] = rate(i, v, w, y, p)
             else:
-                dy[places[i]] = most(i, p) if own == 1 else -most(i, p)
+                dy[indices[i]] = max_rate(i, p) if limit_mode == 1 else -max_rate(i, p)
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         base_margins(mode % base, t, y, p, g, r)
-        v, w = volts(t, p)
-        dv, dw = volt_rates(t, p)
+        v, w = voltages_at(t, p)
+        dv, dw = voltage_rates_at(t, p)
         h = LOAD_RATE_STEP * (p[eq.M2] / p[eq.K]) ** 0.5
         slope = p[scratch : scratch + n]
         x = p[scratch + n : scratch + 2 * n]
@@ -695,32 +712,32 @@ def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> 
                 s = (1.0 - 2.0 * (point % 2)) * size * h
                 for k in range(n):
                     x[k] = y[k] + s * slope[k]
-                found = rate(i, v + s * dv, w + s * dw, x, p)
-                change += (8.0 if size == 1 else -1.0) * found * s / size
+                sample = rate(i, v + s * dv, w + s * dw, x, p)
+                change += (8.0 if size == 1 else -1.0) * sample * s / size
             change /= 12.0 * h * h
-            own, now, limit = digit(i, mode), rate(i, v, w, y, p), most(i, p)
-            if own == 0:
-                g[m + i], r[m + i] = static_reserve(limit, now, change)
+            limit_mode, value, limit = digit(i, mode), rate(i, v, w, y, p), max_rate(i, p)
+            if limit_mode == 0:
+                g[m + i], r[m + i] = static_reserve(limit, value, change)
             else:
-                sign = 1.0 if own == 1 else -1.0
-                g[m + i] = sign * now - limit
+                sign = 1.0 if limit_mode == 1 else -1.0
+                g[m + i] = sign * value - limit
                 r[m + i] = sign * change
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        v, w = volts(t, p)
+        v, w = voltages_at(t, p)
         if m <= code < total:
             # The rate is at its limit up to rounding, and continuous.
             i = code - m
-            beyond = 1 if rate(i, v, w, y, p) > 0.0 else 2
-            return with_digit(i, mode, beyond if digit(i, mode) == 0 else 0)
-        own = code - 2 * count if code >= 2 * total else (code - count if code > m else code)
-        found = mode - mode % base + base_transition(mode % base, own, t, y, p)
+            limit_mode = 1 if rate(i, v, w, y, p) > 0.0 else 2
+            return with_digit(i, mode, limit_mode if digit(i, mode) == 0 else 0)
+        base_code = code - 2 * count if code >= 2 * total else (code - count if code > m else code)
+        new_mode = mode - mode % base + base_transition(mode % base, base_code, t, y, p)
         if code == 2 * total:
             for i in range(count):
-                now = rate(i, v, w, y, p)
-                beyond = 1 if now > 0.0 else 2
-                found = with_digit(i, found, beyond if abs(now) > most(i, p) else 0)
-        return found
+                value = rate(i, v, w, y, p)
+                limit_mode = 1 if value > 0.0 else 2
+                new_mode = with_digit(i, new_mode, limit_mode if abs(value) > max_rate(i, p) else 0)
+        return new_mode
 
     suffixes = [
         ("", *(f"-{each.side.replace(' ', '-')}{name}" for name in each.limit.modes))
@@ -729,8 +746,8 @@ def limited(automaton: Automaton, model: Model, volts: Any, volt_rates: Any) -> 
     return replace(
         automaton,
         modes=tuple(
-            f"{mode}{''.join(reversed(added))}"
-            for added in product(*reversed(suffixes))
+            f"{mode}{''.join(reversed(combination))}"
+            for combination in product(*reversed(suffixes))
             for mode in automaton.modes
         ),
         guards=(
@@ -755,17 +772,17 @@ def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float
     return 0.5 * (limit - push * push / limit), -push * rate / limit
 
 
-def voltages(right: Function, left: Function | None, begin: int) -> Any:
+def voltages(right: Function, left: Function | None, start: int) -> Any:
     """Return the voltages of both electrodes as a function of time; 0 for an absent one."""
     if left is None:
 
-        def one(t, p):  # type: ignore[no-untyped-def]
-            return right(t, p[begin:]), 0.0
+        def right_voltage(t, p):  # type: ignore[no-untyped-def]
+            return right(t, p[start:]), 0.0
 
-        return one
+        return right_voltage
 
-    def both(t, p):  # type: ignore[no-untyped-def]
-        q = p[begin:]
+    def two_voltages(t, p):  # type: ignore[no-untyped-def]
+        q = p[start:]
         return right(t, q), left(t, q)
 
-    return both
+    return two_voltages

@@ -37,22 +37,22 @@ def coefficients(x: tuple[float, ...], y: tuple[float, ...]) -> tuple[float, ...
     from scipy.interpolate import make_interp_spline
 
     origin, length, size = x[0], x[-1] - x[0], max(map(abs, y)) or 1.0
-    at, values = (np.array(x) - origin) / length, np.array(y) / size
-    spline = make_interp_spline(at, values, k=5 if len(x) > 5 else 3)
-    slopes, curvatures = spline(at, 1), spline(at, 2)
-    _preserve_shape(np.diff(at), np.diff(values), slopes, curvatures)
-    h = np.diff(at)
+    points, values = (np.array(x) - origin) / length, np.array(y) / size
+    spline = make_interp_spline(points, values, k=5 if len(x) > 5 else 3)
+    slopes, curvatures = spline(points, 1), spline(points, 2)
+    _preserve_shape(np.diff(points), np.diff(values), slopes, curvatures)
+    h = np.diff(points)
     first, second = h * slopes[:-1], 0.5 * h**2 * curvatures[:-1]
-    rest = np.diff(values) - first - second
-    slope_rest = h * slopes[1:] - first - 2.0 * second
-    curvature_rest = h**2 * curvatures[1:] - 2.0 * second
+    value_residual = np.diff(values) - first - second
+    slope_residual = h * slopes[1:] - first - 2.0 * second
+    curvature_residual = h**2 * curvatures[1:] - 2.0 * second
     columns = (
         values[:-1],
         first,
         second,
-        10.0 * rest - 4.0 * slope_rest + 0.5 * curvature_rest,
-        -15.0 * rest + 7.0 * slope_rest - curvature_rest,
-        6.0 * rest - 3.0 * slope_rest + 0.5 * curvature_rest,
+        10.0 * value_residual - 4.0 * slope_residual + 0.5 * curvature_residual,
+        -15.0 * value_residual + 7.0 * slope_residual - curvature_residual,
+        6.0 * value_residual - 3.0 * slope_residual + 0.5 * curvature_residual,
     )
     return tuple((size * np.column_stack(columns)).ravel().tolist())
 
@@ -64,37 +64,37 @@ def _preserve_shape(h: Floats, rises: Floats, slopes: Floats, curvatures: Floats
     second derivatives of zero that holds for slopes up to 5/4 of the secant.
     """
     signs = np.sign(rises)
-    inner = np.concatenate([signs[:1], signs, signs[-1:]])
-    monotone = (inner[:-2] == signs) & (inner[2:] == signs) | (signs == 0.0)
-    limited = _limited_slopes(h, rises)
-    changed = np.zeros(slopes.size, dtype=bool)
+    padded_signs = np.concatenate([signs[:1], signs, signs[-1:]])
+    is_monotone = (padded_signs[:-2] == signs) & (padded_signs[2:] == signs) | (signs == 0.0)
+    limited_slopes = _limited_slopes(h, rises)
+    is_limited = np.zeros(slopes.size, dtype=bool)
     while True:
         first, last = h * slopes[:-1] / 5.0, h * slopes[1:] / 5.0
         left, right = h**2 * curvatures[:-1] / 20.0, h**2 * curvatures[1:] / 20.0
         steps = np.array(
             [first, first + left, rises - 2.0 * (first + last) + right - left, last - right, last]
         )
-        wrong = np.where(
+        is_violated = np.where(
             signs == 0.0, np.abs(steps).max(axis=0) > 0.0, (signs * steps).min(axis=0) < 0.0
         )
-        found = np.flatnonzero(wrong & monotone & ~(changed[:-1] & changed[1:]))
-        if found.size == 0:
+        intervals = np.flatnonzero(is_violated & is_monotone & ~(is_limited[:-1] & is_limited[1:]))
+        if intervals.size == 0:
             return
-        for i in (*found, *(found + 1)):
-            changed[i], slopes[i], curvatures[i] = True, limited[i], 0.0
+        for i in (*intervals, *(intervals + 1)):
+            is_limited[i], slopes[i], curvatures[i] = True, limited_slopes[i], 0.0
 
 
 def _limited_slopes(h: Floats, rises: Floats) -> Floats:
     """Return harmonic means of the secants on both sides (Fritsch and Butland), limited."""
     secants = rises / h
-    before, after = np.append(secants[0], secants), np.append(secants, secants[-1])
-    one = np.append(h[0], h) + 2.0 * np.append(h, h[-1])
-    two = 2.0 * np.append(h[0], h) + np.append(h, h[-1])
+    left, right = np.append(secants[0], secants), np.append(secants, secants[-1])
+    left_weight = np.append(h[0], h) + 2.0 * np.append(h, h[-1])
+    right_weight = 2.0 * np.append(h[0], h) + np.append(h, h[-1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = (one + two) / (one / before + two / after)
-    most = MAX_SLOPE_RATIO * np.minimum(np.abs(before), np.abs(after))
-    limited: Floats = np.where(before * after > 0.0, np.clip(mean, -most, most), 0.0)
-    return limited
+        mean = (left_weight + right_weight) / (left_weight / left + right_weight / right)
+    bound = MAX_SLOPE_RATIO * np.minimum(np.abs(left), np.abs(right))
+    result: Floats = np.where(left * right > 0.0, np.clip(mean, -bound, bound), 0.0)
+    return result
 
 
 class TableSpline(NamedTuple):
@@ -115,32 +115,32 @@ class TableSpline(NamedTuple):
     integral: Function
 
 
-def spline_functions(at: int, polynomials: int, count: int) -> TableSpline:
+def spline_functions(points: int, polynomials: int, count: int) -> TableSpline:
     """Return the spline through a table of `count` points.
 
     Parameters
     ----------
-    at, polynomials : int
+    points, polynomials : int
         First indices in ``p`` of the points and of their `coefficients`.
     count : int
     """
     last = count - 1
 
-    def place(x, p):  # type: ignore[no-untyped-def]
+    def locate(x, p):  # type: ignore[no-untyped-def]
         # Interval, position in it from 0 to 1, its length, and the distances beyond the table along
         # the Taylor polynomial and along its tangent.
-        inside = min(max(x, p[at]), p[at + last])
+        x_table = min(max(x, p[points]), p[points + last])
         low, high = 0, last
         while high - low > 1:
             middle = (low + high) // 2
-            if inside >= p[at + middle]:
+            if x_table >= p[points + middle]:
                 low = middle
             else:
                 high = middle
-        h = p[at + low + 1] - p[at + low]
-        most = BEYOND_RATIO * (p[at + last] - p[at])
-        curved = min(max(x - inside, -most), most)
-        return low, (inside - p[at + low]) / h, h, curved, x - inside - curved
+        h = p[points + low + 1] - p[points + low]
+        max_offset = BEYOND_RATIO * (p[points + last] - p[points])
+        cubic_offset = min(max(x - x_table, -max_offset), max_offset)
+        return low, (x_table - p[points + low]) / h, h, cubic_offset, x - x_table - cubic_offset
 
     def taylor(i, u, p):  # type: ignore[no-untyped-def]
         # Value and derivatives by the position in the interval, over their factorials.
@@ -154,34 +154,36 @@ def spline_functions(at: int, polynomials: int, count: int) -> TableSpline:
         return value, first, second, third
 
     def value(x, p):  # type: ignore[no-untyped-def]
-        i, u, h, curved, straight = place(x, p)
+        i, u, h, cubic_offset, linear_offset = locate(x, p)
         a, b, c, d = taylor(i, u, p)
-        s = curved / h
+        s = cubic_offset / h
         tangent = (b + s * (2.0 * c + s * 3.0 * d)) / h
-        return a + s * (b + s * (c + s * d)) + straight * tangent
+        return a + s * (b + s * (c + s * d)) + linear_offset * tangent
 
     def slope(x, p):  # type: ignore[no-untyped-def]
-        i, u, h, curved, _ = place(x, p)
+        i, u, h, cubic_offset, _ = locate(x, p)
         _, b, c, d = taylor(i, u, p)
-        s = curved / h
+        s = cubic_offset / h
         return (b + s * (2.0 * c + s * 3.0 * d)) / h
 
-    def piece(i, u, p):  # type: ignore[no-untyped-def]
+    def interval_integral(i, u, p):  # type: ignore[no-untyped-def]
         c = polynomials + COEFFICIENTS * i
-        found = 0.0
+        result = 0.0
         for k in range(5, -1, -1):
-            found = (found + p[c + k] / (k + 1.0)) * u
-        return found * (p[at + i + 1] - p[at + i])
+            result = (result + p[c + k] / (k + 1.0)) * u
+        return result * (p[points + i + 1] - p[points + i])
 
     def integral(x, p):  # type: ignore[no-untyped-def]
-        i, u, h, curved, straight = place(x, p)
-        total = piece(i, u, p)
+        i, u, h, cubic_offset, linear_offset = locate(x, p)
+        total = interval_integral(i, u, p)
         for j in range(i):
-            total += piece(j, 1.0, p)
+            total += interval_integral(j, 1.0, p)
         a, b, c, d = taylor(i, u, p)
-        s = curved / h
-        total += curved * (a + s * (b / 2.0 + s * (c / 3.0 + s * d / 4.0)))
+        s = cubic_offset / h
+        total += cubic_offset * (a + s * (b / 2.0 + s * (c / 3.0 + s * d / 4.0)))
         end = a + s * (b + s * (c + s * d))
-        return total + straight * (end + 0.5 * straight * (b + s * (2.0 * c + s * 3.0 * d)) / h)
+        return total + linear_offset * (
+            end + 0.5 * linear_offset * (b + s * (2.0 * c + s * 3.0 * d)) / h
+        )
 
     return TableSpline(value, slope, integral)

@@ -226,11 +226,11 @@ class TermKind(NamedTuple):
 
     def at(self, first: int, states: Mapping[str, int] | None = None) -> ParameterIndices:
         """Return the indices of the term, whose numbers start at `first`."""
-        places = {}
+        indices = {}
         for name, length in self.lengths.items():
-            places[name] = first
+            indices[name] = first
             first += length
-        return ParameterIndices(places, states or {})
+        return ParameterIndices(indices, states or {})
 
 
 class Term(Checked, ABC):
@@ -331,8 +331,8 @@ class Term(Checked, ABC):
     @classmethod
     def lengths(cls, shape: Shape) -> dict[str, int]:
         """Return the count of numbers of each numeric field."""
-        found = zip(cls.model_fields, shape, strict=True)
-        return {name: length for name, length in found if type(length) is int}
+        fields = zip(cls.model_fields, shape, strict=True)
+        return {name: length for name, length in fields if type(length) is int}
 
     @property
     def kind(self) -> TermKind:
@@ -341,12 +341,12 @@ class Term(Checked, ABC):
 
     def numbers(self, scales: Scales) -> list[float]:
         """Return its parameters as stored in ``p``, in scaled units."""
-        inner = self.scaled(scales)
-        found: list[float] = []
+        scaled_term = self.scaled(scales)
+        result: list[float] = []
         for name in self.lengths(self.shape):
-            value = getattr(inner, name)
-            found += value if isinstance(value, tuple) else (value,)
-        return found
+            value = getattr(scaled_term, name)
+            result += value if isinstance(value, tuple) else (value,)
+        return result
 
     def scaled(self, scales: Scales) -> Self:
         """Return the same term in scaled units."""
@@ -380,8 +380,8 @@ class Term(Checked, ABC):
         for bound in bounds:
             number = getattr(self, bound.name.removeprefix(f"{self.name()}."))
             if not bound.holds(number, p):
-                own = self.units.get(bound.name.rpartition(".")[2], "")
-                unit = f" {own}" if own and actuator.units == "SI" else ""
+                si_unit = self.units.get(bound.name.rpartition(".")[2], "")
+                unit = f" {si_unit}" if si_unit and actuator.units == "SI" else ""
                 allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.what}"
                 raise InvalidParameter(bound.name, number, allowed)
 
@@ -499,9 +499,12 @@ def field_energy(electrode: Electrode, parasitic: int) -> Function:
     node, offset, capacitance = electrode.node, electrode.offset, electrode.capacitance
 
     def energy(v, x, y, p):  # type: ignore[no-untyped-def]
-        own = node(v, x, y, p)
-        across = own - offset(y, p)
-        return 0.5 * (capacitance(x, p) * across * across + p[parasitic] * own * own)
+        node_voltage = node(v, x, y, p)
+        gap_voltage = node_voltage - offset(y, p)
+        return 0.5 * (
+            capacitance(x, p) * gap_voltage * gap_voltage
+            + p[parasitic] * node_voltage * node_voltage
+        )
 
     return energy
 
@@ -568,8 +571,8 @@ class Validity:
         self._look(final.y[None], np.array([self._time(final)]))
         for limit, (value, time) in zip(self.limits, self.worst, strict=True):
             if value > limit.most:
-                when = float(self.scales.out(time, "s"))
-                message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
+                t = float(self.scales.out(time, "s"))
+                message = f"{limit.what} is {value:.3g} at t = {t:.6g}"
                 text = f"{message}, and the model is valid up to {limit.most:g}"
                 warn(text, ValidityWarning, limit.what)
 

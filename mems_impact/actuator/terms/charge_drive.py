@@ -81,8 +81,8 @@ class ChargeDrive(Term):
         capacitance, offset, parasitic = electrode.capacitance, electrode.offset, at.p["parasitic"]
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
-            own = capacitance(x, p)
-            return (v + own * offset(y, p)) / (own + p[parasitic])
+            gap_capacitance = capacitance(x, p)
+            return (v + gap_capacitance * offset(y, p)) / (gap_capacitance + p[parasitic])
 
         return electrode._replace(node=node)
 

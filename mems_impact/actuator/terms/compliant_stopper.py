@@ -81,22 +81,22 @@ class CompliantStopper(Term):
 
         def spring(depth, p):  # type: ignore[no-untyped-def]
             # An odd function, so that it is smooth if a trial step leaves the contact.
-            relative = abs(depth) / p[reference]
-            return p[stiffness] * depth * relative ** (p[exponent] - 1.0)
+            depth_ratio = abs(depth) / p[reference]
+            return p[stiffness] * depth * depth_ratio ** (p[exponent] - 1.0)
 
-        def hold(rate, p):  # type: ignore[no-untyped-def]
+        def damping_factor(rate, p):  # type: ignore[no-untyped-def]
             # A stopper exerts no force on a block that leaves faster than it can follow.
             return max(1.0 + 1.5 * p[damping] * rate, 0.0)
 
         def stopper(depth, rate, p):  # type: ignore[no-untyped-def]
-            return spring(depth, p) * hold(rate, p)
+            return spring(depth, p) * damping_factor(rate, p)
 
         def stopper_slopes(depth, rate, p):  # type: ignore[no-untyped-def]
-            relative = abs(depth) / p[reference]
-            held = hold(rate, p)
-            by_depth = p[exponent] * p[stiffness] * relative ** (p[exponent] - 1.0) * held
-            by_rate = 1.5 * p[damping] * spring(depth, p) if held > 0.0 else 0.0
-            return by_depth, by_rate
+            depth_ratio = abs(depth) / p[reference]
+            factor = damping_factor(rate, p)
+            depth_slope = p[exponent] * p[stiffness] * depth_ratio ** (p[exponent] - 1.0) * factor
+            rate_slope = 1.5 * p[damping] * spring(depth, p) if factor > 0.0 else 0.0
+            return depth_slope, rate_slope
 
         def energy(y, p):  # type: ignore[no-untyped-def]
             depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
@@ -105,7 +105,7 @@ class CompliantStopper(Term):
         def lost(y, p):  # type: ignore[no-untyped-def]
             depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
             rate = math.copysign(y[V2], y[X2] * y[V2])
-            return spring(depth, p) * (hold(rate, p) - 1.0) * rate
+            return spring(depth, p) * (damping_factor(rate, p) - 1.0) * rate
 
         return TermContribution(
             stopper=stopper,

@@ -67,10 +67,10 @@ class DielectricCharging(Term):
     @classmethod
     def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the offset."""
-        before, own = electrode.offset, at.y["offset"]
+        other_offset, index = electrode.offset, at.y["offset"]
 
         def offset(y, p):  # type: ignore[no-untyped-def]
-            return before(y, p) + y[own]
+            return other_offset(y, p) + y[index]
 
         return electrode._replace(offset=offset)
 

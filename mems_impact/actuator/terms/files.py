@@ -23,17 +23,17 @@ def term_names() -> tuple[str, ...]:
 def term_type(name: str) -> type[Term]:
     """Return the term of that name; InvalidParameter if there is none."""
     if name in TERM_CLASSES:
-        own: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERM_CLASSES[name])
-        return own
+        term: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERM_CLASSES[name])
+        return term
 
-    def is_term(found: Any) -> bool:
-        return isinstance(found, type) and issubclass(found, Term) and found.name() == name
+    def is_term(value: Any) -> bool:
+        return isinstance(value, type) and issubclass(value, Term) and value.name() == name
 
-    what = f"a subclass of Term in a file {name}.py"
-    added: type[Term] | None = plugins.plugin(plugins.TERM_GROUP, name, is_term, what)
-    if added is None:
+    description = f"a subclass of Term in a file {name}.py"
+    plugin_term: type[Term] | None = plugins.plugin(plugins.TERM_GROUP, name, is_term, description)
+    if plugin_term is None:
         raise InvalidParameter("term", name, f"one of {', '.join(term_names())}")
-    return added
+    return plugin_term
 
 
 def term_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Term:

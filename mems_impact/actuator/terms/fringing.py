@@ -61,12 +61,12 @@ class Fringing(Term):
     def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return those of the sizes."""
 
-        def least(p):  # type: ignore[no-untyped-def]
+        def min_size(p):  # type: ignore[no-untyped-def]
             return 2.0 * (p[eq.D] + p[eq.DELTA])
 
         what = "twice the widest gap d + delta"
         return tuple(
-            Bound(name=f"{cls.name()}.{size}", value=least, excluded=False, what=what)
+            Bound(name=f"{cls.name()}.{size}", value=min_size, excluded=False, what=what)
             for size in at.p
         )
 
@@ -84,12 +84,12 @@ class Fringing(Term):
 
         def slope(x, p):  # type: ignore[no-untyped-def]
             gap = eq.electrode_gap(x, p)
-            factor, by_gap = fringe(gap, p[width]), fringe_slope(gap, p[width])
+            factor, factor_slope = fringe(gap, p[width]), fringe_slope(gap, p[width])
             if length >= 0:
-                own = fringe(gap, p[length])
-                by_gap = by_gap * own + factor * fringe_slope(gap, p[length])
-                factor *= own
-            return 2.0 * p[eq.ALPHA] * (factor / gap - by_gap) / gap
+                length_factor = fringe(gap, p[length])
+                factor_slope = factor_slope * length_factor + factor * fringe_slope(gap, p[length])
+                factor *= length_factor
+            return 2.0 * p[eq.ALPHA] * (factor / gap - factor_slope) / gap
 
         return electrode._replace(capacitance=capacitance, slope=slope)
 

@@ -52,7 +52,7 @@ class PowerLawRestitution(Term):
         scale, exponent = at.p["speed"], at.p["exponent"]
 
         def restitution(speed, p):  # type: ignore[no-untyped-def]
-            relative = speed / p[scale]
-            return p[eq.E] * (1.0 + relative * relative) ** (-0.5 * p[exponent])
+            speed_ratio = speed / p[scale]
+            return p[eq.E] * (1.0 + speed_ratio * speed_ratio) ** (-0.5 * p[exponent])
 
         return TermContribution(restitution=restitution)

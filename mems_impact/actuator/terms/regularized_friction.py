@@ -61,13 +61,13 @@ class RegularizedFriction(Term):
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
         """Raise InvalidParameter if the frame would creep at less than the absolute tolerance."""
-        inner = scales.into(self.width, "m/s")
-        if inner < WIDTH_TOLERANCES * options.atol:
-            least = float(scales.out(WIDTH_TOLERANCES * options.atol, "m/s"))
-            amount = f"{least:.3g}{' m/s' * scales.named}"
-            atol = 10.0 ** math.floor(math.log10(inner / WIDTH_TOLERANCES))
+        scaled_width = scales.into(self.width, "m/s")
+        if scaled_width < WIDTH_TOLERANCES * options.atol:
+            min_width = float(scales.out(WIDTH_TOLERANCES * options.atol, "m/s"))
+            quantity = f"{min_width:.3g}{' m/s' * scales.named}"
+            atol = 10.0 ** math.floor(math.log10(scaled_width / WIDTH_TOLERANCES))
             allowed = (
-                f">= {amount} at atol = {shown(options.atol)}, at which slower creep cannot be "
+                f">= {quantity} at atol = {shown(options.atol)}, at which slower creep cannot be "
                 f"distinguished from rest; take Options(atol={atol:.0e}) for this width"
             )
             raise InvalidParameter(f"{self.name()}.width", self.width, allowed)

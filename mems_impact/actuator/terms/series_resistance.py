@@ -93,17 +93,17 @@ class SeriesResistance(Term):
         """Raise InvalidParameter if errors of the charge hide when the current is limited."""
         if self.current_limit is None:
             return
-        inner = self.scaled(scales)
-        capacitance += inner.parasitic
-        assert inner.current_limit is not None
-        least = max(
+        scaled_term = self.scaled(scales)
+        capacitance += scaled_term.parasitic
+        assert scaled_term.current_limit is not None
+        min_resistance = max(
             RESOLVED_TIME * math.sqrt(options.rtol) / capacitance,
-            RESOLVED_CHARGE * options.atol / (capacitance * inner.current_limit),
+            RESOLVED_CHARGE * options.atol / (capacitance * scaled_term.current_limit),
         )
-        if inner.resistance < least:
-            amount = f"{float(scales.out(least, 'ohm')):.3g}{' ohm' * scales.named}"
+        if scaled_term.resistance < min_resistance:
+            quantity = f"{float(scales.out(min_resistance, 'ohm')):.3g}{' ohm' * scales.named}"
             allowed = (
-                f">= {amount} at rtol = {shown(options.rtol)}, atol = {shown(options.atol)}: the "
+                f">= {quantity} at rtol = {shown(options.rtol)}, atol = {shown(options.atol)}: the "
                 "charge settles so fast that its errors hide when the current is limited"
             )
             raise InvalidParameter(f"{self.name()}.resistance", self.resistance, allowed)
@@ -120,8 +120,8 @@ class SeriesResistance(Term):
         charge, parasitic = at.y["charge"], at.p["parasitic"]
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
-            own = capacitance(x, p)
-            return (y[charge] + own * offset(y, p)) / (own + p[parasitic])
+            gap_capacitance = capacitance(x, p)
+            return (y[charge] + gap_capacitance * offset(y, p)) / (gap_capacitance + p[parasitic])
 
         return electrode._replace(node=node)
 
@@ -130,12 +130,12 @@ class SeriesResistance(Term):
         cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the current."""
-        unlimited, limit = current_of(at, electrode), at.p.get("current_limit", -1)
+        ohmic_current, limit = current_of(at, electrode), at.p.get("current_limit", -1)
         if limit < 0:
-            return (unlimited,)
+            return (ohmic_current,)
 
         def current(v, x, speed, y, p):  # type: ignore[no-untyped-def]
-            return min(max(unlimited(v, x, speed, y, p), -p[limit]), p[limit])
+            return min(max(ohmic_current(v, x, speed, y, p), -p[limit]), p[limit])
 
         return (current,)
 
@@ -148,11 +148,11 @@ class SeriesResistance(Term):
         if limit < 0:
             return None
 
-        def most(p):  # type: ignore[no-untyped-def]
+        def max_current(p):  # type: ignore[no-untyped-def]
             return p[limit]
 
         current = current_of(at, electrode)
-        return RateLimit("current limit", "charge", ("source", "sink"), current, most)
+        return RateLimit("current limit", "charge", ("source", "sink"), current, max_current)
 
     @classmethod
     def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:

@@ -123,10 +123,10 @@ class SqueezeFilm(Term):
         """Return that of the width."""
         length, name = at.p["length"], "squeeze_film.width"
 
-        def most(p):  # type: ignore[no-untyped-def]
+        def max_width(p):  # type: ignore[no-untyped-def]
             return p[length]
 
-        return (Bound(name=name, value=most, upper=True, excluded=False, what="the length"),)
+        return (Bound(name=name, value=max_width, upper=True, excluded=False, what="the length"),)
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:
@@ -139,23 +139,24 @@ class SqueezeFilm(Term):
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the contributions of the films."""
         sides, modes = _structure(shape)
-        parts, places = compartments(at, modes), list(at.y.values())
+        parts, indices = compartments(at, modes), list(at.y.values())
         count = len(parts)
-        films = [film_of(at, parts, 1, places[:count])]
+        films = [film_of(at, parts, 1, indices[:count])]
         if sides == "both":
-            films.append(film_of(at, parts, -1, places[count:]))
-        path, ambient, both = at.p["free_path_pressure"], at.p["pressure"], sides == "both"
+            films.append(film_of(at, parts, -1, indices[count:]))
+        free_path, ambient = at.p["free_path_pressure"], at.p["pressure"]
+        both_sides = sides == "both"
 
         def knudsen(y, p):  # type: ignore[no-untyped-def]
-            return p[path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both else y[X2])))
+            return p[free_path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both_sides else y[X2])))
 
-        rarefied = Limit("the Knudsen number of the squeeze film", knudsen, MAX_KNUDSEN)
+        knudsen_limit = Limit("the Knudsen number of the squeeze film", knudsen, MAX_KNUDSEN)
         return TermContribution(
             force=total_of([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),
             energy=total_of([film.energy for film in films]),
             lost=total_of([film.lost for film in films]),
-            limits=(*(film.limit for film in films), rarefied),
+            limits=(*(film.limit for film in films), knudsen_limit),
         )
 
 
@@ -186,15 +187,17 @@ def compartments(at: ParameterIndices, modes: int) -> list[Compartment]:
     Row 1, 3, ... across has the modes 1, 3, ... along one by one, one fewer than the row before,
     and the sum of its others; at the end comes the sum of all other rows.
     """
-    found = []
+    result = []
     for row in range(modes):
         across = 2 * row + 1
-        odd = range(1, 2 * (modes - row), 2)
-        found += [Compartment(share(along, across), size_of(at, along, across)) for along in odd]
-        rest = share_of_row(across) - sum(share(along, across) for along in odd)
-        found.append(Compartment(rest, size_of_row(at, across, modes - row, rest)))
-    rest = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
-    return [*found, Compartment(rest, size_of_rest(at, modes, rest))]
+        orders = range(1, 2 * (modes - row), 2)
+        result += [
+            Compartment(share(along, across), size_of(at, along, across)) for along in orders
+        ]
+        remainder = share_of_row(across) - sum(share(along, across) for along in orders)
+        result.append(Compartment(remainder, size_of_row(at, across, modes - row, remainder)))
+    remainder = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
+    return [*result, Compartment(remainder, size_of_rest(at, modes, remainder))]
 
 
 def share(along: int, across: int) -> float:
@@ -217,8 +220,8 @@ def size_of(at: ParameterIndices, along: int, across: int) -> Function:
     return size
 
 
-def size_of_row(at: ParameterIndices, across: int, resolved: int, rest: float) -> Function:
-    """Return the size of what `resolved` modes leave of a row: the mean over all others.
+def size_of_row(at: ParameterIndices, across: int, count: int, remainder: float) -> Function:
+    """Return the size of what the first `count` modes leave of a row: the mean over all others.
 
     The sum along of the shares times the sizes is that of a strip, less what flows out at its
     ends: 8 width^2/(pi across)^4 (1 - tanh(z)/z), z = pi across length/(2 width).
@@ -228,16 +231,16 @@ def size_of_row(at: ParameterIndices, across: int, resolved: int, rest: float) -
     def size(p):  # type: ignore[no-untyped-def]
         z = 0.5 * math.pi * across * p[length] / p[width]
         total = 8.0 * p[width] ** 2 / (math.pi * across) ** 4 * (1.0 - math.tanh(z) / z)
-        for i in range(resolved):
+        for i in range(count):
             along = 2 * i + 1
             inverse = math.pi**2 * ((along / p[length]) ** 2 + (across / p[width]) ** 2)
             total -= 64.0 / (math.pi**4 * along * along * across * across * inverse)
-        return total / rest
+        return total / remainder
 
     return size
 
 
-def size_of_rest(at: ParameterIndices, modes: int, rest: float) -> Function:
+def size_of_rest(at: ParameterIndices, modes: int, remainder: float) -> Function:
     """Return the size of all rows behind the first `modes`: the mean over them."""
     length, width = at.p["length"], at.p["width"]
     rows = range(1, 2 * modes, 2)
@@ -248,8 +251,8 @@ def size_of_rest(at: ParameterIndices, modes: int, rest: float) -> Function:
     def size(p):  # type: ignore[no-untyped-def]
         ratio = 0.5 * math.pi * p[length] / p[width]
         # tanh is 1 beyond the first of these rows, to 1e-13 of the sum.
-        ends = (fifth - (1.0 - math.tanh(first * ratio)) / first**5) / ratio
-        return 8.0 * p[width] ** 2 / math.pi**4 * (fourth - ends) / rest
+        end_loss = (fifth - (1.0 - math.tanh(first * ratio)) / first**5) / ratio
+        return 8.0 * p[width] ** 2 / math.pi**4 * (fourth - end_loss) / remainder
 
     return size
 
@@ -264,26 +267,26 @@ class Film(NamedTuple):
     limit: Limit
 
 
-def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: list[int]) -> Film:
-    """Return the film at the electrode on `side`, whose states stand at `places`."""
+def film_of(at: ParameterIndices, parts: list[Compartment], side: int, indices: list[int]) -> Film:
+    """Return the film at the electrode on `side`, whose states have these indices."""
     length, width, ambient = at.p["length"], at.p["width"], at.p["pressure"]
-    filling = total_of([weighted(part.share, u) for part, u in zip(parts, places, strict=True)])
+    filling = total_of([weighted(part.share, u) for part, u in zip(parts, indices, strict=True)])
     mobility = mobility_of(at)
 
     def force(y, p):  # type: ignore[no-untyped-def]
         gap = eq.electrode_gap(side * y[X2], p)
         return -side * p[length] * p[width] * p[ambient] * filling(y, p) / gap
 
-    def of_part(part: Compartment, u: int) -> tuple[Function, Function, Function]:
+    def part_functions(part: Compartment, u: int) -> tuple[Function, Function, Function]:
         share, size = part
 
-        def flowing_out(y, p):  # type: ignore[no-untyped-def]
+        def outflow(y, p):  # type: ignore[no-untyped-def]
             return y[u] * mobility(eq.electrode_gap(side * y[X2], p), p) / size(p)
 
         def rate(y, p):  # type: ignore[no-untyped-def]
             # The gap of the film is frozen together with that of the electrode.
-            closing = side * y[V2] if side * y[X2] < 0.5 * (p[eq.DELTA] + p[eq.D]) else 0.0
-            return closing - flowing_out(y, p)
+            closing_speed = side * y[V2] if side * y[X2] < 0.5 * (p[eq.DELTA] + p[eq.D]) else 0.0
+            return closing_speed - outflow(y, p)
 
         def potential(y, p):  # type: ignore[no-untyped-def]
             ratio = y[u] / eq.electrode_gap(side * y[X2], p)
@@ -292,28 +295,28 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: l
         def energy(y, p):  # type: ignore[no-untyped-def]
             # Available work of an isothermal gas in an ambient gas.
             gap = eq.electrode_gap(side * y[X2], p)
-            pushed = share * p[length] * p[width] * p[ambient] * y[u]
-            return (gap + y[u]) * potential(y, p) - pushed
+            ambient_work = share * p[length] * p[width] * p[ambient] * y[u]
+            return (gap + y[u]) * potential(y, p) - ambient_work
 
         def lost(y, p):  # type: ignore[no-untyped-def]
-            return potential(y, p) * flowing_out(y, p)
+            return potential(y, p) * outflow(y, p)
 
         return rate, energy, lost
 
-    rates, energies, losses = zip(*map(of_part, parts, places), strict=True)
+    rates, energies, losses = zip(*map(part_functions, parts, indices), strict=True)
 
     def excess(y, p):  # type: ignore[no-untyped-def]
         return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
 
-    beside = Limit(EXCESS, excess, MAX_PRESSURE_RATIO)
-    return Film(force, list(rates), total_of(energies), total_of(losses), beside)
+    limit = Limit(EXCESS, excess, MAX_PRESSURE_RATIO)
+    return Film(force, list(rates), total_of(energies), total_of(losses), limit)
 
 
-def weighted(share: float, place: int) -> Function:
+def weighted(share: float, index: int) -> Function:
     """Return a state times its share."""
 
     def part(y, p):  # type: ignore[no-untyped-def]
-        return share * y[place]
+        return share * y[index]
 
     return part
 
@@ -321,12 +324,12 @@ def weighted(share: float, place: int) -> Function:
 def mobility_of(at: ParameterIndices) -> Function:
     """Return ``mobility(gap, p)``, pressure gap^2/(12 mu_eff) [m^2/s]."""
     ambient, viscosity = at.p["pressure"], at.p["viscosity"]
-    path = at.p["free_path_pressure"]
+    free_path = at.p["free_path_pressure"]
 
     def mobility(gap, p):  # type: ignore[no-untyped-def]
         # Differences at a path of 0 evaluate negative values.
-        knudsen = max(p[path], 0.0) / (p[ambient] * gap)
-        rarefied = 1.0 + 9.638 * knudsen**1.159
-        return p[ambient] * gap * gap * rarefied / (12.0 * p[viscosity])
+        knudsen = max(p[free_path], 0.0) / (p[ambient] * gap)
+        rarefaction = 1.0 + 9.638 * knudsen**1.159
+        return p[ambient] * gap * gap * rarefaction / (12.0 * p[viscosity])
 
     return mobility

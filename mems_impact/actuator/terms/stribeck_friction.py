@@ -57,7 +57,7 @@ class StribeckFriction(Term):
             square = (speed / p[scale]) ** 2
             # Beyond rest the same to the fifth order, but not back at mu_d: else a step would pass
             # rest, and a rise of friction that is narrower than itself, without seeing it.
-            fallen = math.exp(-square) if speed > 0.0 else 1.0 - square / (1.0 + 0.5 * square)
-            return p[eq.MU_D] + (p[eq.MU_S] - p[eq.MU_D]) * fallen + p[viscous] * speed
+            decay = math.exp(-square) if speed > 0.0 else 1.0 - square / (1.0 + 0.5 * square)
+            return p[eq.MU_D] + (p[eq.MU_S] - p[eq.MU_D]) * decay + p[viscous] * speed
 
         return TermContribution(friction=friction)

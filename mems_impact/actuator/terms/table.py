@@ -64,11 +64,11 @@ class TableTerm(Term):
         if len(values) != count:
             allowed = f"as many as positions, {count}"
             raise InvalidParameter(f"number of {self.column}", len(values), allowed)
-        least = MIN_SPACING_RATIO * (max(self.positions) - min(self.positions))
-        for before, after in pairwise(self.positions):
-            if not after - before > least:
-                allowed = f"ascending, above the position before, {shown(before)}"
-                raise InvalidParameter("positions", after, allowed)
+        min_spacing = MIN_SPACING_RATIO * (max(self.positions) - min(self.positions))
+        for previous, position in pairwise(self.positions):
+            if not position - previous > min_spacing:
+                allowed = f"ascending, above the position before, {shown(previous)}"
+                raise InvalidParameter("positions", position, allowed)
         return self
 
     @classmethod
@@ -100,11 +100,11 @@ class TableTerm(Term):
             If its numbers are not allowed.
         """
         names = ("positions", cls.column)
-        own = [cls.units[name] for name in names]
+        units = [cls.units[name] for name in names]
         if column_units is None:
-            columns = read_columns(path, 2, [(unit,) for unit in own])
+            columns = read_columns(path, 2, [(unit,) for unit in units])
         else:
-            factors, columns = _factors(column_units, own), read_columns(path, 2)
+            factors, columns = _factors(column_units, units), read_columns(path, 2)
             columns = [
                 [scaled_once(value, factor) for value in column]
                 for column, factor in zip(columns, factors, strict=True)
@@ -126,8 +126,10 @@ class TableTerm(Term):
             raise InvalidParameter("file", file, "the path of a CSV file")
         for name in options:
             if name in ("positions", cls.column) or name not in (*cls.model_fields, "column_units"):
-                known = [each for each in cls.model_fields if each not in ("positions", cls.column)]
-                raise unknown(name, options[name], ["file", "column_units", *known])
+                fields = [
+                    each for each in cls.model_fields if each not in ("positions", cls.column)
+                ]
+                raise unknown(name, options[name], ["file", "column_units", *fields])
         return cls.from_csv(folder / file, **options)
 
     @classmethod
@@ -138,8 +140,8 @@ class TableTerm(Term):
 
     def numbers(self, scales: Scales) -> list[float]:
         """Return the positions and the coefficients of the spline in scaled units."""
-        inner = self.scaled(scales)
-        return [*inner.positions, *coefficients(inner.positions, getattr(inner, self.column))]
+        term = self.scaled(scales)
+        return [*term.positions, *coefficients(term.positions, getattr(term, self.column))]
 
     @classmethod
     def spline(cls, at: ParameterIndices, shape: Shape) -> TableSpline:
@@ -160,8 +162,8 @@ class TableTerm(Term):
     def own_spline(self) -> tuple[TableSpline, Floats]:
         """Return the spline in the units of the table, and the array of its numbers."""
         count = len(self.positions)
-        found = coefficients(self.positions, getattr(self, self.column))
-        return spline_functions(0, count, count), np.array([*self.positions, *found])
+        polynomials = coefficients(self.positions, getattr(self, self.column))
+        return spline_functions(0, count, count), np.array([*self.positions, *polynomials])
 
     @classmethod
     def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
@@ -177,31 +179,36 @@ class TableTerm(Term):
 
         what = f"where the table of {cls.name()} ends"
         what += ", halfway from stopper to electrode" if compliant else ""
-        most = halfway if compliant else end
-        return (Bound(name="delta", value=most, upper=True, excluded=False, what=what),)
+        bound = halfway if compliant else end
+        return (Bound(name="delta", value=bound, upper=True, excluded=False, what=what),)
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the table does not cover the travel of the block."""
         first, last = self.positions[0], self.positions[-1]
-        most, border = reach(actuator), BORDER_RATIO * (last - first)
-        if first > -most + border or last < most - border:
+        max_travel, border = reach(actuator), BORDER_RATIO * (last - first)
+        if first > -max_travel + border or last < max_travel - border:
             unit = " m" if actuator.units == "SI" else ""
-            where = (
-                "" if most == actuator.delta else ", halfway from compliant stopper to electrode"
+            explanation = (
+                ""
+                if max_travel == actuator.delta
+                else ", halfway from compliant stopper to electrode"
             )
             problem = (
                 f"covers {shown(first)} to {shown(last)}{unit}, but the block moves from "
-                f"{shown(-most)} to {shown(most)}{unit}{where}; extend the table"
+                f"{shown(-max_travel)} to {shown(max_travel)}{unit}{explanation}; extend the table"
             )
             raise InvalidParameter(f"{self.name()}.positions", None, "", problem=problem)
 
 
-def _factors(given: Any, wanted: list[str]) -> list[float]:
+def _factors(column_units: Any, units: list[str]) -> list[float]:
     """Return the factors of the units of two columns."""
-    if isinstance(given, str) or len(given) != len(wanted):
-        raise InvalidParameter("column_units", given, 'two units, such as ("um", "fF")')
+    if isinstance(column_units, str) or len(column_units) != len(units):
+        raise InvalidParameter("column_units", column_units, 'two units, such as ("um", "fF")')
     try:
-        return [magnitude(f"1 {own}", unit) for own, unit in zip(given, wanted, strict=True)]
+        return [
+            magnitude(f"1 {unit}", si_unit)
+            for unit, si_unit in zip(column_units, units, strict=True)
+        ]
     except QuantityError:
-        allowed = f"units of the kinds {' and '.join(wanted)}"
-        raise InvalidParameter("column_units", given, allowed) from None
+        allowed = f"units of the kinds {' and '.join(units)}"
+        raise InvalidParameter("column_units", column_units, allowed) from None

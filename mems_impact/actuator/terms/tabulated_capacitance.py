@@ -77,10 +77,10 @@ class TabulatedCapacitance(TableTerm):
     def _check_capacitances(self) -> Self:
         if not self.capacitances[0] > 0.0:
             raise InvalidParameter("capacitances", self.capacitances[0], "> 0")
-        for before, after in pairwise(self.capacitances):
-            if not after > before:
-                allowed = f"ascending with the position, above the one before, {shown(before)}"
-                raise InvalidParameter("capacitances", after, allowed)
+        for previous, capacitance in pairwise(self.capacitances):
+            if not capacitance > previous:
+                allowed = f"ascending with the position, above the one before, {shown(previous)}"
+                raise InvalidParameter("capacitances", capacitance, allowed)
         return self
 
     @classmethod

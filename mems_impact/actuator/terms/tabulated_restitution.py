@@ -55,7 +55,7 @@ class TabulatedRestitution(Term):
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
-        if any(one >= two for one, two in pairwise(self.speeds)):
+        if any(previous >= speed for previous, speed in pairwise(self.speeds)):
             raise InvalidParameter("speeds", self.speeds, "in ascending order, each once")
         if len(self.values) != len(self.speeds):
             raise InvalidParameter("values", self.values, f"{len(self.speeds)} numbers, as speeds")
@@ -74,12 +74,14 @@ class TabulatedRestitution(Term):
             # The weighted harmonic mean of the secants; 0 at an extremum, and at the ends.
             if i == 0 or i == last:
                 return 0.0
-            before, after = secant(i - 1, p), secant(i, p)
-            if before * after <= 0.0:
+            left_secant, right_secant = secant(i - 1, p), secant(i, p)
+            if left_secant * right_secant <= 0.0:
                 return 0.0
-            short, long = p[x + i] - p[x + i - 1], p[x + i + 1] - p[x + i]
-            one, two = 2.0 * long + short, long + 2.0 * short
-            return (one + two) / (one / before + two / after)
+            left_step, right_step = p[x + i] - p[x + i - 1], p[x + i + 1] - p[x + i]
+            left_weight, right_weight = 2.0 * right_step + left_step, right_step + 2.0 * left_step
+            return (left_weight + right_weight) / (
+                left_weight / left_secant + right_weight / right_secant
+            )
 
         def restitution(speed, p):  # type: ignore[no-untyped-def]
             if speed <= p[x]:
@@ -89,9 +91,9 @@ class TabulatedRestitution(Term):
                     h = p[x + i + 1] - p[x + i]
                     u = (speed - p[x + i]) / h
                     w = 1.0 - u
-                    found = w * w * (1.0 + 2.0 * u) * p[y + i]
-                    found += u * u * (1.0 + 2.0 * w) * p[y + i + 1]
-                    return found + h * u * w * (w * slope(i, p) - u * slope(i + 1, p))
+                    result = w * w * (1.0 + 2.0 * u) * p[y + i]
+                    result += u * u * (1.0 + 2.0 * w) * p[y + i + 1]
+                    return result + h * u * w * (w * slope(i, p) - u * slope(i + 1, p))
             return p[y + last]
 
         return TermContribution(restitution=restitution)

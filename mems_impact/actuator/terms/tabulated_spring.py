@@ -76,30 +76,30 @@ class TabulatedSpring(TableTerm):
         """Return those of the travel and of the stiffness, which is that of the table."""
         slope = cls.spline(at, shape).slope
 
-        def own(p):  # type: ignore[no-untyped-def]
-            found = slope(0.0, p)
-            return found if found > 0.0 else p[eq.K]
+        def stiffness(p):  # type: ignore[no-untyped-def]
+            table_slope = slope(0.0, p)
+            return table_slope if table_slope > 0.0 else p[eq.K]
 
-        def least(p):  # type: ignore[no-untyped-def]
-            return (1.0 - STIFFNESS_RTOL) * own(p)
+        def min_stiffness(p):  # type: ignore[no-untyped-def]
+            return (1.0 - STIFFNESS_RTOL) * stiffness(p)
 
-        def most(p):  # type: ignore[no-untyped-def]
-            return (1.0 + STIFFNESS_RTOL) * own(p)
+        def max_stiffness(p):  # type: ignore[no-untyped-def]
+            return (1.0 + STIFFNESS_RTOL) * stiffness(p)
 
         what = "the stiffness of the table at x2 = 0"
         return (
             *super().bounds(at, shape, compliant),
-            Bound(name="k", value=least, excluded=False, what=what),
-            Bound(name="k", value=most, upper=True, excluded=False, what=what),
+            Bound(name="k", value=min_stiffness, excluded=False, what=what),
+            Bound(name="k", value=max_stiffness, upper=True, excluded=False, what=what),
         )
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the table does not fit the travel or the stiffness."""
         super().check_on(actuator)
-        own, unit = self.slope(0.0), " N/m" if actuator.units == "SI" else ""
-        if own > 0.0 and abs(actuator.k / own - 1.0) > STIFFNESS_RTOL:
+        stiffness, unit = self.slope(0.0), " N/m" if actuator.units == "SI" else ""
+        if stiffness > 0.0 and abs(actuator.k / stiffness - 1.0) > STIFFNESS_RTOL:
             problem = (
-                f"have the stiffness {own:.6g}{unit} at x2 = 0, and k is "
+                f"have the stiffness {stiffness:.6g}{unit} at x2 = 0, and k is "
                 f"{actuator.k:.6g}{unit}; set k to that stiffness"
             )
             raise InvalidParameter("tabulated_spring.forces", None, "", problem=problem)
@@ -107,13 +107,13 @@ class TabulatedSpring(TableTerm):
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return force and energy beyond those of the linear spring."""
-        restoring, _, integral = cls.spline(at, shape)
+        spline_force, _, integral = cls.spline(at, shape)
 
         def force(y, p):  # type: ignore[no-untyped-def]
-            return p[eq.K] * y[X2] - restoring(y[X2], p)
+            return p[eq.K] * y[X2] - spline_force(y[X2], p)
 
         def energy(y, p):  # type: ignore[no-untyped-def]
-            stored = integral(y[X2], p) - integral(0.0, p)
-            return stored - 0.5 * p[eq.K] * y[X2] * y[X2]
+            spline_energy = integral(y[X2], p) - integral(0.0, p)
+            return spline_energy - 0.5 * p[eq.K] * y[X2] * y[X2]
 
         return TermContribution(force=force, energy=energy)

@@ -73,17 +73,17 @@ class TiltedPlate(Term):
         """Return those of the angle, at which an edge reaches the electrode."""
         length, share = at.p["length"], YIELDING_SHARE if compliant else 1.0
 
-        def most(p):  # type: ignore[no-untyped-def]
+        def max_angle(p):  # type: ignore[no-untyped-def]
             return 2.0 * share * (p[eq.D] - p[eq.DELTA]) / p[length]
 
-        def least(p):  # type: ignore[no-untyped-def]
-            return -most(p)
+        def min_angle(p):  # type: ignore[no-untyped-def]
+            return -max_angle(p)
 
-        where = "in a contact with the compliant stopper" if compliant else "before the stopper"
-        what = f"where an edge reaches the electrode {where}"
+        location = "in a contact with the compliant stopper" if compliant else "before the stopper"
+        what = f"where an edge reaches the electrode {location}"
         return (
-            Bound(name="tilted_plate.angle", value=most, upper=True, what=what),
-            Bound(name="tilted_plate.angle", value=least, what=what),
+            Bound(name="tilted_plate.angle", value=max_angle, upper=True, what=what),
+            Bound(name="tilted_plate.angle", value=min_angle, what=what),
         )
 
     @classmethod
