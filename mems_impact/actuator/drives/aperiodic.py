@@ -53,10 +53,10 @@ class AperiodicDrive(PiecewiseDrive):
 
     def check(self) -> None:
         """Raise InvalidParameter if floating-point numbers cannot represent the waveform."""
-        timed = self
+        drive = self
         if self.duration is None:
-            timed = self.lasting(WAVEFORM_PERIODS * self.switching_time or 1.0)
-        super(AperiodicDrive, timed).check()
+            drive = self.lasting(WAVEFORM_PERIODS * self.switching_time or 1.0)
+        super(AperiodicDrive, drive).check()
 
     def lasting(self, duration: float) -> Self:
         """Return the same voltage with a duration."""
@@ -81,7 +81,7 @@ class AperiodicDrive(PiecewiseDrive):
         """Raise InvalidParameter if the duration ends before the voltage is constant."""
         if self.duration is None:
             return
-        first = self.switching_time
-        if not self.duration * (1.0 - MIN_PIECE_PERIODS) > first:
-            allowed = f"above {first:g}, from which on the voltage is constant"
+        switching_time = self.switching_time
+        if not self.duration * (1.0 - MIN_PIECE_PERIODS) > switching_time:
+            allowed = f"above {switching_time:g}, from which on the voltage is constant"
             raise InvalidParameter("duration", self.duration, allowed)

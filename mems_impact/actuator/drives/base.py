@@ -140,8 +140,8 @@ class Drive(Checked, ABC):
             if self.unit_of(name) == "V":
                 quantity(name, value, unit)
         for name in type(self).model_fields:
-            if isinstance(inner := getattr(self, name), Drive):
-                inner.check_texts(unit)
+            if isinstance(nested := getattr(self, name), Drive):
+                nested.check_texts(unit)
 
     @model_validator(mode="before")
     @classmethod
@@ -158,9 +158,9 @@ class Drive(Checked, ABC):
         omega = 2.0 * math.pi * frequency
         if values.get("omega", omega) != omega:
             raise InvalidParameter("frequency", frequency, "omitted if omega is given")
-        others = {name: value for name, value in values.items() if name != "frequency"}
-        own = {"frequency": frequency} if "frequency" in cls.model_fields else {}
-        return {**others, **own, "omega": omega}
+        other_values = {name: value for name, value in values.items() if name != "frequency"}
+        frequency_field = {"frequency": frequency} if "frequency" in cls.model_fields else {}
+        return {**other_values, **frequency_field, "omega": omega}
 
     @model_validator(mode="after")
     def _check_omega(self) -> Self:
@@ -192,9 +192,9 @@ class Drive(Checked, ABC):
         InvalidParameter
             If the changed set is not allowed, or a name is unknown.
         """
-        both = {"omega", "frequency"}  # one quantity
-        changed = {*changes, *(both if both & changes.keys() else ())}
-        return self._with_texts(type(self)(**self._replaced(changes)), changed)
+        alternatives = {"omega", "frequency"}  # one quantity
+        names = {*changes, *(alternatives if alternatives & changes.keys() else ())}
+        return self._with_texts(type(self)(**self._replaced(changes)), names)
 
     __replace__ = replace
 
@@ -206,8 +206,8 @@ class Drive(Checked, ABC):
         return type(self).model_construct(**values)
 
     def __repr_args__(self) -> Any:
-        hidden = "omega" if getattr(self, "frequency", None) is not None else "frequency"
-        return [(name, value) for name, value in dict(self).items() if name != hidden]
+        alternative = "omega" if getattr(self, "frequency", None) is not None else "frequency"
+        return [(name, value) for name, value in dict(self).items() if name != alternative]
 
     @property
     def time_scale(self) -> float:
@@ -230,14 +230,14 @@ class Drive(Checked, ABC):
 
     def check_signed(self) -> None:
         """Raise InvalidParameter if the sign of the voltage does not repeat after two periods."""
-        within = [
-            each
+        nested = [
+            value
             for name in type(self).model_fields
-            if isinstance(each := getattr(self, name), Drive)
+            if isinstance(value := getattr(self, name), Drive)
         ]
-        for drive in within:
+        for drive in nested:
             drive.check_signed()
-        if not within and _signs(self) is not Signs.STAY and not self.changes_sign:
+        if not nested and _signs(self) is not Signs.STAY and not self.changes_sign:
             problem = (
                 "the voltage changes its sign from one forcing period to the next, which matters "
                 "to a term of the actuator; give the period of the voltage itself, with all its "
@@ -258,33 +258,33 @@ class Drive(Checked, ABC):
             with np.errstate(all="ignore"):
                 period, times = self.period, (0.0, *self.switches)
                 numbers = (period, *self.value((0.0, 0.3 * period)), *self.parameters())
-            apart = all(a < b for a, b in pairwise(times)) and times[-1] <= period
-            sound = apart and period > 0.0 and bool(np.isfinite(numbers).all())
+            is_ascending = all(a < b for a, b in pairwise(times)) and times[-1] <= period
+            is_valid = is_ascending and period > 0.0 and bool(np.isfinite(numbers).all())
         except (ArithmeticError, ValueError):
-            sound = False
-        if not sound:
+            is_valid = False
+        if not is_valid:
             problem = "its times are too close or its numbers too large for floating point"
             raise InvalidParameter(type(self).__name__, None, "", problem=problem)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the numbers that can be varied; those of a nested drive as ``wave.omega``."""
-        own: list[str] = []
+        result: list[str] = []
         for name in type(self).model_fields:
             value = getattr(self, name)
             if name == "omega" and getattr(self, "frequency", None) is not None:
-                own.append("frequency")
-            elif isinstance(value, float) and name not in own:
-                own.append(name)
+                result.append("frequency")
+            elif isinstance(value, float) and name not in result:
+                result.append(name)
             elif isinstance(value, Drive):
-                own += [f"{name}.{inner}" for inner in value.names]
-        return tuple(own)
+                result += [f"{name}.{nested}" for nested in value.names]
+        return tuple(result)
 
     def number(self, name: str) -> float:
         """Return the number of that name, one of `names`."""
-        owner, _, inner = name.partition(".")
+        owner, _, nested = name.partition(".")
         value = getattr(self, owner)
-        return value.number(inner) if inner else value
+        return value.number(nested) if nested else value
 
     def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
         """Return a copy with some numbers changed.
@@ -301,22 +301,22 @@ class Drive(Checked, ABC):
         InvalidParameter
             If a value is not allowed.
         """
-        own: dict[str, Any] = {}
-        within: dict[str, dict[str, float]] = {}
+        changes: dict[str, Any] = {}
+        nested_changes: dict[str, dict[str, float]] = {}
         for name, value in values.items():
-            owner, _, inner = name.partition(".")
-            if inner:
-                within.setdefault(owner, {})[inner] = value
+            owner, _, nested = name.partition(".")
+            if nested:
+                nested_changes.setdefault(owner, {})[nested] = value
             else:
-                own[name] = value
-        for owner, inners in within.items():
-            own[owner] = getattr(self, owner).varied(inners, checked=checked)
-        return self.replace(**own) if checked else self.replace_unchecked(**own)
+                changes[name] = value
+        for owner, nested_values in nested_changes.items():
+            changes[owner] = getattr(self, owner).varied(nested_values, checked=checked)
+        return self.replace(**changes) if checked else self.replace_unchecked(**changes)
 
     def unit(self, name: str) -> str:
         """Return the SI unit of the number of that name, empty if dimensionless."""
-        owner, _, inner = name.partition(".")
-        return getattr(self, owner).unit(inner) if inner else self.units.get(name, "")
+        owner, _, nested = name.partition(".")
+        return getattr(self, owner).unit(nested) if nested else self.units.get(name, "")
 
     @abstractmethod
     def parameters(self) -> NDArray[np.float64]:
@@ -406,8 +406,8 @@ def _signs(drive: Drive) -> Signs:
         times += [begin + (end - begin) * (i + GOLDEN_PHASE) / count for i in range(count)]
     waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
     rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]
-    now, later, last = np.array(rows).T
+    first, second, third = np.array(rows).T
     # One voltage equals the other, or its negative, to rounding.
-    if not (np.abs(later - now) > np.abs(now)).any():
+    if not (np.abs(second - first) > np.abs(first)).any():
         return Signs.STAY
-    return Signs.OTHER if (np.abs(last - now) > np.abs(now)).any() else Signs.ALTERNATE
+    return Signs.OTHER if (np.abs(third - first) > np.abs(first)).any() else Signs.ALTERNATE

@@ -133,11 +133,11 @@ class Burst(Drive):
     @property
     def left_voltage(self) -> Waveform | None:
         """The waveform at the left electrode, if the nested waveform has one."""
-        left = self.wave.left_voltage
-        return None if left is None else retime(left)
+        waveform = self.wave.left_voltage
+        return None if waveform is None else retime(waveform)
 
     @property
     def left_rate(self) -> Waveform | None:
         """Its rate."""
-        left = self.wave.left_rate
-        return None if left is None else retime(left)
+        waveform = self.wave.left_rate
+        return None if waveform is None else retime(waveform)

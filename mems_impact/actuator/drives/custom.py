@@ -126,10 +126,10 @@ class Custom(Drive):
     @model_validator(mode="after")
     def _check_functions(self) -> Self:
         times = (0.0, *self.switches, math.nextafter(self.period, math.inf))
-        if not all(before < after for before, after in pairwise(times)):
+        if not all(previous < time for previous, time in pairwise(times)):
             raise InvalidParameter("switches", self.switches, TIMES_KIND)
         for name in ("function", "rate"):
-            problem = _compiling_problem(getattr(self, name))
+            problem = _compilation_problem(getattr(self, name))
             if problem:
                 raise InvalidParameter(name, getattr(self, name).__name__, "", problem=problem)
         self._check_values()
@@ -141,47 +141,49 @@ class Custom(Drive):
         distance = np.abs(probes[:, None] - borders).min(axis=1)
         h = 1e-5 * (self.fastest or self.period)
         probes = probes[distance > 2.0 * h]
-        now, rates = self._probed("function", probes), self._probed("rate", probes)
-        later = self._probed("function", probes + self.period)
-        largest = float(np.max(np.abs(now), initial=0.0))
-        wrong = np.abs(later**2 - now**2) > WAVEFORM_RTOL * largest**2
-        if wrong.any():
-            at = float(probes[np.argmax(wrong)])
+        voltages, rates = self._samples("function", probes), self._samples("rate", probes)
+        next_voltages = self._samples("function", probes + self.period)
+        max_voltage = float(np.max(np.abs(voltages), initial=0.0))
+        is_wrong = np.abs(next_voltages**2 - voltages**2) > WAVEFORM_RTOL * max_voltage**2
+        if is_wrong.any():
+            t = float(probes[np.argmax(is_wrong)])
             problem = (
-                f"the square of the voltage at t = {at:.6g} differs from its value a period later"
+                f"the square of the voltage at t = {t:.6g} differs from its value a period later"
             )
             raise InvalidParameter("period", self.period, "", problem=problem)
-        slopes = central_difference(lambda step: self._probed("function", probes + step), h)
-        scale = max(float(np.max(np.abs(slopes), initial=0.0)), largest / self.period)
-        wrong = ~(np.abs(slopes - rates) <= 1e-3 * scale)
-        if wrong.any():
-            i = int(np.argmax(wrong))
+        slopes = central_difference(lambda step: self._samples("function", probes + step), h)
+        scale = max(float(np.max(np.abs(slopes), initial=0.0)), max_voltage / self.period)
+        is_wrong = ~(np.abs(slopes - rates) <= 1e-3 * scale)
+        if is_wrong.any():
+            i = int(np.argmax(is_wrong))
             problem = (
                 f"at t = {probes[i]:.6g} it is {rates[i]:.6g}, but the voltage changes at "
                 f"{slopes[i]:.6g}"
             )
             raise InvalidParameter("rate", self.rate.__name__, "", problem=problem)
 
-    def _probed(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _samples(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
         waveform = self.voltage if name == "function" else self.voltage_rate
         q: Any = self.parameters().tolist()  # NumPy would warn, Python raises
-        what = getattr(self, name).__name__
+        function_name = getattr(self, name).__name__
         try:
             values = np.array([float(waveform(t, q)) for t in times.tolist()])
         except Exception as error:
             problem = f"raises {type(error).__name__}: {error}"
-            raise InvalidParameter(name, what, "", problem=problem) from None
+            raise InvalidParameter(name, function_name, "", problem=problem) from None
         if not np.isfinite(values).all():
-            at = times[np.argmin(np.isfinite(values))]
-            raise InvalidParameter(name, what, "", problem=f"is not finite at t = {at:.6g}")
+            time = times[np.argmin(np.isfinite(values))]
+            raise InvalidParameter(
+                name, function_name, "", problem=f"is not finite at t = {time:.6g}"
+            )
         return values
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Custom):
             return NotImplemented
-        one, two = dict(self), dict(other)
-        functions = [(one.pop(name), two.pop(name)) for name in ("function", "rate")]
-        return one == two and all(same_function(*pair) for pair in functions)
+        values, other_values = dict(self), dict(other)
+        functions = [(values.pop(name), other_values.pop(name)) for name in ("function", "rate")]
+        return values == other_values and all(same_function(*pair) for pair in functions)
 
     def __hash__(self) -> int:
         return hash((self.period, self.values, self.switches))
@@ -207,8 +209,8 @@ class Custom(Drive):
 
     def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
         """Return a copy with some values changed."""
-        changed = tuple({**dict(self.values), **values}.items())
-        return self.replace(values=changed) if checked else self.replace_unchecked(values=changed)
+        pairs = tuple({**dict(self.values), **values}.items())
+        return self.replace(values=pairs) if checked else self.replace_unchecked(values=pairs)
 
     def parameters(self) -> NDArray[np.float64]:
         """Return the units of time and voltage, then the values."""
@@ -256,16 +258,16 @@ def _rate_in_units(rate: Waveform) -> Waveform:
 
 def _first_from(time: float, unit: float) -> float:
     """Return the smallest number whose product with `unit` is at least `time`."""
-    scaled = time / unit
-    while scaled * unit < time:
-        scaled = math.nextafter(scaled, math.inf)
-    while math.nextafter(scaled, 0.0) * unit >= time:
-        scaled = math.nextafter(scaled, 0.0)
-    return scaled
+    result = time / unit
+    while result * unit < time:
+        result = math.nextafter(result, math.inf)
+    while math.nextafter(result, 0.0) * unit >= time:
+        result = math.nextafter(result, 0.0)
+    return result
 
 
 @cache
-def _compiling_problem(function: Callable[..., Any]) -> str:
+def _compilation_problem(function: Callable[..., Any]) -> str:
     """Return why numba cannot compile `function`, or None."""
     from numba import types
 
@@ -274,9 +276,9 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
 
     if jit_disabled():
         return ""
-    found = try_compile(function, (types.float64, types.Array(types.float64, 1, "C")))
-    if found.problem:
-        return f"numba cannot compile it ({found.problem})"
-    if not isinstance(found.returned, types.Float | types.Integer):
-        return f"must return a number on every path, not {found.returned}"
+    outcome = try_compile(function, (types.float64, types.Array(types.float64, 1, "C")))
+    if outcome.problem:
+        return f"numba cannot compile it ({outcome.problem})"
+    if not isinstance(outcome.returned, types.Float | types.Integer):
+        return f"must return a number on every path, not {outcome.returned}"
     return ""

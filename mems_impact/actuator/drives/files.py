@@ -140,18 +140,18 @@ def drive_of_kind(kind: str) -> type[Drive]:
     """Return the waveform of that name; InvalidParameter if there is none."""
     if isinstance(kind, str) and kind in WAVEFORMS:
         module = import_module(f"{__package__}.{kind.replace('-', '_')}")
-        own: type[Drive] = getattr(module, WAVEFORMS[kind])
-        return own
-    added: type[Drive] | None = None
+        drive_type: type[Drive] = getattr(module, WAVEFORMS[kind])
+        return drive_type
+    plugin_type: type[Drive] | None = None
     if isinstance(kind, str):
-        added = plugins.plugin(plugins.DRIVE_GROUP, kind, _is_drive, "a subclass of Drive")
-    if added is None:
+        plugin_type = plugins.plugin(plugins.DRIVE_GROUP, kind, _is_drive, "a subclass of Drive")
+    if plugin_type is None:
         raise InvalidParameter("kind", kind, f"one of {', '.join(drive_kinds())}")
-    return added
+    return plugin_type
 
 
-def _is_drive(found: Any) -> bool:
-    return isinstance(found, type) and issubclass(found, Drive)
+def _is_drive(value: Any) -> bool:
+    return isinstance(value, type) and issubclass(value, Drive)
 
 
 def drive_in_table(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
@@ -168,7 +168,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
     if kind is Sampled and "file" in values:
-        return _measured(values, file.parent)
+        return _sampled_drive(values, file.parent)
     if kind is Custom:
         code = resolve_code_path(values.pop("source", None), file, allow_code, CODE)
         values.update(_functions(code))
@@ -184,7 +184,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     return kind(**values)
 
 
-def _measured(values: dict[str, Any], folder: Path) -> Sampled:
+def _sampled_drive(values: dict[str, Any], folder: Path) -> Sampled:
     file = values.pop("file")
     if not isinstance(file, str):
         raise InvalidParameter("file", file, "the path of a CSV file")
@@ -198,9 +198,9 @@ def _measured(values: dict[str, Any], folder: Path) -> Sampled:
 def _functions(path: Path) -> dict[str, FunctionType]:
     """Run the Python file `path` and return its functions."""
     module = execute_code(path, CODE)
-    found = {}
+    functions = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
         if not isinstance(getattr(module, name, None), FunctionType):
             raise InvalidFile(path, f"has no function {name}", f"give a {CODE.what}")
-        found[field] = getattr(module, name)
-    return found
+        functions[field] = getattr(module, name)
+    return functions

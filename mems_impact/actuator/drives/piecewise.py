@@ -94,29 +94,29 @@ def waveform_arrays(
     shift = math.fmod(lead, period)
     shift = shift + period if shift < 0.0 else shift
     sign = -1.0 if mirrored and round((lead - shift) / period) % 2 else 1.0
-    wrapped = -sign if mirrored else sign
+    wrapped_sign = -sign if mirrored else sign
     ends = [piece.start for piece in pieces[1:]] + [period]
-    advanced: list[Piece] = []
+    result: list[Piece] = []
     for piece, end in zip(pieces, ends, strict=True):
         start = piece.start - shift
         if start >= 0.0:
-            advanced.append(_scaled(piece, sign)._replace(start=start))
+            result.append(_scaled(piece, sign)._replace(start=start))
             continue
         start += period
         if start < period:
-            advanced.append(_scaled(piece, wrapped)._replace(start=start))
+            result.append(_scaled(piece, wrapped_sign)._replace(start=start))
             if shift < end:  # the piece contains the start of the period
-                advanced.append(_shifted(piece, shift - piece.start, sign))
+                result.append(_shifted(piece, shift - piece.start, sign))
         else:  # just before the start of the period by rounding
-            advanced.append(_scaled(piece, sign)._replace(start=0.0))
-    advanced.sort(key=lambda piece: piece.start)
-    switches = [piece.start for piece in advanced if piece.switch and piece.start > 0.0]
-    if advanced[0].switch:
+            result.append(_scaled(piece, sign)._replace(start=0.0))
+    result.sort(key=lambda piece: piece.start)
+    switches = [piece.start for piece in result if piece.switch and piece.start > 0.0]
+    if result[0].switch:
         switches.append(period)
     if mirrored:
-        later = (_scaled(piece, -1.0) for piece in advanced)
-        advanced += [piece._replace(start=period + piece.start) for piece in later]
-    rows = [piece[:WIDTH] for piece in advanced]
+        mirror_images = (_scaled(piece, -1.0) for piece in result)
+        result += [piece._replace(start=period + piece.start) for piece in mirror_images]
+    rows = [piece[:WIDTH] for piece in result]
     voltage_period = 2.0 * period if mirrored else period
     q = np.concatenate([[voltage_period, len(rows)], np.ravel(rows)]).astype(np.float64)
     return WaveformArrays(q, tuple(switches))

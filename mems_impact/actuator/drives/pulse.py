@@ -82,8 +82,8 @@ class Pulse(PiecewiseDrive):
             allowed = f"between 0 and the width = {shown(self.width)}"
             raise InvalidParameter("rise", self.rise, allowed)
         if not self.width + self.fall <= self.period + slack:
-            rest = f"{self.period - self.width:.9g}"
-            raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {rest}")
+            max_fall = f"{self.period - self.width:.9g}"
+            raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {max_fall}")
         warn_of_constant_force("these pulses", self.amplitude, self.low, max(self.rise, self.fall))
         return self
 

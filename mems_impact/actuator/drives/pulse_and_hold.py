@@ -96,14 +96,14 @@ class PulseAndHold(AperiodicDrive):
         if self.pause > 0.0:
             levels.append((self.width, self.low))
         levels.append((self.width + self.pause, self.hold))
-        pieces, before = [], 0.0
+        pieces, previous = [], 0.0
         for start, level in levels:
             begin = start
             if self.rise > 0.0:
-                pieces.append(Piece(start, before, (level - before) / self.rise))
+                pieces.append(Piece(start, previous, (level - previous) / self.rise))
                 begin = start + self.rise
             pieces.append(Piece(begin, level))
-            before = level
+            previous = level
         # A flank as long as its part leaves no time at the level.
         ends = [piece.start for piece in pieces[1:]] + [math.inf]
         return [piece for piece, end in zip(pieces, ends, strict=True) if piece.start < end]

@@ -132,17 +132,17 @@ class Sampled(PiecewiseDrive):
         if len(times) != len(voltages):
             allowed = f"as many as times, {len(times)}"
             raise InvalidParameter("number of voltages", len(voltages), allowed)
-        least = MIN_SAMPLE_SPACING * (max(times) - min(times))
-        for before, after in pairwise(times):
-            if not after - before > least:
-                allowed = f"ascending, above the time before, {shown(before)}"
-                raise InvalidParameter("times", after, allowed)
+        min_spacing = MIN_SAMPLE_SPACING * (max(times) - min(times))
+        for previous, time in pairwise(times):
+            if not time - previous > min_spacing:
+                allowed = f"ascending, above the time before, {shown(previous)}"
+                raise InvalidParameter("times", time, allowed)
         period, length = values.get("period"), times[-1] - times[0]
-        spread = max(voltages) - min(voltages)
-        repeats = abs(voltages[-1] - voltages[0]) <= 1e-9 * spread
+        voltage_range = max(voltages) - min(voltages)
+        is_closed = abs(voltages[-1] - voltages[0]) <= 1e-9 * voltage_range
         if period is None:
             gaps = np.diff(times)
-            if repeats:
+            if is_closed:
                 period = length
             elif np.ptp(gaps) <= 1e-6 * gaps.max():
                 period = length * len(times) / (len(times) - 1)
@@ -156,14 +156,14 @@ class Sampled(PiecewiseDrive):
             if period < length * (1.0 - 1e-12):
                 allowed = f"no shorter than the record, {shown(length)}"
                 raise InvalidParameter("period", period, allowed)
-            closes = period <= length * (1.0 + 1e-12)
-            if closes and not repeats:
+            covers_period = period <= length * (1.0 + 1e-12)
+            if covers_period and not is_closed:
                 allowed = f"the first, {shown(voltages[0])}, at the end of the period"
                 raise InvalidParameter("last voltage", voltages[-1], allowed)
-            repeats = closes
+            is_closed = covers_period
         else:
             return values
-        if repeats:
+        if is_closed:
             times, voltages = times[:-1], voltages[:-1]
         return {**values, "times": times, "voltages": voltages, "period": period}
 
@@ -179,20 +179,20 @@ class Sampled(PiecewiseDrive):
         gaps = np.diff(np.append(times, self.period))
         secants = np.diff(np.append(voltages, voltages[0])) / gaps
         slopes = _monotone_slopes(gaps, secants)
-        after = np.roll(slopes, -1)
-        second = (3.0 * secants - 2.0 * slopes - after) / gaps
-        third = (slopes + after - 2.0 * secants) / gaps**2
-        columns = (times, voltages, slopes, second, third, self._bends(secants))
+        next_slopes = np.roll(slopes, -1)
+        second = (3.0 * secants - 2.0 * slopes - next_slopes) / gaps
+        third = (slopes + next_slopes - 2.0 * secants) / gaps**2
+        columns = (times, voltages, slopes, second, third, self._sharp_turns(secants))
         return [Piece(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
 
-    def _bends(self, secants: NDArray[np.float64]) -> NDArray[np.bool_]:
-        spread = max(self.voltages) - min(self.voltages)
-        if spread == 0.0:
+    def _sharp_turns(self, secants: NDArray[np.float64]) -> NDArray[np.bool_]:
+        voltage_range = max(self.voltages) - min(self.voltages)
+        if voltage_range == 0.0:
             return np.zeros(secants.size, dtype=bool)
-        turns = np.abs(secants - np.roll(secants, 1)) * LONGEST_STEP * self.period
-        stretches = np.floor(np.cumsum(turns) / (BEND_RATIO * spread))
-        bends: NDArray[np.bool_] = np.diff(stretches, prepend=0.0) > 0.0
-        return bends
+        slope_changes = np.abs(secants - np.roll(secants, 1)) * LONGEST_STEP * self.period
+        counts = np.floor(np.cumsum(slope_changes) / (BEND_RATIO * voltage_range))
+        result: NDArray[np.bool_] = np.diff(counts, prepend=0.0) > 0.0
+        return result
 
 
 def _monotone_slopes(
@@ -203,11 +203,12 @@ def _monotone_slopes(
     SIAM J. Sci. Stat. Comput. 5, 300 (1984): a weighted harmonic mean of the secants on both sides,
     zero where they differ in sign.
     """
-    gap, secant = np.roll(gaps, 1), np.roll(secants, 1)
-    same = secants * secant > 0.0
-    first, second = 2.0 * gaps + gap, gaps + 2.0 * gap
+    previous_gaps, previous_secants = np.roll(gaps, 1), np.roll(secants, 1)
+    same_sign = secants * previous_secants > 0.0
+    left_weights, right_weights = 2.0 * gaps + previous_gaps, gaps + 2.0 * previous_gaps
     slopes = np.zeros(secants.size)
-    slopes[same] = (first[same] + second[same]) / (
-        first[same] / secant[same] + second[same] / secants[same]
+    slopes[same_sign] = (left_weights[same_sign] + right_weights[same_sign]) / (
+        left_weights[same_sign] / previous_secants[same_sign]
+        + right_weights[same_sign] / secants[same_sign]
     )
     return slopes

@@ -102,31 +102,31 @@ class SlewedDrive(Drive):
     @property
     def left_voltage(self) -> Waveform | None:
         """The output at the left electrode, if there is one."""
-        within = self.wave.left_voltage
-        return None if within is None else with_ramps(within, 1, False)
+        demand = self.wave.left_voltage
+        return None if demand is None else with_ramps(demand, 1, False)
 
     @property
     def left_rate(self) -> Waveform | None:
         """Its rate."""
-        within = self.wave.left_rate
-        return None if within is None else with_ramps(within, 1, True)
+        demand = self.wave.left_rate
+        return None if demand is None else with_ramps(demand, 1, True)
 
 
 @cache
-def with_ramps(within: Waveform, side: int, is_rate: bool) -> Waveform:
+def with_ramps(demand: Waveform, side: int, is_rate: bool) -> Waveform:
     """Return a waveform, or its rate, with the ramps of a side."""
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
-        at = side * (1 + int(q[0]))
-        own = q[at + 1 :]
-        u = fold(t, own[PERIOD])
-        i = piece_at(u, own, PIECE_NUMBERS)
-        if own[i + 1] > 0.0:
+        start = side * (1 + int(q[0]))
+        pieces = q[start + 1 :]
+        u = fold(t, pieces[PERIOD])
+        i = piece_at(u, pieces, PIECE_NUMBERS)
+        if pieces[i + 1] > 0.0:
             if is_rate:
-                return own[i + 3]
-            return own[i + 2] + own[i + 3] * (u - own[i])
-        second = 1 + int(q[0])
-        return within(u, q[second + 1 + int(q[second]) :])
+                return pieces[i + 3]
+            return pieces[i + 2] + pieces[i + 3] * (u - pieces[i])
+        second_start = 1 + int(q[0])
+        return demand(u, q[second_start + 1 + int(q[second_start]) :])
 
     return waveform
 
@@ -145,7 +145,7 @@ class SlewedOutput(NamedTuple):
 def _output(drive: SlewedDrive) -> SlewedOutput:
     wave, period = drive.wave, drive.period
     sign = -1.0 if wave.changes_sign else 1.0
-    turn = 2.0 * period if wave.changes_sign else period
+    voltage_period = 2.0 * period if wave.changes_sign else period
     blocks: list[NDArray[np.float64]] = []
     times: set[float] = set()
     sides = ((wave.voltage, wave.voltage_rate), (wave.left_voltage, wave.left_rate))
@@ -157,9 +157,9 @@ def _output(drive: SlewedDrive) -> SlewedOutput:
         pieces = side.pieces()
         times |= side.switches(pieces)
         rows = [tuple(map(float, piece)) for piece in pieces]
-        if turn > period:
+        if voltage_period > period:
             rows += [(period + a, ramp, -value, -slope) for a, ramp, value, slope in rows]
-        block = np.concatenate([[turn, len(rows)], np.ravel(rows)])
+        block = np.concatenate([[voltage_period, len(rows)], np.ravel(rows)])
         blocks += [np.array([float(block.size)]), block]
     assert PERIOD == 0
     assert COUNT == 1
@@ -187,104 +187,104 @@ class SlewedSide:
         q = wave.parameters()
         self.period, self.limit, self.sign = wave.period, limit, sign
         self.wave_switches = wave.switches
-        inner = [time for time in wave.switches if 0.0 < time < self.period]
-        self.intervals = list(pairwise([0.0, *inner, self.period]))
+        switches = [time for time in wave.switches if 0.0 < time < self.period]
+        self.intervals = list(pairwise([0.0, *switches, self.period]))
         self.density = max(
             POINTS_PER_TIME_SCALE / wave.time_scale, POINTS_PER_NUMBER * q.size / self.period
         )
         numbers: Any = q.tolist()  # faster than an array, element by element
         self.value: Callable[[float], float] = lambda t: float(voltage(t, numbers))
         self.slope: Callable[[float], float] = lambda t: float(rate(t, numbers))
-        shown = [self.value(t) for begin, end in self.intervals for t in self._grid(begin, end)]
-        self.scale = max(max(map(abs, shown)), 1e-300)
+        values = [self.value(t) for begin, end in self.intervals for t in self._grid(begin, end)]
+        self.scale = max(max(map(abs, values)), 1e-300)
 
     def pieces(self) -> list[OutputPiece]:
         """Return the pieces of the periodic output.
 
         If there are several, it is the one that a source reaches from 0.
         """
-        before = 0.0
+        start = 0.0
         for _ in range(PERIODS):
-            after = self.sign * self._end(before)
-            if abs(after - before) <= VOLTAGE_RTOL * self.scale:
-                return self._pass(before)[0]
-            before = after
+            end = self.sign * self._end_value(start)
+            if abs(end - start) <= VOLTAGE_RTOL * self.scale:
+                return self._period_output(start)[0]
+            start = end
         # The value at the end grows with that at the start, by no more than it.
         tolerance = VOLTAGE_RTOL * self.scale
 
         def gain(value: float) -> float:
-            return self.sign * self._end(value) - value
+            return self.sign * self._end_value(value) - value
 
         if self.sign < 0.0:  # a single solution
-            before = float(brentq(gain, -self.scale, self.scale, xtol=tolerance))
-            return self._pass(before)[0]
-        upwards = gain(before) > 0.0
-        near, far = before, self.scale if upwards else -self.scale
+            start = float(brentq(gain, -self.scale, self.scale, xtol=tolerance))
+            return self._period_output(start)[0]
+        is_rising = gain(start) > 0.0
+        near, far = start, self.scale if is_rising else -self.scale
         while abs(far - near) > tolerance:
             middle = 0.5 * (near + far)
             change = gain(middle)
-            if abs(change) > tolerance and (change > 0.0) == upwards:
+            if abs(change) > tolerance and (change > 0.0) == is_rising:
                 near = middle
             else:
                 far = middle
-        return self._pass(far)[0]
+        return self._period_output(far)[0]
 
     def switches(self, pieces: list[OutputPiece]) -> set[float]:
         """Return the switching times of these pieces."""
         ends = [piece.start for piece in pieces[1:]] + [self.period]
-        found = {piece.start for piece in pieces if piece.start > 0.0}
+        times = {piece.start for piece in pieces if piece.start > 0.0}
         for piece, end in zip(pieces, ends, strict=True):
             if not piece.ramp:
-                found |= {time for time in self.wave_switches if piece.start < time < end}
+                times |= {time for time in self.wave_switches if piece.start < time < end}
         first, last = pieces[0], pieces[-1]
-        closes = first.ramp != last.ramp or (
+        has_end_switch = first.ramp != last.ramp or (
             self.wave_switches[-1:] == (self.period,)
             if not first.ramp
             else first.rate != self.sign * last.rate
         )
-        return found | {self.period} if closes else found
+        return times | {self.period} if has_end_switch else times
 
-    def _end(self, start: float) -> float:
-        return self._pass(start)[1]
+    def _end_value(self, start: float) -> float:
+        return self._period_output(start)[1]
 
-    def _pass(self, start: float) -> tuple[list[OutputPiece], float]:
+    def _period_output(self, start: float) -> tuple[list[OutputPiece], float]:
         """Return the pieces from an output `start` at time 0, and the output at the end."""
         output, pieces = start, []
-        ramping = math.nan  # rate of the current ramp; NaN while following
-        following = False
+        ramp_rate = math.nan  # rate of the current ramp; NaN while following
+        is_following = False
         for begin, end in self.intervals:
             time = begin
-            apart = self.value(begin) - output
-            if abs(apart) <= VOLTAGE_RTOL * self.scale:
-                if not following:
+            difference = self.value(begin) - output
+            if abs(difference) <= VOLTAGE_RTOL * self.scale:
+                if not is_following:
                     pieces.append(OutputPiece(begin, False))
-                following, ramping = True, math.nan
+                is_following, ramp_rate = True, math.nan
             else:
-                rate = math.copysign(self.limit, apart)
-                if following or rate != ramping:
+                rate = math.copysign(self.limit, difference)
+                if is_following or rate != ramp_rate:
                     pieces.append(OutputPiece(begin, True, output, rate))
-                following, ramping = False, rate
+                is_following, ramp_rate = False, rate
             while time < end:
-                if following:
-                    time = self._exceeded(time, end)
+                if is_following:
+                    time = self._exceedance_time(time, end)
                     if time < end:
                         output = self.value(time)
-                        ramping = math.copysign(self.limit, self.slope(time))
-                        pieces = _added(pieces, OutputPiece(time, True, output, ramping))
-                        following = False
+                        ramp_rate = math.copysign(self.limit, self.slope(time))
+                        pieces = _with_piece(pieces, OutputPiece(time, True, output, ramp_rate))
+                        is_following = False
                     else:
                         output = self.value(math.nextafter(end, 0.0))
                 else:
                     piece = pieces[-1]
-                    time = self._reached(piece, time, end)
+                    time = self._arrival_time(piece, time, end)
                     if time < end:
                         output, slope = self.value(time), self.slope(time)
                         if abs(slope) <= self.limit:
-                            pieces = _added(pieces, OutputPiece(time, False))
-                            following, ramping = True, math.nan
+                            pieces = _with_piece(pieces, OutputPiece(time, False))
+                            is_following, ramp_rate = True, math.nan
                         else:
-                            ramping = math.copysign(self.limit, slope)
-                            pieces = _added(pieces, OutputPiece(time, True, output, ramping))
+                            ramp_rate = math.copysign(self.limit, slope)
+                            pieces = _with_piece(pieces, OutputPiece(time, True, output, ramp_rate))
                     else:
                         output = piece.value + piece.rate * (end - piece.start)
         return pieces, output
@@ -294,33 +294,33 @@ class SlewedSide:
         count = min(max(round(self.density * (end - begin)), MIN_POINTS), MAX_POINTS)
         return np.linspace(begin, math.nextafter(end, 0.0), count).tolist()
 
-    def _exceeded(self, begin: float, end: float) -> float:
+    def _exceedance_time(self, begin: float, end: float) -> float:
         """Return the first time at which the demanded rate exceeds the limit; `end` if none."""
-        most = self.limit * (1.0 + RATE_RTOL)
-        found = _first_positive(lambda t: abs(self.slope(t)) - most, self._grid(begin, end))
-        return end if found is None else found
+        max_rate = self.limit * (1.0 + RATE_RTOL)
+        time = _first_positive(lambda t: abs(self.slope(t)) - max_rate, self._grid(begin, end))
+        return end if time is None else time
 
-    def _reached(self, piece: OutputPiece, begin: float, end: float) -> float:
+    def _arrival_time(self, piece: OutputPiece, begin: float, end: float) -> float:
         """Return the first time at which a ramp reaches the demanded voltage; `end` if none."""
         sign = math.copysign(1.0, piece.rate)
 
-        def past(t: float) -> float:
+        def excess(t: float) -> float:
             return sign * (piece.value + piece.rate * (t - piece.start) - self.value(t))
 
         times = self._grid(begin, end)
         tolerance = VOLTAGE_RTOL * self.scale
-        if piece.start == begin and past(begin) >= -tolerance:
+        if piece.start == begin and excess(begin) >= -tolerance:
             # The ramp starts from the demanded voltage, perhaps for a short time.
-            first = [begin + (times[1] - begin) * 0.5**k for k in range(FIRST_POINTS, 0, -1)]
-            below = next((t for t in [*first, times[1]] if past(t) < -tolerance), None)
-            if below is None:
+            early_times = [begin + (times[1] - begin) * 0.5**k for k in range(FIRST_POINTS, 0, -1)]
+            start = next((t for t in [*early_times, times[1]] if excess(t) < -tolerance), None)
+            if start is None:
                 return times[1]
-            times = [t for t in [*first, *times[1:]] if t >= below]
-        found = _first_positive(past, times)
-        return end if found is None else found
+            times = [t for t in [*early_times, *times[1:]] if t >= start]
+        time = _first_positive(excess, times)
+        return end if time is None else time
 
 
-def _added(pieces: list[OutputPiece], piece: OutputPiece) -> list[OutputPiece]:
+def _with_piece(pieces: list[OutputPiece], piece: OutputPiece) -> list[OutputPiece]:
     """Return the pieces with another one, in place of a last one that starts with it."""
     return [each for each in pieces if each.start < piece.start] + [piece]
 
@@ -334,15 +334,15 @@ def _first_positive(function: Callable[[float], float], times: list[float]) -> f
     if values[0] > 0.0:
         return times[0]
     for i in range(1, len(times)):
-        top = values[i] > 0.0
+        is_positive = values[i] > 0.0
         high = times[i]
-        if not top and i + 1 < len(times) and values[i - 1] < values[i] >= values[i + 1]:
-            found = minimize_scalar(
+        if not is_positive and i + 1 < len(times) and values[i - 1] < values[i] >= values[i + 1]:
+            optimum = minimize_scalar(
                 lambda t: -function(t), bounds=(times[i - 1], times[i + 1]), method="bounded",
                 options={"xatol": 1e-9 * (times[i + 1] - times[i - 1])},
             )  # fmt: skip
-            top, high = -float(found.fun) > 0.0, float(found.x)
-        if top:
+            is_positive, high = -float(optimum.fun) > 0.0, float(optimum.x)
+        if is_positive:
             low = times[i - 1]
             return float(brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
     return None

@@ -80,14 +80,14 @@ class Square(PiecewiseDrive):
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
-        turn = 2.0 * math.pi / self.omega
-        if not math.isfinite(turn):
+        wave_period = 2.0 * math.pi / self.omega
+        if not math.isfinite(wave_period):
             raise InvalidParameter("omega", self.omega, "large enough for a finite period")
         if not min(self.duty, 1.0 - self.duty) > MIN_PIECE_PERIODS:
             raise InvalidParameter("duty", self.duty, "a finite number > 0 and < 1")
-        longest = min(self.duty, 1.0 - self.duty) * turn
-        if not self.rise <= longest + MIN_PIECE_PERIODS * turn:
-            allowed = f"between 0 and {longest:.9g}, the shorter part of the period"
+        max_rise = min(self.duty, 1.0 - self.duty) * wave_period
+        if not self.rise <= max_rise + MIN_PIECE_PERIODS * wave_period:
+            allowed = f"between 0 and {max_rise:.9g}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
         warn_of_constant_force("this square wave", self.amplitude, self.low, self.rise)
         return self

@@ -25,46 +25,46 @@ STRETCH_NUMBERS = 3  # numbers per segment, stored in q like the pieces of `piec
 
 
 class TimelineSegment(NamedTuple):
-    """A segment from `start`; the nested waveform runs from `inner` to at most `last`."""
+    """A segment from `start`, with the nested waveform from `nested_start` to `nested_end`."""
 
     start: float
-    inner: float
-    last: float
+    nested_start: float
+    nested_end: float
 
 
 @cache
-def retime(within: Waveform) -> Waveform:
-    """Return `within` on a timeline: q is that of `array_of`, then the q of `within`."""
+def retime(nested: Waveform) -> Waveform:
+    """Return `nested` on a timeline: q is that of `array_of`, then the q of `nested`."""
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
         u = fold(t, q[PERIOD])
         i = piece_at(u, q, STRETCH_NUMBERS)
         if q[i + 2] < 0.0:
             return 0.0
-        rest = FIRST + STRETCH_NUMBERS * int(q[COUNT])
-        return within(min(u - q[i] + q[i + 1], q[i + 2]), q[rest:])
+        nested_start = FIRST + STRETCH_NUMBERS * int(q[COUNT])
+        return nested(min(u - q[i] + q[i + 1], q[i + 2]), q[nested_start:])
 
     return waveform
 
 
 @cache
-def with_offset(within: Waveform, block: int) -> Waveform:
-    """Return `within` for a q made of blocks, each headed by its length; it gets one of them."""
+def with_offset(nested: Waveform, block: int) -> Waveform:
+    """Return `nested` for a q made of blocks, each headed by its length; it gets one of them."""
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
-        at = 0
+        start = 0
         for _ in range(block):
-            at += 1 + int(q[at])
-        return within(t, q[at + 1 :])
+            start += 1 + int(q[start])
+        return nested(t, q[start + 1 :])
 
     return waveform
 
 
 def array_of(
-    period: float, stretches: list[TimelineSegment], within: NDArray[np.float64]
+    period: float, stretches: list[TimelineSegment], nested: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the q of a retimed waveform."""
-    return np.concatenate([[period, len(stretches)], np.ravel(stretches), within])
+    return np.concatenate([[period, len(stretches)], np.ravel(stretches), nested])
 
 
 def repeated(drive: Drive, length: float) -> list[TimelineSegment]:
@@ -75,17 +75,17 @@ def repeated(drive: Drive, length: float) -> list[TimelineSegment]:
     if not switches:
         return [TimelineSegment(0.0, 0.0, NO_END)]
     # At the switch that closes a period, the next one begins.
-    begins = [0.0 if time == period else time for time in switches]
+    segment_starts = [0.0 if time == period else time for time in switches]
     stretches = []
-    if begins[-1] != 0.0:
+    if segment_starts[-1] != 0.0:
         stretches.append(TimelineSegment(0.0, 0.0, math.nextafter(switches[0], 0.0)))
     else:
-        begins = [0.0, *begins[:-1]]
-    ends = [*begins[1:], period + begins[0]]
-    last = length - 1e-12 * period
+        segment_starts = [0.0, *segment_starts[:-1]]
+    ends = [*segment_starts[1:], period + segment_starts[0]]
+    limit = length - 1e-12 * period
     for k in range(math.ceil(length / period)):
-        for begin, end in zip(begins, ends, strict=True):
-            start = k * period + begin
-            if start < last:
-                stretches.append(TimelineSegment(start, begin, math.nextafter(end, 0.0)))
+        for segment_start, end in zip(segment_starts, ends, strict=True):
+            start = k * period + segment_start
+            if start < limit:
+                stretches.append(TimelineSegment(start, segment_start, math.nextafter(end, 0.0)))
     return stretches

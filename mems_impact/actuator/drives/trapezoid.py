@@ -85,16 +85,16 @@ class Trapezoid(PiecewiseDrive):
 
     def pieces(self) -> list[Piece]:
         """Return crest and fall, and their mirror images if there is a bias."""
-        turn = 2.0 * math.pi / self.omega
-        slack = MIN_PIECE_PERIODS * turn
-        crest, flank = 0.5 * self.flat * turn, 0.5 * (1.0 - self.flat) * turn
+        wave_period = 2.0 * math.pi / self.omega
+        slack = MIN_PIECE_PERIODS * wave_period
+        crest, flank = 0.5 * self.flat * wave_period, 0.5 * (1.0 - self.flat) * wave_period
         top, bottom = self.bias + self.amplitude, self.bias - self.amplitude
         pieces = []
-        halves = [(0.0, top, bottom), (0.5 * turn, bottom, top)]
-        for start, before, after in halves if self.bias != 0.0 else halves[:1]:
+        halves = [(0.0, top, bottom), (0.5 * wave_period, bottom, top)]
+        for start, level, next_level in halves if self.bias != 0.0 else halves[:1]:
             if crest > slack:
-                pieces.append(Piece(start, before))
+                pieces.append(Piece(start, level))
             if flank > slack:
                 begin = start + crest if crest > slack else start
-                pieces.append(Piece(begin, before, (after - before) / flank))
+                pieces.append(Piece(begin, level, (next_level - level) / flank))
         return pieces

@@ -82,12 +82,12 @@ class TwoSided(Drive):
         """Forcing periods of right and left side in a common one."""
         right, left = self.right.period, self.left.period
         for count in range(1, MOST_PERIODS + 1):
-            other = round(count * right / left)
+            left_count = round(count * right / left)
             if (
-                1 <= other <= MOST_PERIODS
-                and abs(other * left - count * right) <= EQUAL_PERIODS_RTOL * left
+                1 <= left_count <= MOST_PERIODS
+                and abs(left_count * left - count * right) <= EQUAL_PERIODS_RTOL * left
             ):
-                return count, other
+                return count, left_count
         return None
 
     @property
@@ -115,45 +115,47 @@ class TwoSided(Drive):
         right, left = repeated(self.right, self.period), repeated(self.left, self.period)
         # Switches at the same time, to rounding, are one switch.
         times = np.array([stretch.start for stretch in right])
-        joined = []
+        left_stretches = []
         for stretch in left:
             nearest = float(times[np.argmin(np.abs(times - stretch.start))])
-            same = abs(nearest - stretch.start) <= 10.0 * EQUAL_PERIODS_RTOL * self.period
-            joined.append(stretch._replace(start=nearest) if same else stretch)
-        return right, joined
+            is_same = abs(nearest - stretch.start) <= 10.0 * EQUAL_PERIODS_RTOL * self.period
+            left_stretches.append(stretch._replace(start=nearest) if is_same else stretch)
+        return right, left_stretches
 
     @property
     def switches(self) -> tuple[float, ...]:
         """The switches of both sides."""
         starts = {stretch.start for side in self.stretches for stretch in side}
-        closes = any(
+        has_end_switch = any(
             side.switches and side.switches[-1] == side.period for side in (self.right, self.left)
         )
-        return (*sorted(starts - {0.0}), *([self.period] if closes else []))
+        return (*sorted(starts - {0.0}), *([self.period] if has_end_switch else []))
 
     def parameters(self) -> NDArray[np.float64]:
         """Return, for each side, the length of its block, its timeline and its own array."""
         blocks = []
-        turn = 2.0 * self.period if self.changes_sign else self.period
+        voltage_period = 2.0 * self.period if self.changes_sign else self.period
         for side, stretches in zip((self.right, self.left), self.stretches, strict=True):
-            timeline = self._continued(side, stretches) if self.changes_sign else stretches
-            block = array_of(turn, timeline, side.parameters())
+            timeline = self._continued_timeline(side, stretches) if self.changes_sign else stretches
+            block = array_of(voltage_period, timeline, side.parameters())
             blocks += [np.array([block.size], dtype=np.float64), block]
         return np.concatenate(blocks)
 
-    def _continued(self, side: Drive, stretches: list[TimelineSegment]) -> list[TimelineSegment]:
+    def _continued_timeline(
+        self, side: Drive, stretches: list[TimelineSegment]
+    ) -> list[TimelineSegment]:
         """Return the timeline of a side over two forcing periods, continuing that of the first.
 
         A switch of the second is exactly one forcing period after that of the first.
         """
         period = self.period
-        both = repeated(side, 2.0 * period)
+        two_periods = repeated(side, 2.0 * period)
         starts = [period + stretch.start for stretch in stretches]
-        if len(both) < 2 * len(stretches):  # none begins where the first period ends
+        if len(two_periods) < 2 * len(stretches):  # none begins where the first period ends
             starts = starts[1:]
-        later = both[len(stretches) :]
-        joined = zip(later, starts, strict=True)
-        return stretches + [stretch._replace(start=start) for stretch, start in joined]
+        second_period = two_periods[len(stretches) :]
+        pairs = zip(second_period, starts, strict=True)
+        return stretches + [stretch._replace(start=start) for stretch, start in pairs]
 
     def scaled(self, voltage: float, time: float) -> Self:
         """Return the same waveforms in other units of voltage and time."""
