@@ -547,7 +547,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             solution = point
         before = CIRCLE.spectrum(reduced_monodromy(event.orbit.shooting, earlier))
         after = CIRCLE.spectrum(reduced_monodromy(shooting, solution))
-        passing = CIRCLE.crossed(before, after)
+        passing = CIRCLE.crossings(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if event.direction[-1] * along[-1] < 0.0:
             changed.insert(0, FOLD)
@@ -719,7 +719,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
 def _jumps(before: Spectrum, after: Spectrum) -> bool:
     """Return whether multipliers differ on the two sides of a point."""
-    rows, columns = CIRCLE.paired(before, after)
+    rows, columns = CIRCLE.pairing(before, after)
     here, there = before.values[rows], after.values[columns]
     limits = MULTIPLIER_JUMP * np.maximum(np.abs(here), np.abs(there)) + MULTIPLIER_NOISE
     return bool(np.any(np.abs(here - there) > limits))

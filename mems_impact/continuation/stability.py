@@ -41,7 +41,7 @@ class Border:
         Growth of each of an array of values: negative within the border, positive beyond.
     size : callable
         Scale of the growth of each value.
-    apart : callable
+    distance : callable
         Distance between values, for their pairing.
     center : float
         Point of the border at which the equations are singular.
@@ -54,7 +54,7 @@ class Border:
 
     growth: Callable[[Complexes], Floats]
     size: Callable[[Complexes], Floats]
-    apart: Callable[[Complexes, Complexes], Floats]
+    distance: Callable[[Complexes, Complexes], Floats]
     center: float
     accuracy: float
     fold_distance: float
@@ -65,32 +65,34 @@ class Border:
             return Spectrum(np.zeros(0, complex), np.zeros(0), np.zeros(0))
         values, left, right = eig(matrix, left=True, right=True)
         # First-order sensitivity to relative errors of the entries, independent of units.
-        moved = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(matrix), np.abs(right))
-        aligned = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+        sensitivity = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(matrix), np.abs(right))
+        alignment = np.abs(np.einsum("ik,ik->k", left.conj(), right))
         with np.errstate(divide="ignore", invalid="ignore"):
-            uncertainty = self.accuracy * moved / aligned * self.size(values) / np.abs(values)
+            uncertainty = (
+                self.accuracy * sensitivity / alignment * self.size(values) / np.abs(values)
+            )
         return Spectrum(values, self.growth(values), np.nan_to_num(uncertainty, nan=np.inf))
 
     def is_remote(self, spectrum: Spectrum) -> bool:
         """Return whether no value is near the center, as it is at a fold."""
-        apart = self.apart(spectrum.values, np.array(self.center))
-        return bool(np.all(apart > self.fold_distance))
+        distances = self.distance(spectrum.values, np.array(self.center))
+        return bool(np.all(distances > self.fold_distance))
 
-    def crossed(self, before: Spectrum, after: Spectrum) -> list[tuple[int, int]]:
+    def crossings(self, before: Spectrum, after: Spectrum) -> list[tuple[int, int]]:
         """Return the values that cross the border, as indices before and after."""
-        rows, columns = self.paired(before, after)
-        passing = (before.growth[rows] < 0.0) != (after.growth[columns] < 0.0)
-        sure = np.abs(before.growth[rows]) > before.uncertainty[rows]
-        sure |= np.abs(after.growth[columns]) > after.uncertainty[columns]
-        both = passing & sure
-        return list(zip(rows[both].tolist(), columns[both].tolist(), strict=True))
+        rows, columns = self.pairing(before, after)
+        is_crossing = (before.growth[rows] < 0.0) != (after.growth[columns] < 0.0)
+        is_certain = np.abs(before.growth[rows]) > before.uncertainty[rows]
+        is_certain |= np.abs(after.growth[columns]) > after.uncertainty[columns]
+        mask = is_crossing & is_certain
+        return list(zip(rows[mask].tolist(), columns[mask].tolist(), strict=True))
 
-    def paired(
+    def pairing(
         self, before: Spectrum, after: Spectrum
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the pairing of values, as indices before and after."""
-        apart = self.apart(before.values[:, None], after.values)
-        rows, columns = linear_sum_assignment(np.nan_to_num(apart))
+        distances = self.distance(before.values[:, None], after.values)
+        rows, columns = linear_sum_assignment(np.nan_to_num(distances))
         return rows, columns
 
 
@@ -130,10 +132,10 @@ class Crossing:
     value: complex
 
 
-def _chord(one: Complexes, other: Complexes) -> Floats:
+def _chord(values: Complexes, others: Complexes) -> Floats:
     """Return the chordal distance on the Riemann sphere, which is finite at infinity."""
     return np.asarray(
-        np.abs(one - other) / np.hypot(1.0, np.abs(one)) / np.hypot(1.0, np.abs(other))
+        np.abs(values - others) / np.hypot(1.0, np.abs(values)) / np.hypot(1.0, np.abs(others))
     )
 
 
@@ -145,7 +147,7 @@ def _log_size(values: Complexes) -> Floats:
 IMAGINARY_AXIS = Border(
     growth=lambda values: np.asarray(values.real),
     size=lambda values: np.asarray(np.abs(values)),
-    apart=lambda one, other: np.asarray(np.abs(one - other)),
+    distance=lambda one, other: np.asarray(np.abs(one - other)),
     center=0.0,
     accuracy=1e-9,
     fold_distance=np.inf,
@@ -155,7 +157,7 @@ IMAGINARY_AXIS = Border(
 CIRCLE = Border(
     growth=_log_size,
     size=lambda values: np.ones(values.shape),
-    apart=_chord,
+    distance=_chord,
     center=1.0,
     accuracy=1e-7,
     fold_distance=0.1,
@@ -171,7 +173,7 @@ class Crossings:
     border : Border
     matrix : callable
         Matrix of the eigenvalues at a position in the step. It may raise an OrbitError.
-    behind : tuple, optional
+    previous : tuple, optional
         A (negative) position before the step, with the spectrum there.
     start : Spectrum, optional
         The spectrum at the start of the step, if it is known.
@@ -181,10 +183,10 @@ class Crossings:
         self,
         border: Border,
         matrix: Callable[[float], Floats],
-        behind: tuple[float, Spectrum] | None = None,
+        previous: tuple[float, Spectrum] | None = None,
         start: Spectrum | None = None,
     ) -> None:
-        self._border, self._matrix, self._behind = border, matrix, behind
+        self._border, self._matrix, self._previous = border, matrix, previous
         self._spectra: dict[float, Spectrum] = {} if start is None else {0.0: start}
 
     def spectrum(self, s: float) -> Spectrum:
@@ -197,74 +199,77 @@ class Crossings:
         """Return all crossings in the first `length` of a step, in order."""
         if length == 0.0:  # a loss at the start of the step
             return []
-        if self._behind is None:
+        if self._previous is None:
             half = 0.5 * length
             first, last = (0.0, self.spectrum(0.0)), (length, self.spectrum(length))
             return self._between(0.0, half, length, last) + self._between(
                 half, length, length, first
             )
-        return self._between(0.0, length, length, self._behind)
+        return self._between(0.0, length, length, self._previous)
 
     def _between(
         self, begin: float, end: float, length: float, third: tuple[float, Spectrum]
     ) -> list[Crossing]:
         """Return the crossings between two positions, given the spectrum at a third one."""
         before, after = self.spectrum(begin), self.spectrum(end)
-        passing = self._border.crossed(before, after)
-        ways = [(complex(before.values[i]), complex(after.values[j])) for i, j in passing]
-        only = self._only(begin, end, ways)
-        if only is not None:
-            return [only]
-        part = (end - begin) / length
+        pairs = self._border.crossings(before, after)
+        paths = [(complex(before.values[i]), complex(after.values[j])) for i, j in pairs]
+        crossing = self._single_crossing(begin, end, paths)
+        if crossing is not None:
+            return [crossing]
+        relative_length = (end - begin) / length
         if (
-            part > MIN_CROSSING_SPACING
-            if passing
-            else part > TANGENCY_STEP_RATIO and self._bends((begin, end), third)
+            relative_length > MIN_CROSSING_SPACING
+            if pairs
+            else relative_length > TANGENCY_STEP_RATIO
+            and self._may_cross_twice((begin, end), third)
         ):
             middle = 0.5 * (begin + end)
-            found = self._between(begin, middle, length, (end, after))
-            found += self._between(middle, end, length, (begin, before))
-            if found:
-                return found
+            crossings = self._between(begin, middle, length, (end, after))
+            crossings += self._between(middle, end, length, (begin, before))
+            if crossings:
+                return crossings
         # Several at one position, as in a system of equal parts, unless the pairing is wrong.
-        if sum(np.sign(after.growth[j]) for _, j in passing) == 0:
+        if sum(np.sign(after.growth[j]) for _, j in pairs) == 0:
             return []
         middle, center = 0.5 * (begin + end), self._border.center
         # Without damping, real values meet at the border and continue along it as a pair.
-        values = (here if here.imag == 0.0 else there for here, there in ways)
+        values = (first if first.imag == 0.0 else last for first, last in paths)
         kinds = {(value.imag == 0.0, value.real >= center): value for value in values}
         return [
             Crossing(begin, end, complex(center))
-            if real and (beyond or center == 0.0)
+            if is_real and (is_beyond or center == 0.0)
             else Crossing(middle, middle, value)
-            for (real, beyond), value in kinds.items()
+            for (is_real, is_beyond), value in kinds.items()
         ]
 
-    def _bends(self, ends: tuple[float, float], third: tuple[float, Spectrum]) -> bool:
+    def _may_cross_twice(self, ends: tuple[float, float], third: tuple[float, Spectrum]) -> bool:
         """Estimate by parabolas whether a value may cross the border twice."""
         (a, b), (c, other) = ends, third
         first, last = self.spectrum(a), self.spectrum(b)
-        rows, columns = self._border.paired(first, last)
-        one, two = first.growth[rows], last.growth[columns]
-        same = dict(
-            zip(*(each.tolist() for each in self._border.paired(first, other)), strict=True)
+        rows, columns = self._border.pairing(first, last)
+        g_a, g_b = first.growth[rows], last.growth[columns]
+        pairing = dict(
+            zip(*(each.tolist() for each in self._border.pairing(first, other)), strict=True)
         )
-        three = np.array([other.growth[same[i]] if i in same else np.nan for i in rows.tolist()])
+        g_c = np.array(
+            [other.growth[pairing[i]] if i in pairing else np.nan for i in rows.tolist()]
+        )
         with np.errstate(invalid="ignore"):
-            curvature = ((three - one) / (c - a) - (two - one) / (b - a)) / (c - b)
-            bent = 0.25 * np.abs(curvature) * (b - a) ** 2  # largest deviation from the chord
-            near = np.minimum(np.abs(one), np.abs(two)) < CURVATURE_SAFETY * bent
-        return bool(np.any(near & np.isfinite(bent)))
+            curvature = ((g_c - g_a) / (c - a) - (g_b - g_a) / (b - a)) / (c - b)
+            deviation = 0.25 * np.abs(curvature) * (b - a) ** 2  # largest deviation from the chord
+            is_near = np.minimum(np.abs(g_a), np.abs(g_b)) < CURVATURE_SAFETY * deviation
+        return bool(np.any(is_near & np.isfinite(deviation)))
 
-    def _only(
-        self, begin: float, end: float, ways: Sequence[tuple[complex, ...]]
+    def _single_crossing(
+        self, begin: float, end: float, paths: Sequence[tuple[complex, ...]]
     ) -> Crossing | None:
         """Return the only crossing, of one value with its conjugate; None if there are others."""
-        if len(ways) == 2 and all(v.conjugate() == w for v, w in zip(*ways, strict=True)):
-            ways = [tuple(complex(v.real, abs(v.imag)) for v in ways[0])]
-        if len(ways) != 1:
+        if len(paths) == 2 and all(v.conjugate() == w for v, w in zip(*paths, strict=True)):
+            paths = [tuple(complex(v.real, abs(v.imag)) for v in paths[0])]
+        if len(paths) != 1:
             return None
-        ((first, last),) = ways
+        ((first, last),) = paths
         if (first.imag == 0.0) != (last.imag == 0.0):
             return None
         center = self._border.center
@@ -272,33 +277,33 @@ class Crossings:
             return Crossing(begin, end, complex(center))
 
         def value(s: float) -> complex:
-            likely = first + (s - begin) / (end - begin) * (last - first)
+            prediction = first + (s - begin) / (end - begin) * (last - first)
             values = self.spectrum(s).values
-            return complex(values[np.argmin(np.abs(values - likely))])
+            return complex(values[np.argmin(np.abs(values - prediction))])
 
         def growth(s: float) -> float:
             return float(self._border.growth(np.array(value(s))))
 
-        place = float(brentq(growth, begin, end, xtol=CROSSING_XTOL, rtol=CROSSING_XTOL))
-        found = value(place)
-        if abs(growth(place)) > BORDER_RTOL * float(self._border.size(np.array(found))):
+        position = float(brentq(growth, begin, end, xtol=CROSSING_XTOL, rtol=CROSSING_XTOL))
+        border_value = value(position)
+        if abs(growth(position)) > BORDER_RTOL * float(self._border.size(np.array(border_value))):
             return None  # the value was confused with another one
-        return Crossing(place, place, found)
+        return Crossing(position, position, border_value)
 
 
-def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
+def unexplained(crossings: list[Crossing], positions: list[float]) -> list[Crossing]:
     """Return the bracketed crossings without a fold or branch point inside.
 
     Parameters
     ----------
-    found : list of Crossing
-    places : list of float
+    crossings : list of Crossing
+    positions : list of float
         Positions of the folds and branch points of the step.
     """
     return [
         each
-        for each in found
-        if each.begin < each.end and not any(each.begin <= s <= each.end for s in places)
+        for each in crossings
+        if each.begin < each.end and not any(each.begin <= s <= each.end for s in positions)
     ]
 
 
@@ -326,7 +331,7 @@ class Bifurcation(NamedTuple, Generic[P]):
 
     Attributes
     ----------
-    place : float
+    position : float
         Position in the step.
     kind : str
         "fold", "branch point", "crossing" or "unexplained".
@@ -335,7 +340,7 @@ class Bifurcation(NamedTuple, Generic[P]):
         The eigenvalue on the border of stability.
     """
 
-    place: float
+    position: float
     kind: str
     point: P
     value: complex
@@ -356,7 +361,7 @@ class Bifurcations(Generic[P]):
         Border of stability.
     matrix : callable
         Matrix of the eigenvalues at a point.
-    short : float
+    short_length : float
         Length below which a step is short.
     """
 
@@ -365,11 +370,11 @@ class Bifurcations(Generic[P]):
         equations: Solvable[P],
         border: Border,
         matrix: Callable[[P], Floats],
-        short: float,
+        short_length: float,
     ) -> None:
         self.equations = equations
-        self._border, self._matrix, self._short = border, matrix, short
-        self._behind: tuple[float, Spectrum] | None = None
+        self._border, self._matrix, self._short_length = border, matrix, short_length
+        self._previous: tuple[float, Spectrum] | None = None
         self._last: tuple[Floats, Spectrum] | None = None  # start of the last step
         self._end: tuple[P, Spectrum] | None = None  # its end
         self.branch_points = BranchPoints(equations)
@@ -391,47 +396,56 @@ class Bifurcations(Generic[P]):
         OrbitError
             If a bifurcation cannot be located in this step.
         """
-        center, short = complex(self._border.center), length < self._short
-        found = []
+        center, is_short = complex(self._border.center), length < self._short_length
+        bifurcations = []
         if (first < 0.0) != (last < 0.0):
             try:
-                place, point = self.branch_points.locate(step, length, first, last)
-                found.append(Bifurcation(place, BRANCH_POINT, point, center))
+                position, point = self.branch_points.locate(step, length, first, last)
+                bifurcations.append(Bifurcation(position, BRANCH_POINT, point, center))
             except OrbitError:
-                if not short:
+                if not is_short:
                     raise
         continuum = self._is_continuum(step, length)
-        for place in () if continuum else self._turns(step, length):
-            found.append(Bifurcation(place, FOLD, step.at(place).point, center))
+        for position in () if continuum else self._folds(step, length):
+            bifurcations.append(Bifurcation(position, FOLD, step.at(position).point, center))
         first_point, last_point = step.at(0.0).point, step.at(length).point
-        known = self._end[1] if self._end and self._end[0] is first_point else None
+        start_spectrum = self._end[1] if self._end and self._end[0] is first_point else None
         search = Crossings(
-            self._border, lambda s: self._matrix(step.at(s).point), self._behind_of(step), known
+            self._border,
+            lambda s: self._matrix(step.at(s).point),
+            self._previous_start(step),
+            start_spectrum,
         )
         crossings = search.within(length)
         self._last = step.start, search.spectrum(0.0)
         self._end = last_point, search.spectrum(length)
         # A real eigenvalue that passes the border at a fold, and beyond the border elsewhere in the
         # step, has no crossing between the ends.
-        hidden = [
+        hidden_folds = [
             each
-            for each in found
-            if each.kind == FOLD and not any(c.begin <= each.place <= c.end for c in crossings)
+            for each in bifurcations
+            if each.kind == FOLD and not any(c.begin <= each.position <= c.end for c in crossings)
         ]
-        rounding = [f for f in hidden if self._border.is_remote(search.spectrum(f.place))]
-        found = [each for each in found if each not in rounding]
-        missing = [] if continuum else unexplained(crossings, [place for place, *_ in found])
-        if (len(hidden) > len(rounding) or missing) and not short:
+        rounding_folds = [
+            f for f in hidden_folds if self._border.is_remote(search.spectrum(f.position))
+        ]
+        bifurcations = [each for each in bifurcations if each not in rounding_folds]
+        missing_crossings = (
+            [] if continuum else unexplained(crossings, [position for position, *_ in bifurcations])
+        )
+        if (len(hidden_folds) > len(rounding_folds) or missing_crossings) and not is_short:
             raise OrbitError("a change of stability was not located", SHORTER_STEP_REMEDY)
-        for each in missing:
-            place = 0.5 * (each.begin + each.end)
-            found.append(Bifurcation(place, UNEXPLAINED, step.at(place).point, each.value))
-        found += [
+        for each in missing_crossings:
+            position = 0.5 * (each.begin + each.end)
+            bifurcations.append(
+                Bifurcation(position, UNEXPLAINED, step.at(position).point, each.value)
+            )
+        bifurcations += [
             Bifurcation(each.begin, CROSSING, step.at(each.begin).point, each.value)
             for each in crossings
             if each.begin == each.end
         ]
-        return sorted(found, key=lambda each: each.place)
+        return sorted(bifurcations, key=lambda each: each.position)
 
     def without_spurious_folds(self, events: Sequence[X], point_of: Callable[[X], P]) -> list[X]:
         """Return special points of the branch without folds that are branch points.
@@ -442,12 +456,12 @@ class Bifurcations(Generic[P]):
         is_known = self.branch_points.is_known
         return [each for each in events if each.kind != FOLD or not is_known(point_of(each))]
 
-    def _behind_of(self, step: PredictorStep[P]) -> tuple[float, Spectrum] | None:
+    def _previous_start(self, step: PredictorStep[P]) -> tuple[float, Spectrum] | None:
         """Return the (negative) position of the start of the last step, and its spectrum."""
         if self._last is not None and not np.array_equal(step.start, self._last[0]):
             start, spectrum = self._last
-            self._behind = -float(np.linalg.norm(step.start - start)), spectrum
-        return self._behind
+            self._previous = -float(np.linalg.norm(step.start - start)), spectrum
+        return self._previous
 
     def _is_continuum(self, step: PredictorStep[P], length: float) -> bool:
         """Return whether the parameter stays constant, as along the orbits of a linear center.
@@ -458,16 +472,16 @@ class Bifurcations(Generic[P]):
         tangents = (tangent(step.at(s).point, step.along) for s in (0.0, length))
         return all(abs(each[-1]) < CONTINUUM_SLOPE for each in tangents)
 
-    def _turns(self, step: PredictorStep[P], length: float) -> Iterator[float]:
+    def _folds(self, step: PredictorStep[P], length: float) -> Iterator[float]:
         """Yield the positions of folds outside branch points."""
 
-        def onward(point: P) -> float:
+        def parameter_rate(point: P) -> float:
             return float(tangent(point, step.along)[-1])
 
         for begin, end in self.branch_points.between(step, length):
-            first, last = (onward(step.at(s).point) < 0.0 for s in (begin, end))
+            first, last = (parameter_rate(step.at(s).point) < 0.0 for s in (begin, end))
             if first != last:
                 try:
-                    yield step.zero(onward, end, begin)
+                    yield step.zero(parameter_rate, end, begin)
                 except ValueError as error:
                     raise OrbitError("a fold could not be located", SHORTER_STEP_REMEDY) from error
