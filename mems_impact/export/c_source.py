@@ -259,14 +259,14 @@ def _arguments(node: ast.FunctionDef | ast.Lambda) -> list[str]:
 def _codes_of(text: str) -> frozenset[CodeType]:
     """Return the code of all functions in the text of a file; none if it cannot be compiled."""
     try:
-        left = [compile(text, "", "exec", dont_inherit=True)]
+        pending = [compile(text, "", "exec", dont_inherit=True)]
     except SyntaxError:
         return frozenset()
     codes = set()
-    while left:
-        code = left.pop()
+    while pending:
+        code = pending.pop()
         codes.add(code)
-        left += [each for each in code.co_consts if isinstance(each, CodeType)]
+        pending += [each for each in code.co_consts if isinstance(each, CodeType)]
     return frozenset(codes)
 
 
@@ -397,13 +397,13 @@ Handler = Callable[["FunctionWriter", Sequence[Expression]], Expression]
 
 
 @dataclass
-class Translated:
+class CFunction:
     """A translated function: its name, the kind of its result, its text and its calls."""
 
     name: str
     result: Any
     text: str = ""
-    calls: list[Translated] = field(default_factory=list)
+    calls: list[CFunction] = field(default_factory=list)
     signature: str = ""
 
 
@@ -427,19 +427,19 @@ class CSource:
         generated: Mapping[Any, str] | None = None,
     ) -> None:
         self.handlers, self.generated = dict(handlers or {}), dict(generated or {})
-        self.translated: dict[Any, Translated] = {}
+        self.translated: dict[Any, CFunction] = {}
         self.pending: list[Any] = []
         self.tables: dict[bytes, str] = {}
         self.names: set[str] = set()
-        self.roots: list[Translated] = []
+        self.roots: list[CFunction] = []
 
-    def function(self, function: Callable[..., Any], kinds: Sequence[Kind]) -> Translated:
+    def function(self, function: Callable[..., Any], kinds: Sequence[Kind]) -> CFunction:
         """Translate a function for arguments of these kinds, and keep it in the source."""
         translated = self.translate(function, kinds)
         self.roots.append(translated)
         return translated
 
-    def translate(self, function: Any, kinds: Sequence[Kind]) -> Translated:
+    def translate(self, function: Any, kinds: Sequence[Kind]) -> CFunction:
         """Translate a function, once."""
         function = getattr(function, "py_func", function)
         key = (function, *kinds)
@@ -479,7 +479,7 @@ class CSource:
 
     def text(self) -> str:
         """Return the source: structures, tables, and functions in the order of calls."""
-        order: list[Translated] = []
+        order: list[CFunction] = []
         for root in self.roots:
             _ordered(root, order)
         body = "\n\n".join(each.text for each in order)
@@ -493,7 +493,7 @@ class CSource:
                 )
         return "\n\n".join(part for part in [*sections, body] if part) + "\n"
 
-    def _structures(self, order: Sequence[Translated]) -> str:
+    def _structures(self, order: Sequence[CFunction]) -> str:
         structures: dict[str, Tuple] = {}
 
         def visit(kind: Any) -> None:
@@ -513,7 +513,7 @@ class CSource:
         return {each.name: getattr(each, "tuples", []) for each in self.translated.values()}
 
 
-def _ordered(function: Translated, order: list[Translated]) -> None:
+def _ordered(function: CFunction, order: list[CFunction]) -> None:
     if function in order:
         return
     for each in function.calls:
@@ -560,7 +560,7 @@ class FunctionWriter:
         self.result: Any = None
         self.closure = inspect.getclosurevars(function).nonlocals if function.__closure__ else {}
 
-    def write(self) -> Translated:
+    def write(self) -> CFunction:
         """Return the translated function."""
         tree = self.text.tree
         arguments = _arguments(tree)
@@ -587,20 +587,20 @@ class FunctionWriter:
         self.lines: list[str] = []
         self.depth = 1
         self.temporaries: list[str] = []
-        self.calls: list[Translated] = []
+        self.calls: list[CFunction] = []
         self.tuples: list[Any] = []
         self.loops: list[tuple[str, str]] = []
         self.labels = 0
         self.overlay: dict[str, Any] = {}
 
-    def finish(self, arguments: Sequence[str]) -> Translated:
+    def finish(self, arguments: Sequence[str]) -> CFunction:
         result = NOTHING if self.result is None else self.result
         if isinstance(result, Fixed):
             ctype = "void"
         else:
             ctype = result.ctype
             self.note(result)
-        given, copies = [], []
+        parameters, copies = [], []
         for name in arguments:
             kind, target = self.arguments[name], self.variables[name]
             if isinstance(kind, Fixed):
@@ -612,9 +612,9 @@ class FunctionWriter:
                 continue
             self.note(kind)
             if target == kind:
-                given.append(f"{kind.ctype} v_{_identifier(name)}")
+                parameters.append(f"{kind.ctype} v_{_identifier(name)}")
             else:
-                given.append(f"{kind.ctype} a_{_identifier(name)}")
+                parameters.append(f"{kind.ctype} a_{_identifier(name)}")
                 value = Expression(kind, f"a_{_identifier(name)}")
                 copies.append(
                     f"{target.ctype} v_{_identifier(name)} = {self.converted(value, target)};"
@@ -624,8 +624,8 @@ class FunctionWriter:
                 self.note(kind)
                 start = " = {0}" if isinstance(kind, Tuple) else " = 0"
                 copies.append(f"{kind.ctype} v_{_identifier(name)}{start};")
-        translated = Translated(self.source.name(self.function.__name__), result)
-        signature = f"static {ctype} {translated.name}({', '.join(given) or 'void'})"
+        translated = CFunction(self.source.name(self.function.__name__), result)
+        signature = f"static {ctype} {translated.name}({', '.join(parameters) or 'void'})"
         lines = [*copies, *self.temporaries]
         body = ["    " + line for line in lines] + self.lines
         if ctype != "void":
@@ -732,22 +732,22 @@ class FunctionWriter:
             self.refuse(f"{role} of {kind_text}", "use numbers; write a loop over an array")
         return runtime_value
 
-    def joined(self, one: Any, two: Any) -> Any:
+    def joined(self, a: Any, b: Any) -> Any:
         """Return the least kind that holds the values of two kinds."""
-        if one is None or one == two:
-            return two
-        if isinstance(one, Fixed) or isinstance(two, Fixed):
-            first, second = (self.runtime(Expression(kind)).kind for kind in (one, two))
+        if a is None or a == b:
+            return b
+        if isinstance(a, Fixed) or isinstance(b, Fixed):
+            first, second = (self.runtime(Expression(kind)).kind for kind in (a, b))
             if isinstance(first, Fixed) or isinstance(second, Fixed):
                 self.refuse("a variable or result with several constants", "use numbers")
             return self.joined(first, second)
-        if one in RANKS and two in RANKS:
-            return max(one, two, key=RANKS.__getitem__)
-        if isinstance(one, Array) and isinstance(two, Array):
-            return one if one.shape == two.shape else Array()
-        if isinstance(one, Tuple) and isinstance(two, Tuple) and len(one.items) == len(two.items):
-            items = tuple(map(self.joined, one.items, two.items))
-            return Tuple(items, one.names if one.names == two.names else one.names or two.names)
+        if a in RANKS and b in RANKS:
+            return max(a, b, key=RANKS.__getitem__)
+        if isinstance(a, Array) and isinstance(b, Array):
+            return a if a.shape == b.shape else Array()
+        if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.items) == len(b.items):
+            items = tuple(map(self.joined, a.items, b.items))
+            return Tuple(items, a.names if a.names == b.names else a.names or b.names)
         self.refuse("a variable or result of several types", "use one name for each")
 
     def converted(self, expression: Expression, kind: Any) -> str:
@@ -760,9 +760,9 @@ class FunctionWriter:
             if runtime_value.items is None and isinstance(runtime_value.kind, Tuple):
                 if runtime_value.kind.ctype == kind.ctype:
                     return runtime_value.code
-                stored = self.temporary(runtime_value)
+                variable = self.temporary(runtime_value)
                 runtime_value = replace(
-                    stored, items=tuple(self.item(stored, i) for i in range(len(kind.items)))
+                    variable, items=tuple(self.item(variable, i) for i in range(len(kind.items)))
                 )
             if runtime_value.items is None:
                 self.refuse("a number in place of a tuple", "return as many values everywhere")
@@ -806,9 +806,9 @@ class FunctionWriter:
 
     def inner(self, statements: Sequence[ast.stmt]) -> bool:
         self.depth += 1
-        reached = self.block(statements)
+        falls_through = self.block(statements)
         self.depth -= 1
-        return reached
+        return falls_through
 
     def do_Pass(self, node: ast.Pass) -> None:
         """Translate nothing."""
@@ -859,8 +859,10 @@ class FunctionWriter:
             self.assign(node.target, self.value(node.value))
 
     def do_AugAssign(self, node: ast.AugAssign) -> None:
-        read: Any = ast.copy_location(ast.BinOp(_as_read(node.target), node.op, node.value), node)
-        self.assign(node.target, self.value(read))
+        expression: Any = ast.copy_location(
+            ast.BinOp(_as_read(node.target), node.op, node.value), node
+        )
+        self.assign(node.target, self.value(expression))
 
     def assign(self, target: ast.expr, value: Expression) -> None:
         """Assign a value to a target."""
@@ -869,16 +871,16 @@ class FunctionWriter:
                 self.refuse("a call without a result as a value", "return a value")
             if target.id in self.overlay:
                 self.refuse("an assignment to the variable of a loop", "use another name")
-            known = self.variables.get(target.id)
+            variable_kind = self.variables.get(target.id)
             kind = value.kind
             if value.fixed and (target.id in self.variables or _is_number(value.kind.value)):
                 runtime_value = self.runtime(value)
-                kind = known if known == value.kind else runtime_value.kind
+                kind = variable_kind if variable_kind == value.kind else runtime_value.kind
             if value.items is not None:
                 kind = Tuple(
                     tuple(self.runtime(item).kind for item in value.items), value.kind.names
                 )
-            kind = self.joined(known, kind)
+            kind = self.joined(variable_kind, kind)
             self.variables[target.id] = kind
             code = self.converted(value, kind)
             if code:
@@ -915,12 +917,12 @@ class FunctionWriter:
             self.refuse("an assignment between different lengths", "write a loop")
         if source is None:
             runtime_value = self.temporary(runtime_value)
-        stored = self.temporary(target)
+        variable = self.temporary(target)
         items = [runtime_value if source is None else source.item(str(i), i) for i in range(length)]
         # All values are read before the first element changes: both slices may be of one array.
         items = [self.temporary(self.number(each, "an item")) for each in items]
         for i, each in enumerate(items):
-            self.emit(f"{stored.code}[{i}] = {each.code};")
+            self.emit(f"{variable.code}[{i}] = {each.code};")
 
     def unpack(self, targets: Sequence[ast.expr], value: Expression) -> None:
         if value.fixed:
@@ -931,8 +933,8 @@ class FunctionWriter:
         elif value.items is not None:
             items = value.items
         elif isinstance(value.kind, Tuple):
-            stored = self.temporary(value)
-            items = tuple(self.item(stored, i) for i in range(len(value.kind.items)))
+            variable = self.temporary(value)
+            items = tuple(self.item(variable, i) for i in range(len(value.kind.items)))
         elif isinstance(value.kind, Array) and value.kind.length is not None:
             items = tuple(Expression(REAL, f"{value.code}[{i}]") for i in range(value.kind.length))
         else:
@@ -1042,18 +1044,18 @@ class FunctionWriter:
         """Translate a loop over constants of several kinds, once for each."""
         assert each.length is not None
         end_label = self.label()
-        before = dict(self.overlay)
+        overlay = dict(self.overlay)
         for i in range(each.length):
-            after = self.label()
+            next_label = self.label()
             self.emit("{")
             self.depth += 1
             self.bind(node.target, each.item(str(i), i))
-            self.loops.append((f"goto {after};", f"goto {end_label};"))
+            self.loops.append((f"goto {next_label};", f"goto {end_label};"))
             self.block(node.body)
             self.loops.pop()
             self.depth -= 1
-            self.emit(f"}} {after}:;")
-        self.overlay = before
+            self.emit(f"}} {next_label}:;")
+        self.overlay = overlay
         self.emit(f"{end_label}:;")
 
     def bind(self, target: ast.expr, value: Expression) -> None:
@@ -1076,27 +1078,27 @@ class FunctionWriter:
         if isinstance(node, ast.Call) and not node.keywords:
             callee = self.value(node.func)
             if callee.fixed and callee.kind.value is enumerate and len(node.args) == 1:
-                inner = self.iterable_of(node.args[0])
+                nested = self.iterable_of(node.args[0])
 
-                def numbered(code: str, i: int | None) -> Expression:
+                def numbered_item(code: str, i: int | None) -> Expression:
                     number = Expression(INTEGER, code) if i is None else constant(i)
-                    items = number, inner.item(code, i)
+                    items = number, nested.item(code, i)
                     return Expression(Tuple(tuple(each.kind for each in items)), "", items)
 
-                return replace(inner, item=numbered)
+                return replace(nested, item=numbered_item)
             if callee.fixed and callee.kind.value is zip:
                 iterables = [self.iterable_of(each) for each in node.args]
                 lengths = [part.length for part in iterables]
                 if any(length is None for length in lengths):
                     self.refuse("zip of arrays of unknown length", "write a loop over an index")
 
-                def zipped(code: str, i: int | None) -> Expression:
+                def zipped_item(code: str, i: int | None) -> Expression:
                     items = tuple(part.item(code, i) for part in iterables)
                     return Expression(Tuple(tuple(each.kind for each in items)), "", items)
 
                 length = min(each for each in lengths if each is not None)
                 return Iterable(
-                    length, str(length), zipped, any(part.unrolled for part in iterables)
+                    length, str(length), zipped_item, any(part.unrolled for part in iterables)
                 )
             if callee.fixed and callee.kind.value is range and len(node.args) == 1:
                 stop = self.value(node.args[0])
@@ -1112,33 +1114,33 @@ class FunctionWriter:
     def iterable(self, value: Expression) -> Iterable:
         """Return a value as something to iterate over."""
         if value.fixed:
-            given = value.kind.value
-            if isinstance(given, np.ndarray):
+            constants = value.kind.value
+            if isinstance(constants, np.ndarray):
                 return self.iterable(self.runtime(value))
-            if not isinstance(given, tuple | list):
+            if not isinstance(constants, tuple | list):
                 self.refuse("a loop over this value", "loop over a range, an array or a tuple")
-            length = len(given)
-            if length and all(isinstance(each, float | int) for each in given):
-                name = f"((double *)({self.source.table(given)}))"
-                integers = all(isinstance(each, int) for each in given)
+            length = len(constants)
+            if length and all(isinstance(each, float | int) for each in constants):
+                name = f"((double *)({self.source.table(constants)}))"
+                integers = all(isinstance(each, int) for each in constants)
                 kind = INTEGER if integers else REAL
 
-                def listed(code: str, i: int | None) -> Expression:
+                def table_item(code: str, i: int | None) -> Expression:
                     if i is not None:
-                        return constant(given[i])
+                        return constant(constants[i])
                     cast = "(int64_t)" if integers else ""
                     return Expression(kind, f"({cast}{name}[{code}])")
 
-                return Iterable(length, str(length), listed)
-            return Iterable(length, str(length), lambda code, i: constant(given[i or 0]), True)
+                return Iterable(length, str(length), table_item)
+            return Iterable(length, str(length), lambda code, i: constant(constants[i or 0]), True)
         if value.items is not None or isinstance(value.kind, Tuple):
-            stored = self.temporary(value)
-            items = tuple(self.item(stored, i) for i in range(len(value.kind.items)))
+            variable = self.temporary(value)
+            items = tuple(self.item(variable, i) for i in range(len(value.kind.items)))
             return Iterable(len(items), str(len(items)), lambda code, i: items[i or 0], True)
         if isinstance(value.kind, Array) and value.kind.length is not None:
-            stored = self.temporary(value)
+            variable = self.temporary(value)
             length = value.kind.length
-            return Iterable(length, str(length), lambda code, i: self.element(stored, code))
+            return Iterable(length, str(length), lambda code, i: self.element(variable, code))
         self.refuse("a loop over this value", "loop over a range, an array or a tuple")
 
     # --- Tests
@@ -1180,12 +1182,12 @@ class FunctionWriter:
         """
         inner_lines = ["    " + line for line in self.lines[begin:]]
         del self.lines[begin:]
-        stored = self.temporary(Expression(BOOLEAN, f"({first})")).code
-        self.emit(f"if ({stored if is_and else f'!{stored}'}) {{")
+        variable = self.temporary(Expression(BOOLEAN, f"({first})")).code
+        self.emit(f"if ({variable if is_and else f'!{variable}'}) {{")
         self.lines += inner_lines
-        self.emit(f"    {stored} = {second};")
+        self.emit(f"    {variable} = {second};")
         self.emit("}")
-        return stored
+        return variable
 
     # --- Expressions
 
@@ -1246,13 +1248,13 @@ class FunctionWriter:
             except (IndexError, KeyError, TypeError):
                 self.refuse("an index out of range", "use an index that exists", node)
         if owner.fixed:
-            given = owner.kind.value
-            if isinstance(given, tuple | list) and given:
+            constants = owner.kind.value
+            if isinstance(constants, tuple | list) and constants:
                 try:
-                    owner = self.runtime(constant(np.array(given, dtype=np.float64)))
+                    owner = self.runtime(constant(np.array(constants, dtype=np.float64)))
                 except (TypeError, ValueError):
                     self.refuse("a variable index of this constant", "use a constant index", node)
-                if all(isinstance(each, int) for each in given):
+                if all(isinstance(each, int) for each in constants):
                     element = self.element(owner, self.number(index, "an index").code)
                     return Expression(INTEGER, f"((int64_t){element.code})")
             else:
@@ -1263,9 +1265,9 @@ class FunctionWriter:
             kinds = set(owner.kind.items)
             if len(kinds) > 1:
                 self.refuse("a variable index of a tuple of several types", "use an array", node)
-            stored = self.converted(owner, owner.kind)
+            tuple_code = self.converted(owner, owner.kind)
             (kind,) = kinds
-            code = f"{owner.kind.ctype}_at({stored}, {self.number(index, 'an index').code})"
+            code = f"{owner.kind.ctype}_at({tuple_code}, {self.number(index, 'an index').code})"
             return Expression(kind, code)
         if not isinstance(owner.kind, Array):
             self.refuse("an index of this value", "index arrays and tuples", node)
@@ -1293,10 +1295,10 @@ class FunctionWriter:
             if number < 0 and length is None:
                 self.refuse("a negative index of unknown length", "use an index from zero", node)
             return str(number + length if number < 0 and length is not None else number)
-        made = self.number(index, "an index")
-        if made.kind == REAL:
+        index_number = self.number(index, "an index")
+        if index_number.kind == REAL:
             self.refuse("an index that is no integer", "use int()", node)
-        code = made.code
+        code = index_number.code
         if length is not None and not code.startswith("il") and owner.kind.shape is not None:
             return f"wrapped({code}, {length})"
         return code
@@ -1314,22 +1316,24 @@ class FunctionWriter:
         bounds = [None if each is None else self.value(each) for each in (node.lower, node.upper)]
         if node.step is not None:
             self.refuse("a slice with a step", "write a loop", node)
-        fixed = all(bound is None or bound.fixed for bound in bounds)
-        first, last = (None if bound is None or not fixed else bound.kind.value for bound in bounds)
+        is_fixed = all(bound is None or bound.fixed for bound in bounds)
+        first, last = (
+            None if bound is None or not is_fixed else bound.kind.value for bound in bounds
+        )
         if owner.fixed:
-            if not fixed:
+            if not is_fixed:
                 owner = self.runtime(constant(np.array(owner.kind.value, dtype=float)))
             else:
                 return constant(owner.kind.value[first:last])
-        if isinstance(owner.kind, Tuple) and fixed:
+        if isinstance(owner.kind, Tuple) and is_fixed:
             indices = range(len(owner.kind.items))[first:last]
-            stored = owner if owner.items is not None else self.temporary(owner)
-            items = tuple(self.item(stored, i) for i in indices)
+            variable = owner if owner.items is not None else self.temporary(owner)
+            items = tuple(self.item(variable, i) for i in indices)
             return Expression(Tuple(tuple(item.kind for item in items)), "", items)
         if not isinstance(owner.kind, Array) or (owner.kind.shape and len(owner.kind.shape) > 1):
             self.refuse("a slice of this value", "slice arrays of one dimension", node)
         length = owner.kind.length
-        if fixed and length is not None:
+        if is_fixed and length is not None:
             indices = range(length)[first:last]
             return Expression(Array((len(indices),)), f"({owner.code} + {indices.start})")
         if bounds[0] is None:
@@ -1372,25 +1376,25 @@ class FunctionWriter:
             )
             return Expression(Tuple(tuple(item.kind for item in items)), "", items)
         role = f"the operator {kind.__name__}"
-        one, two = self.number(left, role), self.number(right, role)
-        result = max(one.kind, two.kind, INTEGER, key=RANKS.__getitem__)
+        a, b = self.number(left, role), self.number(right, role)
+        result = max(a.kind, b.kind, INTEGER, key=RANKS.__getitem__)
         if kind is ast.Div:
-            return Expression(REAL, f"((double){one.code} / (double){two.code})")
+            return Expression(REAL, f"((double){a.code} / (double){b.code})")
         if kind is ast.Pow:
-            return self.power(one, two, right, result)
+            return self.power(a, b, right, result)
         if kind in (ast.FloorDiv, ast.Mod):
             name = "floor_divide" if kind is ast.FloorDiv else "floor_modulo"
             suffix = "_i" if result == INTEGER else ""
-            return Expression(result, f"{name}{suffix}({one.code}, {two.code})")
+            return Expression(result, f"{name}{suffix}({a.code}, {b.code})")
         if kind not in SIGNS:
             self.refuse(role, "use arithmetic of numbers", node)
         if result == INTEGER:
-            codes = [f"(int64_t){each.code}" for each in (one, two)]
+            codes = [f"(int64_t){each.code}" for each in (a, b)]
         else:
-            codes = [one.code, two.code]
+            codes = [a.code, b.code]
         if result == REAL and SIGNS[kind] not in "+-*":
             self.refuse(f"{role} of real numbers", "use integers", node)
-        if kind in (ast.BitAnd, ast.BitOr, ast.BitXor) and one.kind == two.kind == BOOLEAN:
+        if kind in (ast.BitAnd, ast.BitOr, ast.BitXor) and a.kind == b.kind == BOOLEAN:
             result = BOOLEAN
         return Expression(result, f"({codes[0]} {SIGNS[kind]} {codes[1]})")
 
@@ -1436,22 +1440,22 @@ class FunctionWriter:
                 self.refuse("the value of and or or", "use if and else", node)
             kind = self.joined(part.kind, self.runtime(result).kind)
             pair = (result, part) if is_and else (part, result)
-            one, two = (self.converted(each, kind) for each in pair)
-            result = Expression(kind, f"({part.code} ? {one} : {two})")
+            a, b = (self.converted(each, kind) for each in pair)
+            result = Expression(kind, f"({part.code} ? {a} : {b})")
         return result
 
     def of_IfExp(self, node: ast.IfExp) -> Expression:
         outcome, code = self.truth(node.test)
         if outcome is not None:
             return self.value(node.body if outcome else node.orelse)
-        before = len(self.lines)
-        one, two = self.value(node.body), self.value(node.orelse)
-        if one.fixed and two.fixed and one.kind == two.kind:
-            return one
-        kinds = [self.literal_kind(each) for each in (one, two)]
+        line_count = len(self.lines)
+        a, b = self.value(node.body), self.value(node.orelse)
+        if a.fixed and b.fixed and a.kind == b.kind:
+            return a
+        kinds = [self.literal_kind(each) for each in (a, b)]
         kind = self.joined(*kinds)
-        codes = [self.converted(each, kind) for each in (one, two)]
-        if len(self.lines) != before:
+        codes = [self.converted(each, kind) for each in (a, b)]
+        if len(self.lines) != line_count:
             self.refuse("this value of if and else", "use statements if and else", node)
         return Expression(kind, f"({code} ? {codes[0]} : {codes[1]})")
 
@@ -1472,8 +1476,8 @@ class FunctionWriter:
             if not each.fixed and "(" in each.code:
                 operands[i] = self.temporary(each)
         codes: list[str] = []
-        for sign, one, two in zip(node.ops, operands, operands[1:], strict=False):
-            comparison = self.comparison(sign, one, two, node)
+        for sign, a, b in zip(node.ops, operands, operands[1:], strict=False):
+            comparison = self.comparison(sign, a, b, node)
             if comparison.fixed:
                 if not comparison.kind.value:
                     return constant(False)
@@ -1484,33 +1488,33 @@ class FunctionWriter:
         return Expression(BOOLEAN, codes[0] if len(codes) == 1 else f"({' && '.join(codes)})")
 
     def comparison(
-        self, sign: ast.cmpop, one: Expression, two: Expression, node: ast.AST
+        self, sign: ast.cmpop, a: Expression, b: Expression, node: ast.AST
     ) -> Expression:
         """Return a comparison of two values."""
         if isinstance(sign, ast.Is | ast.IsNot):
-            numbers = [self.runtime(each).kind in RANKS for each in (one, two)]
-            if all(numbers) and not (one.fixed and two.fixed):
+            numbers = [self.runtime(each).kind in RANKS for each in (a, b)]
+            if all(numbers) and not (a.fixed and b.fixed):
                 self.refuse("is between numbers", "compare them by ==", node)
-            same = one.fixed and two.fixed and one.kind.value is two.kind.value
-            return constant(same is isinstance(sign, ast.Is))
+            is_same = a.fixed and b.fixed and a.kind.value is b.kind.value
+            return constant(is_same is isinstance(sign, ast.Is))
         if isinstance(sign, ast.In | ast.NotIn):
-            if two.fixed:
-                choices = [constant(each) for each in two.kind.value]
-            elif isinstance(two.kind, Tuple):
-                choices = [self.item(two, i) for i in range(len(two.kind.items))]
+            if b.fixed:
+                choices = [constant(each) for each in b.kind.value]
+            elif isinstance(b.kind, Tuple):
+                choices = [self.item(b, i) for i in range(len(b.kind.items))]
             else:
                 self.refuse("in of this value", "use a tuple of numbers", node)
-            if one.fixed and two.fixed:
-                inside = one.kind.value in two.kind.value
-                return constant(inside is isinstance(sign, ast.In))
-            held = one if one.fixed or "(" not in one.code else self.temporary(one)
-            tests = [self.comparison(ast.Eq(), held, each, node) for each in choices]
+            if a.fixed and b.fixed:
+                is_member = a.kind.value in b.kind.value
+                return constant(is_member is isinstance(sign, ast.In))
+            member = a if a.fixed or "(" not in a.code else self.temporary(a)
+            tests = [self.comparison(ast.Eq(), member, each, node) for each in choices]
             code = " || ".join(self.runtime(test).code for test in tests) or "false"
             return Expression(BOOLEAN, f"({'!' if isinstance(sign, ast.NotIn) else ''}({code}))")
         compare, mark = COMPARISONS[type(sign)]
-        if one.fixed and two.fixed:
-            return constant(bool(compare(one.kind.value, two.kind.value)))
-        left, right = self.number(one, "a comparison"), self.number(two, "a comparison")
+        if a.fixed and b.fixed:
+            return constant(bool(compare(a.kind.value, b.kind.value)))
+        left, right = self.number(a, "a comparison"), self.number(b, "a comparison")
         return Expression(BOOLEAN, f"({left.code} {mark} {right.code})")
 
     # --- Calls
@@ -1539,21 +1543,21 @@ class FunctionWriter:
         self,
         function: Any,
         arguments: Sequence[Expression],
-        named: Mapping[str, Expression],
+        keywords: Mapping[str, Expression],
         node: ast.AST,
     ) -> Expression:
         """Return a call of a function."""
         if isinstance(function, MethodType):
             return self.call(
-                function.__func__, [constant(function.__self__), *arguments], named, node
+                function.__func__, [constant(function.__self__), *arguments], keywords, node
             )
         function = getattr(function, "py_func", function)
         handler = self.source.handlers.get(function) if _hashable(function) else None
         if handler is not None:
             return handler(self, arguments)
-        own = self.library(function, arguments, named, node)
-        if own is not None:
-            return own
+        result = self.library(function, arguments, keywords, node)
+        if result is not None:
+            return result
         if isinstance(function, type) and issubclass(function, tuple):
             names: tuple[str, ...] = getattr(function, "_fields", ())
             if names:
@@ -1561,46 +1565,46 @@ class FunctionWriter:
                     name: constant(value)
                     for name, value in getattr(function, "_field_defaults", {}).items()
                 }
-                values = {**defaults, **dict(zip(names, arguments, strict=False)), **named}
+                values = {**defaults, **dict(zip(names, arguments, strict=False)), **keywords}
                 if set(values) != set(names):
                     self.refuse(f"{function.__name__} without all its items", "give each", node)
                 items = tuple(values[name] for name in names)
                 kinds = tuple(item.kind for item in items)
                 return Expression(Tuple(kinds, names), "", items)
             if len(arguments) == 1:
-                whole = self.iterable(arguments[0])
-                assert whole.length is not None
-                items = tuple(whole.item(str(i), i) for i in range(whole.length))
+                iterable = self.iterable(arguments[0])
+                assert iterable.length is not None
+                items = tuple(iterable.item(str(i), i) for i in range(iterable.length))
                 return Expression(Tuple(tuple(item.kind for item in items)), "", items)
         if not isinstance(function, FunctionType):
-            shown = getattr(function, "__qualname__", repr(function))
+            function_name = getattr(function, "__qualname__", repr(function))
             module = getattr(function, "__module__", "") or ""
-            title = f"{module}.{shown}" if module not in ("", "builtins") else shown
+            title = f"{module}.{function_name}" if module not in ("", "builtins") else function_name
             self.refuse(f"the function {title}", "use math, and functions of your own", node)
-        return self.user_call(function, arguments, named, node)
+        return self.user_call(function, arguments, keywords, node)
 
     def user_call(
         self,
         function: FunctionType,
         arguments: Sequence[Expression],
-        named: Mapping[str, Expression],
+        keywords: Mapping[str, Expression],
         node: ast.AST,
     ) -> Expression:
         """Return a call of a Python function, which is translated too."""
         code = function.__code__
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-        given = dict(zip(names, arguments, strict=False))
-        given.update(named)
+        values_by_name = dict(zip(names, arguments, strict=False))
+        values_by_name.update(keywords)
         values = function.__defaults__ or ()
         positional = code.co_varnames[: code.co_argcount]
         defaults = dict(zip(positional[len(positional) - len(values) :], values, strict=True))
         for name, value in {**defaults, **(function.__kwdefaults__ or {})}.items():
-            given.setdefault(name, constant(value))
-        if set(given) != set(names) or len(arguments) > len(positional):
+            values_by_name.setdefault(name, constant(value))
+        if set(values_by_name) != set(names) or len(arguments) > len(positional):
             self.refuse(f"a call of {function.__name__!r}", "give each of its arguments", node)
-        made = []
+        expressions = []
         for name in names:
-            each = given[name]
+            each = values_by_name[name]
             if each.fixed and _is_number(each.kind.value):
                 each = self.runtime(each)
             if each.items is not None:
@@ -1608,37 +1612,37 @@ class FunctionWriter:
                 each = Expression(kind, self.converted(each, kind))
             elif each.fixed and isinstance(each.kind.value, np.ndarray):
                 each = self.runtime(each)
-            made.append(each)
-        found = self.source.translate(function, [each.kind for each in made])
-        if found not in self.calls:
-            self.calls.append(found)
-        for each in made:
+            expressions.append(each)
+        translated = self.source.translate(function, [each.kind for each in expressions])
+        if translated not in self.calls:
+            self.calls.append(translated)
+        for each in expressions:
             self.note(each.kind)
-        self.note(found.result)
-        text = ", ".join(each.code for each in made if not each.fixed)
-        return Expression(found.result, f"{found.name}({text})")
+        self.note(translated.result)
+        text = ", ".join(each.code for each in expressions if not each.fixed)
+        return Expression(translated.result, f"{translated.name}({text})")
 
     def library(
         self,
         function: Any,
         arguments: Sequence[Expression],
-        named: Mapping[str, Expression],
+        keywords: Mapping[str, Expression],
         node: ast.AST,
     ) -> Expression | None:
         """Return a call of a function of Python, math or numpy; None for any other."""
         if not _hashable(function):
             return None
-        known = (
+        tables = (
             *(REAL_FUNCTIONS, INTEGER_FUNCTIONS, TESTS, CASTS),
             *((abs, min, max, len, sum, pow, math.log, divmod),),
         )
-        pure = any(function in each for each in known)
-        if pure and not named and arguments and all(each.fixed for each in arguments):
+        is_pure = any(function in each for each in tables)
+        if is_pure and not keywords and arguments and all(each.fixed for each in arguments):
             try:
                 return constant(function(*(each.kind.value for each in arguments)))
             except (ArithmeticError, TypeError, ValueError):
                 pass
-        if named and pure:
+        if keywords and is_pure:
             self.refuse("arguments by name", "give them by position", node)
         if function in REAL_FUNCTIONS:
             name = REAL_FUNCTIONS[function]
@@ -1653,19 +1657,19 @@ class FunctionWriter:
             code = self.number(arguments[0], "a function").code
             return Expression(INTEGER, f"((int64_t){INTEGER_FUNCTIONS[function]}({code}))")
         if function in TESTS:
-            made = self.number(arguments[0], "a test")
-            return Expression(BOOLEAN, f"({TESTS[function]}((double){made.code}) != 0)")
+            result = self.number(arguments[0], "a test")
+            return Expression(BOOLEAN, f"({TESTS[function]}((double){result.code}) != 0)")
         if function in CASTS and len(arguments) == 1:
-            made = self.number(arguments[0], "a conversion")
-            if made.kind == CASTS[function]:
-                return made
+            result = self.number(arguments[0], "a conversion")
+            if result.kind == CASTS[function]:
+                return result
             if function in (bool, np.bool_):
-                return Expression(BOOLEAN, f"({made.code} != 0)")
-            return Expression(CASTS[function], f"(({CASTS[function].ctype}){made.code})")
+                return Expression(BOOLEAN, f"({result.code} != 0)")
+            return Expression(CASTS[function], f"(({CASTS[function].ctype}){result.code})")
         if function is abs and len(arguments) == 1:
-            made = self.number(arguments[0], "abs")
-            name = "fabs" if made.kind == REAL else "integer_abs"
-            return Expression(REAL if made.kind == REAL else INTEGER, f"{name}({made.code})")
+            result = self.number(arguments[0], "abs")
+            name = "fabs" if result.kind == REAL else "integer_abs"
+            return Expression(REAL if result.kind == REAL else INTEGER, f"{name}({result.code})")
         if function in (min, max):
             return self.extreme(function, arguments, node)
         if function is math.log:
@@ -1680,32 +1684,34 @@ class FunctionWriter:
                 self.refuse("len of an array of unknown length", "give the length", node)
             return constant(length)
         if function in (sum, np.sum) and len(arguments) == 1:
-            whole = self.iterable(arguments[0])
-            assert whole.length is not None
+            iterable = self.iterable(arguments[0])
+            assert iterable.length is not None
             total: Expression = constant(0)
-            for i in range(whole.length):
-                total = self.binary(ast.Add(), total, whole.item(str(i), i), node)
+            for i in range(iterable.length):
+                total = self.binary(ast.Add(), total, iterable.item(str(i), i), node)
             return total
         if function in (np.array, np.zeros, np.empty, np.ones):
-            types = [*arguments[1:], *named.values()]
-            if len(arguments) != 1 or set(named) - {"dtype"} or len(types) > 1:
+            types = [*arguments[1:], *keywords.values()]
+            if len(arguments) != 1 or set(keywords) - {"dtype"} or len(types) > 1:
                 self.refuse(f"these arguments of {function.__name__}", "give the first", node)
             if any(each.kind not in (Fixed(float), Fixed(np.float64)) for each in types):
                 self.refuse("an array of a type", "make arrays of real numbers", node)
             if function is not np.array:
-                return self.made_array(function, arguments[0], node)
-            whole = self.iterable(arguments[0])
-            assert whole.length is not None
-            items = [self.number(whole.item(str(i), i), "an array") for i in range(whole.length)]
+                return self.new_array(function, arguments[0], node)
+            iterable = self.iterable(arguments[0])
+            assert iterable.length is not None
+            items = [
+                self.number(iterable.item(str(i), i), "an array") for i in range(iterable.length)
+            ]
             if not types and items and all(item.kind != REAL for item in items):
                 self.refuse("an array of integers", "make arrays of real numbers: 1.0", node)
-            made = self.made_array(np.empty, constant(whole.length), node)
+            result = self.new_array(np.empty, constant(iterable.length), node)
             for i, item in enumerate(items):
-                self.emit(f"{made.code}[{i}] = {item.code};")
-            return made
+                self.emit(f"{result.code}[{i}] = {item.code};")
+            return result
         return None
 
-    def made_array(self, function: Any, length: Expression, node: ast.AST) -> Expression:
+    def new_array(self, function: Any, length: Expression, node: ast.AST) -> Expression:
         """Return a new local array of constant length."""
         if not length.fixed or not isinstance(length.kind.value, int) or length.kind.value < 1:
             self.refuse("an array of variable length", "use a constant length", node)
@@ -1720,9 +1726,9 @@ class FunctionWriter:
     def extreme(self, function: Any, arguments: Sequence[Expression], node: ast.AST) -> Expression:
         """Return min or max."""
         if len(arguments) == 1:
-            whole = self.iterable(arguments[0])
-            assert whole.length is not None
-            arguments = [whole.item(str(i), i) for i in range(whole.length)]
+            iterable = self.iterable(arguments[0])
+            assert iterable.length is not None
+            arguments = [iterable.item(str(i), i) for i in range(iterable.length)]
         parts = [self.number(each, function.__name__) for each in arguments]
         kind = parts[0].kind
         for part in parts[1:]:
@@ -1774,6 +1780,6 @@ def _hashable(value: Any) -> bool:
 
 def _as_read(target: ast.expr) -> Any:
     """Return a target as an expression that is read."""
-    made = type(target)(**{name: getattr(target, name) for name in target._fields})
-    made.ctx = ast.Load()  # type: ignore[attr-defined]
-    return ast.copy_location(made, target)
+    result = type(target)(**{name: getattr(target, name) for name in target._fields})
+    result.ctx = ast.Load()  # type: ignore[attr-defined]
+    return ast.copy_location(result, target)
