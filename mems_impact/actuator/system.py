@@ -92,6 +92,7 @@ class ActuatorNumerics(HybridSystem):
     actuator: Actuator
     drive: Drive
     _scales: Scales
+    mode_by_switch = True
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         self.name = ""
@@ -371,6 +372,7 @@ def _source(terms: Sequence[Term], drive: Drive) -> Drive:
 
 # --- The system of an actuator under a drive
 
+AT_REST = State()
 CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
 IMPACT_GUARDS = tuple(guard.name for guard in GUARDS if guard.impact)
 
@@ -496,7 +498,7 @@ class ActuatorSystem(ActuatorNumerics):
             return self._with_imported_voltage(inputs).export_model(inputs, initial, options)
         model = super().export_model(inputs, initial, options)
         named = self.name or "actuator"
-        return replace(model, name=named, mode_by_switch=True, bounds=self._number_bounds)
+        return replace(model, name=named, bounds=self._number_bounds)
 
     @property
     def _number_bounds(self) -> tuple[Bound, ...]:
@@ -570,7 +572,7 @@ class ActuatorSystem(ActuatorNumerics):
     @property
     def initial(self) -> State:
         """At rest in the middle."""
-        return State()
+        return AT_REST
 
     @property
     def section(self) -> Section:
@@ -789,9 +791,14 @@ class ActuatorSystem(ActuatorNumerics):
 
 def kind_of(drive: Drive) -> str:
     """Return the kind of a waveform in files; empty if files cannot contain it."""
+    return _kind_of(type(drive))
+
+
+@cache
+def _kind_of(waveform: type[Drive]) -> str:
     kinds = {name: kind for kind, name in WAVEFORMS.items()}
-    kind = kinds.get(type(drive).__name__, "")
-    return kind if kind and drive_of_kind(kind) is type(drive) else ""
+    kind = kinds.get(waveform.__name__, "")
+    return kind if kind and drive_of_kind(kind) is waveform else ""
 
 
 def own_functions(drive: Drive) -> dict[str, str]:
@@ -920,7 +927,6 @@ class ImportedSystem(ActuatorSystem):
             name="actuator",
             numbers=(*own, *voltages),
             inputs=(*others, *(number.name for number in voltages)),
-            mode_by_switch=True,
             bounds=self._number_bounds,
         )
 

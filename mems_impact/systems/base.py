@@ -121,6 +121,8 @@ class HybridSystem(Result, ABC):
     """The class of its runs; a subclass may add tables."""
     orbit_type: ClassVar[Any] = None
     """The class of its orbits; a subclass may add tables."""
+    mode_by_switch: ClassVar[bool] = False
+    """Whether the transition at a switch determines the mode of a state."""
 
     @property
     @abstractmethod
@@ -706,6 +708,7 @@ class HybridSystem(Result, ABC):
             time_factor=float(self.out("time", 1.0)),
             start_time=float(self.out("time", start.time)),
             inputs=tuple(inputs),
+            mode_by_switch=self.mode_by_switch,
         )
 
     def limits(self, name: str) -> Limits:

@@ -1063,6 +1063,8 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
     mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
     warning.
     """
+    if system.mode_by_switch:
+        return  # the mode fits the state
     automaton, options = problem.automaton, problem.options
     numbers = [
         i for i, guard in enumerate(automaton.guards) if not guard.impact and not guard.records
