@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pandas as pd
-from scipy.stats import sobol_indices
 
 from mems_impact._util.arrays import Floats
 from mems_impact.analysis.attractor import (
@@ -111,6 +110,8 @@ def _estimated(samples: tuple[Floats, Floats, Floats], seed: int) -> Floats:
 def _indices(samples: Sequence[Floats]) -> Floats:
     """Return first-order and total indices, shape (2, quantities, drawn)."""
     first, second, between = samples
+    from scipy.stats import sobol_indices  # imported on first use, since it is slow
+
     indices = sobol_indices(func={"f_A": first, "f_B": second, "f_AB": between}, n=first.shape[1])
     shape = (len(first), len(between))
     return np.stack([indices.first_order.reshape(shape), indices.total_order.reshape(shape)])

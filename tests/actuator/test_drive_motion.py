@@ -14,7 +14,7 @@ FINE = mi.Options(rtol=1e-12, atol=1e-13)
 SHARP = mi.Options(rtol=1e-10, atol=1e-12)
 KICK = mi.State(v2=0.5)
 # For motions that are compared with each other: less time than the compilation of each drive.
-PLAIN = mi.Options(engine="interpreted")
+PLAIN = mi.Options(method="dop853", engine="interpreted")
 
 
 class Switching(Judge):
@@ -157,10 +157,10 @@ def test_half_a_period_later_on_the_other_side():
     half = pulse.replace(phase=math.pi)
     weak, weak_half = pulse.replace(amplitude=0.1), half.replace(amplitude=0.1)
     one = mi.simulate(
-        ZHAO, mi.TwoSided(right=pulse, left=weak_half), 20, initial=KICK, options=PLAIN
+        ZHAO, mi.TwoSided(right=pulse, left=weak_half), 8, initial=KICK, options=PLAIN
     )
     start, pair = mi.State(v2=-0.5, time=6.0), mi.TwoSided(right=weak, left=half)
-    other = mi.simulate(ZHAO, pair, 20, initial=start, options=PLAIN)
+    other = mi.simulate(ZHAO, pair, 8, initial=start, options=PLAIN)
     np.testing.assert_allclose(swapped(one), -np.array(swapped(other)), rtol=0, atol=1e-7)
     assert one.statistics["displacement per period"] > 1e-4
     assert other.statistics["displacement per period"] < -1e-4
@@ -169,7 +169,7 @@ def test_half_a_period_later_on_the_other_side():
 def test_two_sided_with_nothing_on_the_left_is_one_sided():
     sine = mi.Sine(amplitude=0.24, omega=0.5)
     pair = mi.TwoSided(right=sine, left=sine.replace(amplitude=0.0))
-    one, two = (mi.simulate(ZHAO, each, 30, initial=KICK, options=PLAIN) for each in (sine, pair))
+    one, two = (mi.simulate(ZHAO, each, 10, initial=KICK, options=PLAIN) for each in (sine, pair))
     assert pair.period == sine.period
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
 
@@ -208,7 +208,7 @@ def test_after_a_burst_the_block_rings_down(wave):
 def test_a_burst_is_its_wave_while_it_lasts():
     wave = mi.Square(amplitude=0.3, omega=0.5, duty=0.3, phase=1.0)
     burst = mi.Burst(wave=wave, on=7, off=5)
-    options = mi.Options(engine="interpreted", rtol=SHARP.rtol, atol=SHARP.atol)
+    options = mi.Options(method="dop853", engine="interpreted", rtol=SHARP.rtol, atol=SHARP.atol)
     plain = mi.simulate(ZHAO, wave, 6.5, initial=KICK, options=options)
     cut = mi.simulate(ZHAO, burst, 6.5 / 12, initial=KICK, options=options)
     assert len(plain.impacts) == len(cut.impacts) > 3
@@ -287,7 +287,7 @@ def test_custom_functions_of_the_same_name_are_distinguished():
         "square with flanks",
         "sampled",
         pytest.param("burst of pulses", marks=pytest.mark.slow),
-        "two-sided",
+        pytest.param("two-sided", marks=pytest.mark.slow),
         pytest.param("jumping custom", marks=pytest.mark.slow),
     ],
 )

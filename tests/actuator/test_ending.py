@@ -7,7 +7,7 @@ import pytest
 import mems_impact as mi
 
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
-INTERPRETED = mi.Options(engine="interpreted")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
 def arrived(mode, t, y, p):

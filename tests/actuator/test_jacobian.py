@@ -33,7 +33,10 @@ def test_it_is_the_derivative_of_the_flow(mode, x2):
     np.testing.assert_allclose(given, differences, atol=2e-8)
 
 
-@pytest.mark.parametrize(("engine", "periods"), [("compiled", 40), ("interpreted", 3)])
+@pytest.mark.parametrize(
+    ("engine", "periods"),
+    [pytest.param("compiled", 40, marks=pytest.mark.slow), ("interpreted", 3)],
+)
 def test_newton_with_it_gives_what_newton_with_differences_gives(engine, periods):
     finals = []
     for automaton in (AUTOMATON, replace(AUTOMATON, jacobian=None)):

@@ -10,7 +10,7 @@ from mems_impact.actuator.terms.base import Term, TermContribution
 from tests.actuator.waveforms import DRIVES, SINE, channels
 
 ZHAO = mi.load_actuator("zhao2004")
-INTERPRETED = mi.Options(engine="interpreted", rtol=1e-11, atol=1e-13)
+INTERPRETED = mi.Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
 
 TRIANGLE = mi.Trapezoid(amplitude=0.3, omega=0.5, flat=0.0, phase=0.4)
 FLANKS = mi.Square(amplitude=0.3, omega=0.5, low=-0.3, rise=2.0, phase=0.9)

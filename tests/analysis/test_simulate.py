@@ -11,7 +11,7 @@ from mems_impact._util import progress
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 KICK = mi.State(v2=1.0)
-INTERPRETED = mi.Options(engine="interpreted")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
 @pytest.fixture(scope="module")

@@ -171,7 +171,10 @@ def test_an_elastic_block_pressed_to_the_stopper_is_reported_with_its_reason():
 
 @pytest.mark.parametrize(
     ("engine", "share"),
-    [("compiled", 0.0), ("compiled", 0.5), ("compiled", 1.0), ("interpreted", 0.5)],
+    [
+        *(pytest.param("compiled", share, marks=pytest.mark.slow) for share in (0.0, 0.5, 1.0)),
+        ("interpreted", 0.5),
+    ],
 )
 @pytest.mark.parametrize("v2", [1e-300, 1e-30, 1e-16])
 def test_slips_and_impacts_below_rounding_end(share, v2, engine):

@@ -101,19 +101,19 @@ def test_a_help_page_into_a_closed_pipe():
     assert help_page.wait() == 141
 
 
-def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path):
+def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path, cli):
     for table in TABLES:
         (tmp_path / table).write_text("the run before")
-    done = subprocess.run(
-        [*PROGRAM, *SIMULATE, "--no-figure", "--no-progress", "--output", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        # No file may be longer: writing fails as on a full disk.
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
-    )
-    assert done.returncode == 1
-    assert done.stderr.count("\n") == 1
-    assert "simulate-impacts.csv: cannot be written (file too large); make room" in done.stderr
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # No file may be longer: writing fails as on a full disk.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        done = cli(*SIMULATE, "--no-figure", "--no-progress", "--output", ".")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert done.status == 1
+    assert done.err.count("\n") == 1
+    assert "simulate-impacts.csv: cannot be written (file too large); make room" in done.err
     assert names(tmp_path) == TABLES
     for table in TABLES:
         assert (tmp_path / table).read_text() == "the run before"

@@ -278,7 +278,9 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
 def test_events_that_cannot_pass_each_other(segment, reason):
     """A switch begins the period; an impact is followed by a slip, not the other way round."""
     drive = Square(amplitude=0.4, omega=1.0)
-    orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked_state(DEVICE), transient=300).found
+    options = mi.Options(method="dop853", engine="interpreted")
+    guess = mi.kicked_state(DEVICE)
+    orbit = mi.find_orbit(DEVICE, drive, guess=guess, transient=40, options=options).found
     assert orbit.segments[-1].code == 2 * orbit.shooting.m
     meeting = SegmentLengthTest("simultaneous events", segment)
     with pytest.raises(OrbitError, match=reason):

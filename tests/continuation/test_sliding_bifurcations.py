@@ -26,7 +26,7 @@ def growth():
         states=("x", "y"), flow=spiral, parameters={"mu": 0.8, "w": 1.5}, initial={"x": 0.5},
         parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
     )  # fmt: skip
-    return mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.3)
+    return mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.1)
 
 
 @pytest.mark.slow

@@ -373,7 +373,11 @@ BOUNDED = {
 @pytest.mark.parametrize(
     ("terms", "bounds"),
     [
-        ("comb", [("comb_drive.overlap", 4e-6, 2.4e-6, "> 2.5e-06 m, the largest deflection")]),
+        pytest.param(
+            "comb",
+            [("comb_drive.overlap", 4e-6, 2.4e-6, "> 2.5e-06 m, the largest deflection")],
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             "yielding comb",
             [("d", 1.7e-5, 1.9e-5, "must be > 1.075e-05 m, the largest deflection")],

@@ -76,7 +76,7 @@ def test_the_tail_of_the_samples_is_the_samples_of_the_tail(case, engine, period
     run_ = run(problem(*system, engine=engine, **settings), start, periods)
     whole = run_.samples(40)
     times = whole.cycle + whole.time / run_.period
-    for first in np.linspace(0.0, periods, 9 if engine == "interpreted" else 41):
+    for first in np.linspace(0.0, periods, 5 if engine == "interpreted" else 41):
         tail = run_.samples(40, first=first)
         keep = times >= first - 1e-12
         assert np.array_equal(tail.y, whole.y[keep])

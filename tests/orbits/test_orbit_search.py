@@ -132,7 +132,11 @@ def test_oscillator_that_is_pressed_against_its_stop():
     assert check_closed(orbit) < 1e-9
 
 
-@pytest.mark.parametrize(("amplitude", "omega"), [(0.4, 0.1), (0.4, 0.05), (0.45, 0.1)], ids=str)
+@pytest.mark.parametrize(
+    ("amplitude", "omega"),
+    [(0.4, 0.1), pytest.param(0.4, 0.05, marks=pytest.mark.slow), (0.45, 0.1)],
+    ids=str,
+)
 def test_actuator_whose_block_rests_on_the_stopper(amplitude, omega):
     # Between two of the last impacts the frame slips and stops: both are in the signature.
     orbit = actuator_orbit(amplitude, omega, transient=50)

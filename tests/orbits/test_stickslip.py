@@ -65,7 +65,7 @@ def three_segments(voltage, guess):
 
 def test_orbit_with_signature_stuck_stuck_slip():
     family = actuator(0.7, W, mu_d=MU_D)
-    orbit = find_periodic_orbit(family, at((0.0, 0.0, 0.0, 0.3)), transient=300)
+    orbit = find_periodic_orbit(family, at((0.0, 0.0, 0.0, 0.3)), transient=60)
     assert [segment.mode for segment in orbit.segments] == [0, 1, 0]
     ((_, collision, before),) = orbit.impacts
     rest = orbit.point.ends[1]

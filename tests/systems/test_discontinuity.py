@@ -190,4 +190,4 @@ def test_runs_tell_of_nothing_declared_or_smooth(given):
     given = {"period": 2.0 * math.pi, "initial": {"x": 0.5}, **given}
     system = mi.System(states=("x", "v"), **given)
     options = mi.Options(engine="interpreted", method="auto")
-    assert caught_by(lambda: mi.simulate(system, periods=10, options=options)) == []
+    assert caught_by(lambda: mi.simulate(system, periods=4, options=options)) == []

@@ -88,7 +88,7 @@ def test_runs(form, method, given):
     assert list(run.events["event"]) == ["turn"] * 4
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", ["named", pytest.param("arrays", marks=pytest.mark.slow)])
 def test_orbits_and_exponents(form):
     options = mi.Options(engine="interpreted", method="dop853", rtol=1e-6)
     assert mi.find_orbit(rubbing(form), transient=10, options=options).stable

@@ -80,7 +80,7 @@ def same_tables(one, other):
         pd.testing.assert_series_equal(wanted, other[name], check_exact=True)
 
 
-@pytest.mark.parametrize("method", ["dop853", "adams", "bdf"])
+@pytest.mark.parametrize("method", ["dop853", "adams", pytest.param("bdf", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "arrays",
     [False, pytest.param(True, marks=pytest.mark.slow)],

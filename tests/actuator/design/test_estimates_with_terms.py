@@ -11,7 +11,7 @@ from mems_impact.actuator.terms.base import Term, TermContribution
 
 ZHAO = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
-INTERPRETED = mi.Options(engine="interpreted")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
 class Stretched(Term):

@@ -12,7 +12,7 @@ import mems_impact as mi
 ZHAO = mi.load_actuator("zhao2004")
 FIRM = ZHAO.replace(mu_s=5.0)  # a frame that nothing moves
 MITA = mi.load_actuator("mita2003")
-INTERPRETED = mi.Options(engine="interpreted")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
 def test_pull_in_is_that_of_seeger_and_boser():

@@ -9,7 +9,7 @@ import pytest
 import mems_impact as mi
 
 ZHAO = mi.load_actuator("zhao2004")
-INTERPRETED = mi.Options(engine="interpreted")
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 
 
 def test_a_resting_block_lets_go_when_the_offset_has_grown():

@@ -9,7 +9,7 @@ import pytest
 
 import mems_impact as mi
 
-SLOW = mi.Options(engine="interpreted", rtol=1e-10, atol=1e-12)
+SLOW = mi.Options(method="dop853", engine="interpreted", rtol=1e-10, atol=1e-12)
 OFF = mi.Sine(amplitude=0.0, omega=0.5)
 ON = mi.Sine(amplitude=0.24, omega=0.5)
 ZHAO = mi.load_actuator("zhao2004")
