@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import root
 
 import mems_impact as mi
+from mems_impact.continuation.sliding import Junction
 
 # --- A cycle that touches a wall
 
@@ -233,6 +234,25 @@ def test_a_branch_passes_all_sliding_bifurcations(climb):
             expected = {"adding": "cubic", "switching": "invisible"}.get(name, "visible")
             assert found.tangency == expected
             assert found.rates == pytest.approx((0.0, 2.0), abs=1e-7)
+
+
+@pytest.mark.slow
+def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
+    """Such a point is no adding-sliding bifurcation, whatever the modes around it."""
+    derivative = Junction.derivative
+    point = named(climb)["adding"]
+    third = mi.sliding_type(point).third
+
+    def bent(self, field, surface, order, t, y):
+        second = share * third * self.time_scale if order == 2 else 0.0
+        return derivative(self, field, surface, order, t, y) + second
+
+    monkeypatch.setattr(Junction, "derivative", bent)
+    share = 1e-3
+    assert mi.sliding_type(point).tangency == "cubic"
+    share = 0.1
+    with pytest.raises(mi.OrbitError, match=r"the tangency is (in)?visible, not cubic"):
+        mi.sliding_type(point)
 
 
 @pytest.mark.slow

@@ -14,8 +14,11 @@ from mems_impact.integrators.options import Options
 from tests.hybrid.systems import STOP, simulate, stop
 
 
-def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=1.0):
-    """Return where, and in which direction, a polynomial with these roots crosses zero on a run."""
+def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=1.0, lift=0.0):
+    """Return where, and in which direction, a polynomial crosses zero on a run.
+
+    It has these roots, but for `lift` above it.
+    """
     slope = np.polynomial.Polynomial.fromroots(roots).deriv().coef[::-1] * unit
     slope = tuple(slope.tolist())
 
@@ -32,10 +35,10 @@ def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=
         period=1e3,
         time_scale=20.0,
         section=(0, 0.0, direction),
-        options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13 * unit),
+        options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13 * abs(unit)),
     )
     start = HybridState(
-        0, 0.0, 0, np.array([unit * math.prod(begin - root for root in roots), begin])
+        0, 0.0, 0, np.array([unit * (math.prod(begin - root for root in roots) + lift), begin])
     )
     log = run(problem, start, (end - begin) / 1e3).events.crossings(0)
     return log.after[:, 1], log.guard.tolist()
@@ -66,6 +69,13 @@ def test_a_dip_amid_a_step(center):
     roots = [center + offset for offset in (-0.5018, -0.0421, 0.0421, 0.5018)]
     found, _ = crossings(roots)
     assert found == pytest.approx(roots, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_turns_round_before_the_section_does_not_cross_it(side, method):
+    """It comes closer to the section than the shortest parts of a step resolve."""
+    assert crossings((0.3, 0.3), unit=side, lift=1e-8, method=method)[1] == []
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])

@@ -281,6 +281,16 @@ def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():
     assert defects(high=1.0 - 1e-8) == [("high", "missed", pytest.approx(-1e-8, abs=1e-11))]
 
 
+def test_a_segment_that_ends_before_it_starts_is_a_defect_of_this_length():
+    orbit = actuator_orbit(0.24, 0.5)
+    unknowns = orbit.point.unknowns.copy()
+    unknowns[unknowns == orbit.point.ends[1]] = orbit.point.starts[1] - 0.01
+    point = orbit.shooting.evaluate(unknowns, np.empty(0))
+    (defect,) = make_orbit(orbit.shooting, point).defects
+    assert (defect.segment, defect.kind) == (1, "order")
+    assert defect.value == pytest.approx(-0.01, abs=1e-12)
+
+
 @pytest.mark.parametrize("period", [0.5, 1.0, 4.0])
 def test_transitions_are_timed_from_the_start_across_periods(period):
     """A ball that falls from 1: after sqrt 2, and twice that after an impact with e = 1."""
