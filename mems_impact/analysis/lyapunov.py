@@ -15,6 +15,7 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.lyapunov import CHUNK, MIN_CHUNKS, LyapunovIntegrator
@@ -25,6 +26,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
+from mems_impact.systems.typical_scales import warn_if_below_differences
 from mems_impact.systems.validation import check_start_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
@@ -300,6 +302,11 @@ def lyapunov(
     elif duration is not None:
         max_periods = float(system.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
+    if not system.is_scaled:
+        sizes = np.abs(start.y)
+        sizes[list(problem.automaton.cyclic)] = math.nan  # perturbations have no such components
+        step = problem.automaton.step
+        warn_if_below_differences(system.states, sizes, step, lambda: run(problem, start, 2.0))
     with progress_bar(progress, "periods", max_periods, "Lyapunov exponents") as report:
         return _run_to_tolerance(system, problem, start, count, max_periods, tolerance, report)
 
@@ -319,8 +326,8 @@ def _start(
         check_start_side(system, problem, start)
         return start
     run_length: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
-    run = simulate(system, initial=initial, options=options, **run_length)
-    final: HybridState = run.trajectory.final
+    settled = simulate(system, initial=initial, options=options, **run_length)
+    final: HybridState = settled.trajectory.final
     return final
 
 

@@ -41,6 +41,7 @@ from mems_impact.systems.statistics import (
     evaluate_observables,
     largest_values,
 )
+from mems_impact.systems.typical_scales import warn_if_below_differences
 from mems_impact.systems.validation import check_start_side, mode_monitor
 from mems_impact.systems.window_statistics import Moments
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
@@ -606,7 +607,22 @@ def find_orbit(
             "the solution is in .partial",
             orbit,
         )
+    if not system.is_scaled:
+        _check_sizes(system, solution)
     return orbit
+
+
+def _check_sizes(system: HybridSystem, solution: PeriodicOrbit) -> None:
+    """Warn if states of an orbit are smaller than the steps of finite differences."""
+    automaton = system.automaton
+    sizes = np.abs([arc.end for arc in solution.point.arcs]).max(axis=0)
+    sizes[list(automaton.cyclic)] = math.nan  # perturbations have no such components
+    warn_if_below_differences(
+        system.states,
+        sizes,
+        automaton.step,
+        lambda: run(solution.problem, solution.instant, float(solution.periods)),
+    )
 
 
 def _diverged(

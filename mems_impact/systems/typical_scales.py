@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import warn
@@ -28,6 +29,7 @@ __all__ = [
     "typical_of",
     "warn_if_badly_scaled_orbit",
     "warn_if_badly_scaled_run",
+    "warn_if_below_differences",
 ]
 
 # --- Warnings about poor scaling
@@ -36,6 +38,7 @@ MIN_STATE_TOLERANCES = 1e3  # smallest magnitude of a well-scaled state, in abso
 MIN_STEP_RATIO = 1e-4  # smallest mean step, relative to the assumed time scale
 SAMPLES_BETWEEN_EVENTS = 64  # between events
 ORDER_ONE = (1e-5, 1e5)  # magnitudes of times and parameters that suit finite differences
+STATE_ROUNDING = 1e-12  # smaller states are errors of Newton's method
 
 
 class MaxStateRecorder:
@@ -104,6 +107,32 @@ def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -
             f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
         )
         _warn(f"{listed}: far from order one, which finite differences for orbits assume", far)
+
+
+def warn_if_below_differences(
+    states: tuple[str, ...], sizes: Floats, step: float, trajectory: Callable[[], Trajectory]
+) -> None:
+    """Warn if a state is smaller than the step of the differences for multipliers and exponents.
+
+    Parameters
+    ----------
+    states : tuple of str
+    sizes : float array, shape (n,)
+        Magnitudes of the states at some instants of a motion.
+    step : float
+    trajectory : callable
+        Returns a run along the motion, of which the sizes count if some are small.
+    """
+
+    def small() -> NDArray[np.bool_]:
+        return (sizes > STATE_ROUNDING) & (sizes < step)
+
+    if small().any():  # a speed may be zero at these instants
+        sizes = np.maximum(sizes, between(trajectory()))
+    far = {states[i]: decade(float(sizes[i])) for i in np.flatnonzero(small())}
+    if far:
+        stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in far.items())
+        _warn(f"{stay}, but finite differences take steps of {step:.0e}", far)
 
 
 def between(trajectory: Trajectory) -> Floats:

@@ -290,6 +290,29 @@ def test_what_lies_far_from_one_is_reported():
         oscillator(L, 1e-6).family(PLAIN)
 
 
+def pendulum(size, **typical):
+    """Return a driven pendulum whose angle is counted in units of 1/size rad."""
+
+    def flow(mode, t, y, p):
+        return y.v, size * (0.4 * math.cos(t) - 2.0 * math.sin(y.x / size)) - 0.15 * y.v
+
+    return mi.System(states=("x", "v"), flow=flow, period=2.0 * math.pi, initial={"x": 0.1 * size},
+                     **typical)  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
+def test_states_below_the_steps_of_differences_are_reported(verb):
+    given = {"transient": 60, "options": mi.Options(engine="interpreted")}
+    if verb is mi.lyapunov:
+        given |= {"periods": 17}
+    with pytest.warns(mi.ScaleWarning, match=r"x stays below 1e-04.*typical=\{'x': 1e-04, 'v': 1e"):
+        verb(pendulum(1e-4), **given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mi.ScaleWarning)
+        verb(pendulum(1.0), **given)
+        verb(pendulum(1e-4, typical={"x": 1e-4, "v": 1e-4}), **given)
+
+
 def beside_a_pole(mode, t, y, p):
     return y.v, 5e-4 * math.cos(0.5 * t) - y.x - 0.2 * y.v + 1e-9 / (0.003 - y.x) ** 2
 
