@@ -73,9 +73,11 @@ class PowerLaw(Relation):
 
     def solve(self, name: str, known: Mapping[str, float]) -> float | None:
         """Return the quantity `name` from all others; None if they do not determine it."""
-        factors = (known[other] ** -power for other, power in self.powers.items() if other != name)
+        own = self.powers[name]
+        sign = math.copysign(1.0, own)  # without a reciprocal, so that factors may be zero
+        factors = (known[other] ** (-sign * p) for other, p in self.powers.items() if other != name)
         try:
-            return float((self.constant * math.prod(factors)) ** (1.0 / self.powers[name]))
+            return float((self.constant**sign * math.prod(factors)) ** (1.0 / abs(own)))
         except ArithmeticError:
             return None
 
@@ -302,8 +304,10 @@ def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> di
         relation = min(ready, key=lambda each: sum(name not in known for name in each.names))
         waiting.remove(relation)
         missing = [name for name in relation.names if name not in known]
-        target = missing[0] if missing else _latest(relation.names, given)
-        value = relation.solve(target, known)
+        # A check computes a quantity that was given, as far as possible.
+        targets = missing or sorted(relation.names, key=lambda name: name not in given)
+        values = ((name, relation.solve(name, known)) for name in targets)
+        target, value = next((pair for pair in values if pair[1] is not None), ("", None))
         if value is None:
             continue
         others = [name for name in relation.names if name != target]
@@ -323,11 +327,6 @@ def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> di
             dict.fromkeys(source for name in others for source in sources[name] if source in given)
         )
     return known
-
-
-def _latest(names: Sequence[str], given: Mapping[str, float]) -> str:
-    """Return the quantity that a check computes: one that was given, as far as possible."""
-    return next((name for name in names if name in given), names[0])
 
 
 def _agree(first: float, second: float) -> bool:

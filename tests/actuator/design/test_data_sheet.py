@@ -205,3 +205,13 @@ def test_dynamic_pull_in_with_damping_against_another_integrator():
     heavy = mita.replace(c=0.1)
     static = mi.pull_in_voltage(heavy)
     assert mi.pull_in_voltage(heavy, dynamic=True) == pytest.approx(static, rel=1e-8)
+
+
+def test_quantities_of_zero_determine_and_contradict_others():
+    undamped = mi.Actuator.from_design(**without("quality", damping_ratio=0))
+    assert undamped.c == 0.0
+    weightless = {"gravity": 0, "static_friction_force": "1 uN"}
+    with pytest.raises(mi.InvalidParameter, match=r"^gravity = 0: contradicts .* = 1e-06 N"):
+        mi.Actuator.from_design(**without(**weightless))
+    with pytest.raises(mi.InvalidParameter, match=r"^damping_ratio = 0: contradicts quality = 30,"):
+        mi.Actuator.from_design(**without(damping_ratio=0))
