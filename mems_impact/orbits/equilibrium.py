@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,7 +22,8 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
 DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to a value, or to 1 if that is larger
-CANCELLATION_RTOL = 1e-11  # rounding error of an entry, relative to the largest of its row
+CANCELLATION_RTOL = 1e-11  # error of an entry by the basis, relative to the largest of its row
+ROUNDING_SAFETY = 10.0  # factor on estimates of the rounding errors of differences
 EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible equilibrium
 
 
@@ -200,10 +200,11 @@ class EquilibriumEquations:
         """Return the derivative on the manifold, and which of its entries are rounding."""
         basis = vectors @ np.linalg.inv(vectors[pivots])
         projected = self._projected(unknowns, parameters)
-        rows = differentiate(lambda u: self._flow(u, parameters), projected)[pivots]
+        rows, errors = _derivatives(lambda u: self._flow(u, parameters), projected)
+        rows, errors = rows[pivots], errors[pivots] @ np.abs(basis)
         matrix = rows @ basis
         sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
-        return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes
+        return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes + ROUNDING_SAFETY * errors
 
 
 @dataclass(frozen=True)
@@ -320,15 +321,25 @@ def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     Central differences of sixth order with several step lengths: of consecutive estimates the pair
     with the least difference is used, between the truncation and the rounding regime.
     """
-    columns = []
+    return _derivatives(function, x)[0]
+
+
+def _derivatives(function: Callable[[Floats], Floats], x: Floats) -> tuple[Floats, Floats]:
+    """Return the derivatives of `function` at `x`, and estimates of their rounding errors."""
+    if not x.size:
+        return np.zeros((function(x).size, 0)), np.zeros((function(x).size, 0))
+    derivatives, errors = [], []
     for j in range(x.size):
         size, unit = max(1.0, abs(float(x[j]))), np.eye(x.size)[j]
         along = partial(_along, function, x, unit)
-        estimates = [sixth_order_difference(along, step * size) for step in DIFFERENCE_STEPS]
-        differences = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
+        steps = size * np.array(DIFFERENCE_STEPS)
+        estimates = np.array([sixth_order_difference(along, step) for step in steps])
+        differences = np.abs(np.diff(estimates, axis=0))
         best = np.argmin(differences, axis=0)
-        columns.append(np.choose(best, estimates[: len(differences)]))
-    return np.array(columns).T.reshape(-1, x.size) if columns else np.zeros((function(x).size, 0))
+        derivatives.append(np.choose(best, estimates[:-1]))
+        # Rounding errors of a difference are inverse to its step.
+        errors.append((steps[1:, None] * differences).max(axis=0) / steps[best])
+    return np.array(derivatives).T, np.array(errors).T
 
 
 def _along(function: Callable[[Floats], Floats], x: Floats, unit: Floats, step: float) -> Floats:

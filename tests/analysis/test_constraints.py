@@ -128,6 +128,26 @@ def test_an_equilibrium_on_a_surface_that_bends_is_isolated():
     assert found.eigenvalues == pytest.approx([-6.0], abs=1e-7)
 
 
+@pytest.mark.parametrize("slope", [1.0, 1e3, 1e6])
+def test_equilibria_around_a_pipe_are_a_continuum_however_steep_the_flow_is_beside_it(slope):
+    def along(mode, t, y, p):
+        beside = p.slope * (y.x * y.x + y.y * y.y - 4.0)
+        return beside, 2.0 * beside, -y.z
+
+    pipe = mi.System(
+        states=("x", "y", "z"),
+        flow=along,
+        modes=("slides",),
+        parameters={"slope": slope},
+        initial={"x": 2.0 * math.cos(1.0), "y": 2.0 * math.sin(1.0), "z": 0.1},
+        time_scale=1.0,
+        constraints={"slides": lambda mode, t, y, p: y.x * y.x + y.y * y.y - 4.0},
+    )
+    (found,) = mi.find_equilibria(pipe)
+    assert (found.stable, found.neutral) == (True, 1)
+    assert found.eigenvalues == pytest.approx([-1.0], abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("constraint", "message"),
     [
