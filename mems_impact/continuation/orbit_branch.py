@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -184,6 +185,8 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
 # --- Branches of periodic orbits in one parameter
 
 REGULARITY_NOISE = 1e-6  # error of the regularity within a continuum of orbits
+REFINED_VALUE = 1e-10  # of a test function that is not zero at a located crossing
+REFINEMENT_RATIO = 1e-3  # of a step, on each side of the crossing, in which its zero is located
 COINCIDENT = 1e-7  # distance on the branch below which two losses count as one
 COMMON_CAUSE_DISTANCE = 1e-5  # distance on the branch below which losses share one cause
 MULTIPLIER_JUMP = 1e-3  # least relative change of a multiplier at a corner of the branch
@@ -696,6 +699,8 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         bifurcations = []
         for place, kind, here, value in self.bifurcations.within(step, length, first, last):
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
+            if monitor.kind == PERIOD_DOUBLING:
+                place, here = _refined(shooting, step, length, place, monitor)
             crossed = kind == BRANCH_POINT  # the tangent there is not unique
             along = branch_direction(step, here) if crossed else tangent(here, step.along)
             special = classify(monitor, shooting, here, along)
@@ -715,6 +720,29 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             if special is not None and self.low <= special.value <= self.high:
                 found.append((place, special))
         return found
+
+
+def _refined(
+    shooting: Shooting,
+    step: PredictorStep[ShootingEvaluation],
+    length: float,
+    place: float,
+    monitor: TestFunction,
+) -> tuple[float, ShootingEvaluation]:
+    """Return the zero of a test function near a place, with the point; else that at the place.
+
+    Where two multipliers meet on the unit circle, as without damping, each has the square root of
+    the error of their matrix, but the test function is smooth.
+    """
+
+    def test(point: ShootingEvaluation) -> float:
+        return float(monitor.value(shooting, point, step.along) or 0.0)
+
+    if abs(test(step.at(place).point)) > REFINED_VALUE:
+        reach = REFINEMENT_RATIO * length
+        with contextlib.suppress(ValueError):  # it has a double zero
+            place = step.zero(test, min(place + reach, length), max(place - reach, 0.0))
+    return place, step.at(place).point
 
 
 def _jumps(before: Spectrum, after: Spectrum) -> bool:
