@@ -121,7 +121,7 @@ def warn_if_below_differences(
         Magnitudes of the states at some instants of a motion.
     step : float
     trajectory : callable
-        Returns a run along the motion, of which the sizes count if some are small.
+        Returns a run along the motion, whose sizes are included if some are small.
     """
 
     def small() -> NDArray[np.bool_]:
