@@ -30,7 +30,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 from numba.extending import overload
 
-from mems_impact.integrators.jit import integer_powers  # noqa: F401  # registers its rewrite
+from mems_impact.integrators.jit import integer_arithmetic  # noqa: F401  # registers its rewrite
 from mems_impact.integrators.jit.numba_support import INNER, JIT
 from mems_impact.integrators.jit.trigonometry import SUBSTITUTES, substitute
 

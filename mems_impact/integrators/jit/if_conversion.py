@@ -22,7 +22,7 @@ from numba.core.untyped_passes import ReconstructSSA
 from numba.extending import overload
 
 from mems_impact.integrators.jit import trigonometry
-from mems_impact.integrators.jit.integer_powers import power
+from mems_impact.integrators.jit.integer_arithmetic import power
 from mems_impact.integrators.jit.lanes import Lanes, Mask, has_lanes, is_number, select
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 

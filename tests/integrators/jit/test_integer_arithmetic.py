@@ -1,4 +1,4 @@
-"""Powers of integers in compiled functions against those of Python."""
+"""Arithmetic of integers in compiled functions against that of Python."""
 
 import pytest
 from numba import njit
@@ -39,15 +39,24 @@ def in_place(n):
     return x
 
 
+LIGHT_SPEED = 299792458
+
+
+def beyond_64_bits(n):
+    cubed = LIGHT_SPEED**3 + n
+    return -LIGHT_SPEED * LIGHT_SPEED * LIGHT_SPEED * n + 2 * cubed + LIGHT_SPEED**2 // 7
+
+
 def squares(n):
     return (0.5, 1.5, 2.5, 3.5, 4.5)[n**2] + (0.5, 1.5)[pow(n, 0) - 1]
 
 
 @pytest.mark.parametrize("n", [-2, -1, 1, 2, 5])
 @pytest.mark.parametrize(
-    "function", [by_constant, by_argument, of_argument, alternating, by_name, in_place]
+    "function",
+    [by_constant, by_argument, of_argument, alternating, by_name, in_place, beyond_64_bits],
 )
-def test_powers_of_integers_are_those_of_python(function, n):
+def test_integers_are_those_of_python(function, n):
     compiled = njit(**JIT)(take_snapshot(function).frozen()[0])
     assert compiled(n) == pytest.approx(function(n), rel=1e-15)
 
