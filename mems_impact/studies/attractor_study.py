@@ -136,6 +136,7 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 # --- Evaluation of attractors
 
+CHUNK_POINTS = 512  # of fewer, the last ones leave too many lanes empty
 GPU_POINTS = 65_536  # points of a launch: several threads for each unit of a large GPU
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
@@ -273,8 +274,8 @@ class AttractorStudy(Study):
 
     @property
     def chunk(self) -> int:
-        """Number of points computed together: about a second of work."""
-        return GPU_POINTS if self.measuring.gpu else 256
+        """Number of points computed together: a second of work or less."""
+        return GPU_POINTS if self.measuring.gpu else CHUNK_POINTS
 
     def on_gpu(self) -> AttractorStudy:
         """Return the same study with points on a GPU."""

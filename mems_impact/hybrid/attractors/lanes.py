@@ -91,7 +91,7 @@ GROUP = np.dtype(
     ],
     align=True,
 )
-FEWEST_LANES = LANES // 2
+FEWEST_LANES = LANES - 2  # below this, places of a fuller mode take the lanes
 
 
 _engine_at, auto_at = record_at(from_dtype(ENGINE_RECORD)), record_at(from_dtype(AUTO_RECORD))
@@ -446,7 +446,7 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
 
 # --- Interface
 
-PLACES = 4 * LANES  # places of a group
+PLACES = 8 * LANES  # places of a group
 STEPS_PER_CALL = 5_000
 
 

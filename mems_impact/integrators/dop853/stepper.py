@@ -470,7 +470,7 @@ def list_candidates(engine: Any) -> int:
     """List the root functions whose zeros between LOW and HIGH are searched; return their number.
 
     A candidate is a function with a bias and a sign, so that it falls from above zero to zero or
-    below. A margin or rate that rises instead is left out: close to its zero, rounding may show
+    below. A margin or rate that rises instead is excluded: close to its zero, rounding may show
     the other direction. NEAR and FAR have the values at LOW and HIGH.
     """
     m, count = engine.m, 0
