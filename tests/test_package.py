@@ -41,6 +41,10 @@ def test_a_run_without_tables_is_light():
     code = (
         "import sys, mems_impact as mi\n"
         "import mems_impact.actuator.system_files\n"
+        "drive = mi.Sine(amplitude=0.24, omega=0.5)\n"
+        "options = mi.Options(method='dop853', engine='interpreted')\n"
+        "mi.simulate(mi.load_actuator('zhao2004'), drive, periods=1, options=options)\n"
+        "assert 'scipy.linalg' not in sys.modules\n"  # numba and scikit-sundae import it
         "system = mi.System(states=('x',), flow=lambda mode, t, y, p: (-y.x,), period=1.0)\n"
         "run = mi.simulate(system, 2)\n"
         "heavy = {'pandas', 'matplotlib', 'scipy.optimize', 'scipy.stats'}\n"

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
@@ -240,6 +239,10 @@ def _growth(arc: Arc, shooting: Shooting) -> float:
     """Return the growth of perturbations in an arc, whatever the units of the components."""
     by_state = arc.by_state[shooting.free]
     if np.abs(by_state).max() > MAX_GROWTH and np.isfinite(by_state).all():
+        from scipy.linalg import (
+            matrix_balance,
+        )  # imported on first use, which a run need not wait for
+
         by_state, _ = matrix_balance(by_state, permute=False)
     return float(np.abs(by_state).max())
 
