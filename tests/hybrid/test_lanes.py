@@ -582,6 +582,26 @@ def test_failures_are_left_to_single_runs(mapped):
 
 
 @pytest.mark.slow
+def test_a_fault_in_the_dense_output_is_a_failure(mapped):
+    """Of some points only stages of the dense output leave the domain of the flow."""
+
+    def flow(mode, t, y, p):
+        if y.x > 1.2:
+            raise ValueError("too far")
+        return y.v, p.A * math.cos(p.omega * t) - y.x - 0.1 * y.v
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        period=lambda p: 2.0 * math.pi / p.omega,
+        parameters={"A": 0.6, "omega": 0.8},
+    )
+    single, together, _ = mapped(grid(system, (0.05, 3.0), (0.3, 2.5), 2000))
+    assert [content(each) for each in together] == [content(each) for each in single]
+    assert 0 < sum(each.motion == "failed" for each in single) < 2000
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bilinear", "soft stop", "arrays", "waveform"])
 def test_functions_that_branch_on_the_state_have_the_bits_of_single_runs(mapped, name):
     systems = {"bilinear": BILINEAR, "soft stop": SOFT_STOP, "arrays": BRANCHING_ARRAYS}

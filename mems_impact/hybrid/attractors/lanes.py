@@ -423,16 +423,24 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
         auto.steps += stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
         auto.steps -= int(x[LANES * lanes.UNCHECKED + lane])
     if complete == 1:
+        total = 0.0
         for j in range(n):
             row(explicit, stepper.ARGUMENT)[j] = rows[LANES * j + lane]
             row(explicit, END)[j] = rows[LANES * (END * width + j) + lane]
             k = component(explicit, j)
             for i in range(11, stepper.ENGINE_NUMBERS - 1):
                 k[i] = components[LANES * (stepper.ENGINE_NUMBERS * j + i) + lane]
+                total += k[i]
         for k in range(2 * m):
             row(explicit, HIGH)[k] = rows[LANES * (HIGH * width + k) + lane]
         row(explicit, HIGH)[2 * m] = 1.0
-        explicit.has_dense = 1
+        explicit.has_dense = int(math.isfinite(total))
+        if explicit.has_dense == 0:
+            # The engine computes it from the stages, and records a fault of the flow.
+            for j in range(n):
+                for i in range(11):
+                    number = components[LANES * (stepper.ENGINE_NUMBERS * j + i) + lane]
+                    component(explicit, j)[i] = number
         explicit.rest = 1
         stepper.accept_step(
             explicit,
