@@ -320,13 +320,18 @@ def steps_before_check(explicit: Any) -> int:
     return stepper.CHECK_INTERVAL - 1 - explicit.steps % stepper.CHECK_INTERVAL
 
 
+def steps_to_check(auto: Any) -> int:
+    """Return the number of steps up to the next check of stiffness."""
+    return stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
+
+
 def check_lane(vector: Any, lane: int, place: Any) -> None:
     """Let `auto` check the stiffness of the motion in a lane."""
     auto, y = auto_at(place[AUTO]), stiffness.row(auto_at(place[AUTO]), stiffness.STATE)
     rows, x = pointer(vector.rows), pointer(vector.numbers)
     for j in range(vector.n):
         y[j] = rows[LANES * (START * vector.width + j) + lane]
-    auto.steps += stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
+    auto.steps += steps_to_check(auto)
     x[LANES * lanes.UNCHECKED + lane] = stiffness.CHECK_INTERVAL
     stiffness.check_stiffness(auto, x[LANES * lanes.T + lane], explicit_of(place).longest)
 
@@ -379,7 +384,7 @@ def load_numbers(vector: Any, lane: int, place: Any) -> None:
     x[LANES * lanes.TAKEN + lane] = 0.0
     unchecked = math.inf
     if place[AUTO] != 0:
-        unchecked = stiffness.CHECK_INTERVAL - auto_at(place[AUTO]).steps % stiffness.CHECK_INTERVAL
+        unchecked = steps_to_check(auto_at(place[AUTO]))
     x[LANES * lanes.UNCHECKED + lane] = unchecked
     x[LANES * lanes.SEARCH + lane] = engine_of(place).approach_search
 
@@ -420,8 +425,7 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
     explicit.h_next = x[LANES * lanes.NEXT + lane]
     if place[AUTO] != 0:
         auto = auto_at(place[AUTO])
-        auto.steps += stiffness.CHECK_INTERVAL - auto.steps % stiffness.CHECK_INTERVAL
-        auto.steps -= int(x[LANES * lanes.UNCHECKED + lane])
+        auto.steps += steps_to_check(auto) - int(x[LANES * lanes.UNCHECKED + lane])
     if complete == 1:
         total = 0.0
         for j in range(n):
