@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
+from time import thread_time
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
 
@@ -170,8 +171,8 @@ class EngineBinding:
     record : callable
         ``record(dtype, arrays, numbers)`` returns a record with the fields of `dtype`: zero except
         for `arrays`, which it does not keep alive, and `numbers`.
-    steps_per_call : int
-        Steps after which the event loop returns to its caller.
+    quota : StepQuota
+        Of each call of the event loop.
     kernel_addresses : callable
         ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
         `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
@@ -186,10 +187,33 @@ class EngineBinding:
     engine: Engine
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
-    steps_per_call: int
+    quota: StepQuota
     kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
     place: Callable[[Any], Any]
     handle_address: Any
+
+
+CALL_SECONDS = 0.1
+
+
+@dataclass
+class StepQuota:
+    """The number of steps after which a loop returns to Python, adapted to `CALL_SECONDS`.
+
+    Between calls Python hears Ctrl-C and reports progress. It waits for the global interpreter
+    lock, 5 ms for each thread that computes in Python, in which the core is idle.
+    """
+
+    steps: int
+
+    def call(self, function: Callable[..., int], *arguments: Any) -> int:
+        """Call a function, with the number of steps as its last argument; return its status."""
+        begin = thread_time()
+        status = function(*arguments, self.steps)
+        growth = CALL_SECONDS / max(thread_time() - begin, 1e-9)
+        if growth < 1.0 or status == workspace.PAUSED:  # otherwise it took fewer steps
+            self.steps = max(1, int(self.steps * min(growth, 2.0)))
+        return status
 
 
 def create_engine(problem: Problem) -> EngineBinding:
@@ -318,7 +342,7 @@ def _compiled(
         engine,
         table,
         record,
-        20_000,
+        StepQuota(20_000),
         kernel_addresses,
         place,
         engine.address,
@@ -379,7 +403,7 @@ def _interpreted(
         engine,
         table,
         record,
-        1_000,
+        StepQuota(1_000),
         kernel_addresses,
         lambda array: array,
         engine,

@@ -493,7 +493,7 @@ class Simulation:
         try:
             status = workspace.PAUSED
             while status in (workspace.PAUSED, workspace.BUFFER_FULL):
-                status = self.binding.call(loop.run_steps, self.clock, self.binding.steps_per_call)
+                status = self.binding.quota.call(self.binding.call, loop.run_steps, self.clock)
                 self._drain()
                 collapse = self.memory.take_step_collapse()
                 if collapse is not None and check is not None and check(*collapse):

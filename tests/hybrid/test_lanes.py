@@ -11,6 +11,7 @@ import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis import attractor
 from mems_impact.analysis.attractor import InitialCondition, map_attractors
+from mems_impact.hybrid import problem
 from mems_impact.hybrid.attractors import lanes
 from mems_impact.integrators.jit import lane_kernels as lane_kernels_module
 from mems_impact.integrators.jit.closures import take_snapshot
@@ -623,7 +624,8 @@ def test_a_function_without_a_caller_cannot_be_computed_lane_by_lane():
 @pytest.mark.slow
 def test_an_interrupted_map_can_be_repeated(monkeypatch):
     monkeypatch.setattr(attractor, "LEAST_LANE_POINTS", 1)
-    monkeypatch.setattr(lanes, "STEPS_PER_CALL", 50)
+    monkeypatch.setattr(lanes, "FIRST_QUOTA", 50)
+    monkeypatch.setattr(problem, "CALL_SECONDS", 1e-4)
     cases, options = grid(OSCILLATOR), mi.Options(method="auto")
     calls = []
 

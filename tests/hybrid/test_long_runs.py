@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from mems_impact.hybrid import problem
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
 from tests.hybrid.systems import STOP, TAU, simulate, stop
@@ -79,3 +80,25 @@ def test_impact_times_do_not_lose_digits():
     hits = run_.events[run_.events.kind == workspace.TRANSITION]
     assert np.ptp(hits.time[-2000:]) < 1e-8
     assert hits.cycle[-1] == 19_999
+
+
+def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
+    seconds_per_step, now = 1e-3, 0.0
+    monkeypatch.setattr(problem, "thread_time", lambda: now)
+
+    def loop(status, taken, steps):
+        nonlocal now
+        now += seconds_per_step * min(taken, steps)
+        return status
+
+    quota = problem.StepQuota(10)
+    used = []
+    for _ in range(6):
+        used.append(quota.steps)
+        assert quota.call(loop, workspace.PAUSED, 10_000) == workspace.PAUSED
+    assert used == pytest.approx([10, 20, 40, 80, 100, 100], abs=1)
+    quota.call(loop, workspace.BUFFER_FULL, 5)  # tells nothing about the time of 100 steps
+    assert quota.steps == pytest.approx(100, abs=1)
+    seconds_per_step = 1.0
+    quota.call(loop, workspace.BUFFER_FULL, 5)
+    assert quota.steps == 2

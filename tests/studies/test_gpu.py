@@ -148,3 +148,6 @@ def test_the_kernel_is_translated_for_a_device(monkeypatch):
     assert int(memory) >= 8 * sum(map(len, records))
     assert ptx.count(".entry") == 1
     assert ".extern .func" not in ptx
+    # Fields are read as words, and threads wait for each other at one place.
+    assert "ld.u8" not in ptx
+    assert ptx.count("bar.warp.sync") == 1

@@ -34,7 +34,7 @@ from mems_impact.integrators.jit.closures import (
 
 __all__ = ["GpuMapper"]
 
-THREADS_PER_BLOCK = 64
+THREADS_PER_BLOCK = 32
 # Most steps of a point per planned period, ten times those of most points, so that a launch ends.
 MAX_STEPS_PER_PERIOD = 250
 
@@ -129,7 +129,8 @@ def _record(values: dict[str, Any], kinds: np.dtype[Any]) -> Any:
             number_type = np.int64 if value.dtype.kind == "i" else np.float64
             fields.append((name, number_type, tuple(max(1, size) for size in value.shape)))
     # Fields of this type of record are attributes in Python too, as the simulator requires.
-    record = np.zeros(1, np.dtype((np.record, fields)))
+    # Fields without alignment would be read byte by byte.
+    record = np.zeros(1, np.dtype((np.record, np.dtype(fields, align=True))))
     for name, value in arrays.items():
         if value.size > 0:
             record[name] = value
@@ -154,6 +155,10 @@ VIEWS = (
 
 LARGE = 300  # bytes of bytecode from which a function is not inlined
 
+# Functions before which the threads of a warp wait for each other. Neighbouring points have like
+# motions, and from return to return they compute the same things at about the same time.
+CONVERGENT = (recurrence.close_return,)
+
 
 class _GpuCopier(Copier):
     """Copies functions for a GPU, with other functions in place of some."""
@@ -175,10 +180,11 @@ class _GpuCopier(Copier):
         inner = cuda.jit(device=True)(copy)
         if len(function.__code__.co_code) < LARGE:
             return inner
-        names = ", ".join(inspect.signature(function).parameters)
-        space = {"inner": inner, "separate": separate}
-        exec(f"def outer({names}):\n    separate()\n    return inner({names})", space)
-        return cuda.jit(device=True)(space["outer"])
+        name, names = function.__name__, ", ".join(inspect.signature(function).parameters)
+        wait = "converge()" if function in CONVERGENT else ""
+        space = {"inner": inner, "separate": separate, "converge": converge}
+        exec(f"def {name}({names}):\n    separate()\n    {wait}\n    return inner({names})", space)
+        return cuda.jit(device=True)(space[name])
 
 
 if config.ENABLE_CUDASIM:
@@ -186,6 +192,9 @@ if config.ENABLE_CUDASIM:
 
     def separate() -> None:
         """Do nothing: Python inlines no functions."""
+
+    def converge() -> None:
+        """Do nothing: the simulator has no warps."""
 
 else:
     from numba.cuda import dispatcher
@@ -198,6 +207,11 @@ else:
     def nextafter(x: Any, towards: Any) -> Any:
         """Return the next floating-point number."""
         return cuda.libdevice.nextafter(x, towards)
+
+    @cuda.jit(device=True)
+    def converge() -> None:
+        """Wait for the threads of the warp that have not ended."""
+        cuda.syncwarp()
 
     @intrinsic
     def separate(_typing: Any) -> Any:

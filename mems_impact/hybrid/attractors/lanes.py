@@ -54,6 +54,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     Y,
     table_row,
 )
+from mems_impact.hybrid.problem import StepQuota
 from mems_impact.integrators import interface
 from mems_impact.integrators.auto import stiffness
 from mems_impact.integrators.auto.compiled import HANDLE as AUTO_RECORD
@@ -459,7 +460,7 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
 # --- Interface
 
 PLACES = 8 * LANES  # places of a group
-STEPS_PER_CALL = 5_000
+FIRST_QUOTA = 20_000  # steps
 
 
 def lane_mappers(mapper: AttractorMapper) -> list[LaneMapper]:
@@ -596,9 +597,9 @@ class LaneMapper:
             work["inputs"], work["input_width"] = inputs.ctypes.data, inputs.shape[1]
             work["results"], work["result_width"] = results.ctypes.data, results.shape[1]
             work["begun"], work["transient"], work["length"] = 0, transient, length
-        status = PAUSED
+        status, quota = PAUSED, StepQuota(FIRST_QUOTA)
         while status != DONE:
-            status = compiled(map_lanes)(group, self._vector, STEPS_PER_CALL)
+            status = quota.call(compiled(map_lanes), group, self._vector)
             if watch is not None:
                 watch(float(group["completed"]))
 

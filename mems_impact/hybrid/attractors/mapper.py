@@ -371,11 +371,8 @@ class AttractorMapper:
         status = workspace.PAUSED
         while status != workspace.DONE:
             try:
-                status = self._binding.call(
-                    recurrence.map_points,
-                    self._clock,
-                    work,
-                    self._binding.steps_per_call,
+                status = self._binding.quota.call(
+                    self._binding.call, recurrence.map_points, self._clock, work
                 )
             except FunctionError:  # an ordinary run of the point reports it
                 status = workspace.PAUSED

@@ -204,7 +204,8 @@ class LyapunovIntegrator:
         status = workspace.PAUSED
         try:
             while status == workspace.PAUSED:
-                status = self._run.call(
+                status = self._run.quota.call(
+                    self._run.call,
                     stretch,
                     clock,
                     work,
@@ -212,7 +213,6 @@ class LyapunovIntegrator:
                     self._propagation,
                     lengths,
                     growth,
-                    self._run.steps_per_call,
                 )
                 self._extended.raise_fault()
                 collapse = self._memory.take_step_collapse()
