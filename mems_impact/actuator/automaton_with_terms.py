@@ -192,7 +192,8 @@ def compose(kinds: tuple[TermKind, ...], electrode_count: int) -> Model:
         electrode_of(kinds, electrode_indices, side)
         for electrode_indices, side in zip(indices.electrodes, (1, -1), strict=False)
     )
-    normal = product_of([part.normal for part in contributions if part.normal])
+    factors = [factor for part in contributions if (factor := part.normal_force_factor)]
+    normal = product_of(factors)
     return Model(
         layout=indices,
         contributions=contributions,
@@ -216,7 +217,7 @@ def compose(kinds: tuple[TermKind, ...], electrode_count: int) -> Model:
 
 def cyclic_of(contributions: Sequence[TermContribution], indices: ArrayLayout) -> tuple[int, ...]:
     """Return the indices of the states that no function reads: usually x1, and sums of terms."""
-    frame = () if any(part.places_frame for part in contributions) else (X1,)
+    frame = () if any(part.depends_on_x1 for part in contributions) else (X1,)
     sums = (
         term_indices.y[each]
         for part, term_indices in zip(contributions, indices.terms, strict=True)
@@ -298,7 +299,7 @@ def electrode_of(
     electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset, side)
     layers = sorted(zip(kinds, indices, strict=True), key=lambda item: item[0].term.layer)
     for kind, term_indices in layers:
-        if kind.term.instead == "electrode" and not kind.term.acts_at(kind.shape, side):
+        if kind.term.replaced_rule == "electrode" and not kind.term.acts_at(kind.shape, side):
             continue
         electrode = kind.term.electrode(term_indices, kind.shape, electrode)
     return electrode
@@ -667,7 +668,8 @@ def limited(
     n, scratch, total = len(automaton.states), model.layout.scratch, m + count
     indices = tuple(each.state for each in model.limits)
     right, left = model.limits[0].limit, model.limits[-1].limit
-    right_rate, right_max, left_rate, left_max = right.rate, right.most, left.rate, left.most
+    right_rate, right_max = right.rate, right.max_rate
+    left_rate, left_max = left.rate, left.max_rate
     base_flow, base_margins, base_transition = (
         automaton.flow,
         automaton.margins,

@@ -45,8 +45,8 @@ class EnergyAccounts:
 
     Attributes
     ----------
-    lost : mapping of str to callable
-        ``lost(v, w, y, p)``, the power that each term dissipates.
+    dissipation : mapping of str to callable
+        ``dissipation(v, w, y, p)``, the power that each term dissipates.
     at_electrodes : tuple of str
         Names of losses at electrodes, which the drive supplies directly.
     stored : mapping of str to callable
@@ -57,7 +57,7 @@ class EnergyAccounts:
         Names of energies outside the device, which count as work done.
     """
 
-    lost: dict[str, Function]
+    dissipation: dict[str, Function]
     at_electrodes: tuple[str, ...]
     stored: dict[str, Function]
     fields: tuple[str, ...]
@@ -68,7 +68,7 @@ class EnergyAccounts:
 def accounts(kinds: tuple[TermKind, ...], electrodes: int) -> EnergyAccounts:
     """Return the stored energies and losses of an actuator with one or two electrodes."""
     model = compose(kinds, electrodes)
-    lost: dict[str, Function] = {}
+    dissipation: dict[str, Function] = {}
     stored: dict[str, Function] = {
         "kinetic": voltage_independent(kinetic),
         "spring": voltage_independent(spring),
@@ -76,8 +76,8 @@ def accounts(kinds: tuple[TermKind, ...], electrodes: int) -> EnergyAccounts:
     at_electrodes, fields, loads = [], [], []
     for number, kind in enumerate(kinds):
         part, name = model.contributions[number], kind.term.name()
-        if part.lost is not None:
-            lost[name] = voltage_independent(part.lost)
+        if part.dissipation is not None:
+            dissipation[name] = voltage_independent(part.dissipation)
         if part.energy is not None:
             stored[name] = voltage_independent(part.energy)
             if part.on_frame is not None or part.on_block is not None:
@@ -87,9 +87,9 @@ def accounts(kinds: tuple[TermKind, ...], electrodes: int) -> EnergyAccounts:
             fields.append(f"{name} (field)")
             stored[fields[-1]] = total_of(energies)
         if powers:
-            at_electrodes.append(f"{name} (current)" if name in lost else name)
-            lost[at_electrodes[-1]] = total_of(powers)
-    return EnergyAccounts(lost, tuple(at_electrodes), stored, tuple(fields), tuple(loads))
+            at_electrodes.append(f"{name} (current)" if name in dissipation else name)
+            dissipation[at_electrodes[-1]] = total_of(powers)
+    return EnergyAccounts(dissipation, tuple(at_electrodes), stored, tuple(fields), tuple(loads))
 
 
 def at_electrodes_of(
@@ -101,7 +101,7 @@ def at_electrodes_of(
         zip(model.electrodes, model.layout.electrodes, strict=True)
     ):
         energy = kind.term.electrode_energy(own[number], kind.shape, electrode)
-        power = kind.term.electrode_lost(own[number], kind.shape, electrode)
+        power = kind.term.electrode_dissipation(own[number], kind.shape, electrode)
         if energy is not None:
             energies.append(at_electrode(energy, side))
         if power is not None:
@@ -121,7 +121,7 @@ def summing_automaton(
     """Return the automaton of an actuator that integrates works and losses.
 
     Its states are those of the actuator, followed by an integral for each of `SUMMED` and of
-    `EnergyAccounts.lost`.
+    `EnergyAccounts.dissipation`.
 
     Parameters
     ----------
@@ -131,11 +131,11 @@ def summing_automaton(
     plain = composed_automaton(kinds, voltage, voltage_rate, left, left_rate, bounds)
     electrodes = 1 if left is None else 2
     model = compose(kinds, electrodes)
-    lost = accounts(kinds, electrodes).lost
+    dissipation = accounts(kinds, electrodes).dissipation
     pull, sliding_friction, move = model.pull, model.sliding_friction, plain.flow
     volts = voltages(voltage, left, model.layout.drive)
     first = len(plain.states)
-    fill = rate_writer(list(enumerate(lost.values(), first + len(SUMMED))))
+    fill = rate_writer(list(enumerate(dissipation.values(), first + len(SUMMED))))
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         move(mode, t, y, p, dy)
@@ -147,7 +147,7 @@ def summing_automaton(
         dy[first + 3] = p[eq.C] * speed * speed
         fill(v, w, y, p, dy)
 
-    states = (*plain.states, *map(sum_of, (*SUMMED, *lost)))
+    states = (*plain.states, *map(sum_of, (*SUMMED, *dissipation)))
     return replace(
         plain,
         states=states,

@@ -327,7 +327,7 @@ def contact_time(actuator: Actuator, speed: Floats) -> Floats:
     -------
     float array
     """
-    (stopper,) = (dict(term) for term in actuator.terms if term.instead == "stopper")
+    (stopper,) = (dict(term) for term in actuator.terms if term.replaced_rule == "stopper")
     power = stopper["exponent"] + 1.0
     factor = stopper["stiffness"] / stopper["depth"] ** (power - 2.0)
     deepest = (0.5 * power * actuator.m2 * speed * speed / factor) ** (1.0 / power)

@@ -152,7 +152,9 @@ class Actuator(Checked):
                 names = f"{type(other).__name__} and {type(term).__name__}"
                 if term.name() == other.name():
                     problem = f"{names} have the same class; give one of them"
-                elif shared := [rule for rule in term.replaced if rule in other.replaced]:
+                elif shared := [
+                    rule for rule in term.replaced_rules if rule in other.replaced_rules
+                ]:
                     problem = f"{names} both determine the {shared[0]}; give one of them"
                 else:
                     continue

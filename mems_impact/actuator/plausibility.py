@@ -183,7 +183,7 @@ def _contact_voltage(actuator: Device) -> float:
 
     Without terms of electrodes or spring, other terms are neglected, which change it little.
     """
-    if any(term.instead in ("electrode", "spring") for term in actuator.terms):
+    if any(term.replaced_rule in ("electrode", "spring") for term in actuator.terms):
         from mems_impact.actuator.design.static_forces import StaticForces
         from mems_impact.actuator.parameters import Actuator
 

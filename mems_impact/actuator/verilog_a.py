@@ -115,7 +115,7 @@ class TermCode:
     ----------
     force, on_frame, on_block
         Forces on the block with the reaction on the frame, and external forces.
-    normal : str
+    normal_force_factor : str
         A factor of the normal force.
     friction, restitution, stopper : str
         Bodies of the functions of these names, which assign to the name.
@@ -134,7 +134,7 @@ class TermCode:
     force: Expression | None = None
     on_frame: Expression | None = None
     on_block: Expression | None = None
-    normal: str = ""
+    normal_force_factor: str = ""
     friction: str = ""
     restitution: str = ""
     stopper: str = ""
@@ -161,7 +161,7 @@ def tilt(term: Term) -> TermCode:
     return TermCode(
         on_frame=lambda s: "- m1*g*sin(tilt_angle)",
         on_block=lambda s: "- m2*g*sin(tilt_angle)",
-        normal="cos(tilt_angle)",
+        normal_force_factor="cos(tilt_angle)",
     )
 
 
@@ -688,7 +688,7 @@ def hybrid_block(layout: Layout) -> Text:
 def add_constants(text: Text, layout: Layout) -> None:
     """Append variables that depend on parameters alone."""
     text.let("w0", "sqrt(k/m2)")
-    normal = "".join(f"*{factor}" for factor in layout.every("normal"))
+    normal = "".join(f"*{factor}" for factor in layout.every("normal_force_factor"))
     text.let("normal", f"(m1 + m2)*g{normal}")
     if layout.series:
         text.let("charge_unit", "sqrt(k*d*alpha)")

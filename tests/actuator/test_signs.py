@@ -55,7 +55,7 @@ class Nothing(Term):
     signed = True
 
     @classmethod
-    def contribution(cls, at, shape):
+    def contribution(cls, indices, shape):
         return TermContribution()
 
 

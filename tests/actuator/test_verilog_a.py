@@ -278,7 +278,7 @@ def every_combination():
     """Yield devices with each term alone, and with all that go together, for each rule."""
     for term in TERMS.values():
         yield MITA.adding(term)
-    rest = [TERMS[name] for name in TERMS if not TERMS[name].instead]
+    rest = [TERMS[name] for name in TERMS if not TERMS[name].replaced_rule]
     for friction in ("stribeck_friction", "regularized_friction"):
         for contact in ("power_law_restitution", "tabulated_restitution", "compliant_stopper"):
             yield MITA.adding(*rest, TERMS["series_resistance"], TERMS[friction], TERMS[contact])
@@ -542,7 +542,7 @@ def test_circuit_simulator_finds_the_same_impacts(tmp_path):
 
 @pytest.mark.slow
 def test_circuit_simulator_runs_all_smooth_terms(tmp_path):
-    names = [name for name in TERMS if not TERMS[name].instead or name == "series_resistance"]
+    names = [name for name in TERMS if not TERMS[name].replaced_rule or name == "series_resistance"]
     device = SMOOTH.adding(*(TERMS[name] for name in names))
     drive = mi.Sine(amplitude=45.0, frequency=100.0, phase=-0.5 * math.pi)
     options = replace(PRECISE, engine="interpreted")

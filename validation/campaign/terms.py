@@ -235,7 +235,7 @@ class Drawn:
 def _one_of_each(names: list[str], rng: Rng) -> list[str]:
     """Return the names but those that would take the place of the same rule."""
     mixed = [names[i] for i in rng.permutation(len(names))]
-    taken = {term_type(name).instead or name: name for name in mixed}
+    taken = {term_type(name).replaced_rule or name: name for name in mixed}
     if "stopper" in taken:  # it has its own losses
         taken.pop("restitution", None)
     return [name for name in names if name in taken.values()]
@@ -437,5 +437,5 @@ def powers(judge: Device, model: Model, mode: int, t: float, y: Floats, p: Float
     pulled = model.pull(right, left, y, p) * y[3]
     friction = model.sliding_friction(way, y[1], p) if way != 0 else 0.0
     lost = p[3] * y[3] ** 2 + friction * y[1]
-    lost += sum(part.lost(y, p) for part in model.contributions if part.lost)
+    lost += sum(part.dissipation(y, p) for part in model.contributions if part.dissipation)
     return np.array([[pulled, -lost], [model.on_frame(y, p) + model.on_block(y, p), -friction]])

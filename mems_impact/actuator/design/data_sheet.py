@@ -184,14 +184,14 @@ def relations_of(terms: Sequence[Term]) -> tuple[Relation, ...]:
     relations = RELATIONS if terms else (*RELATIONS, *VOLTAGES)
     if not any(term.name() == "tabulated_spring" for term in terms):
         relations = (*relations, SPRING_FORCE)
-    if not any("right electrode" in term.replaced for term in terms):
+    if not any("right electrode" in term.replaced_rules for term in terms):
         relations = (*relations, CAPACITANCE)
     return relations
 
 
 def has_plates(terms: Sequence[Term]) -> bool:
     """Return whether one of the electrodes is a plate, with the area in the electrode constant."""
-    others = {rule for term in terms if not term.plates for rule in term.replaced}
+    others = {rule for term in terms if not term.plates for rule in term.replaced_rules}
     return not {"right electrode", "left electrode"} <= others
 
 
@@ -469,7 +469,7 @@ class DataSheet(Mapping[str, Any]):
             return None
         device = self.actuator
         pull = device.alpha * self["pull_in"] ** 2 / (device.d - device.delta) ** 2
-        if any("right electrode" in term.replaced for term in device.terms):
+        if any("right electrode" in term.replaced_rules for term in device.terms):
             scales = device.scales
             forces, volts = StaticForces(device), scales.into(self["pull_in"], "V")
             pull = scales.out(forces.attraction(forces.actuator.delta) * volts**2, "N")

@@ -194,7 +194,7 @@ class ArcNotes:
         self.stored = tuple(accounts.stored.values())
         first = problem.parameters.size - drive.parameters().size
         self.volts = voltages(drive.voltage, drive.left_voltage, first)
-        losses = (*SUMMED[2:], *accounts.lost, IMPACT_LABEL)
+        losses = (*SUMMED[2:], *accounts.dissipation, IMPACT_LABEL)
         self.columns = tuple(
             [f"lost {name}" for name in losses] + [f"stored {name}" for name in accounts.stored]
         )

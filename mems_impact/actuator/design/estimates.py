@@ -380,7 +380,7 @@ def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
 def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
     """Return the formula evaluated at the states after impacts, including those of terms."""
     system = run.system
-    if any(term.instead == "stopper" for term in system.actuator.terms):
+    if any(term.replaced_rule == "stopper" for term in system.actuator.terms):
         StaticForces(system.actuator).after_impact(0.0)  # raises an error if there is none
     numbers = system.numbers()
     left = system.drive.left_voltage is not None

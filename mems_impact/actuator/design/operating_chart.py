@@ -1061,7 +1061,7 @@ def operating_chart(
     system = ActuatorSystem(actuator, drive)
     name = system.frequency_parameter
     for term in actuator.terms:
-        if term.instead == "stopper":
+        if term.replaced_rule == "stopper":
             raise _uncharted(term, "without impacts there is no grazing of the paper's types")
         if term.signed:
             raise _uncharted(term, "every grazing occurs twice in a period of the voltage")

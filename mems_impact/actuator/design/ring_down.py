@@ -278,11 +278,8 @@ def after_contacts(
     run = simulate(off, PERIODS, initial=start, options=options)
     log = run.trajectory.events
     log = log[is_release(log)]
-    rigid = ActuatorSystem(
-        off.actuator.without(*(t.name() for t in off.actuator.terms if t.instead == "stopper")),
-        off.drive,
-        off.scales,
-    )
+    stoppers = [each.name() for each in off.actuator.terms if each.replaced_rule == "stopper"]
+    rigid = ActuatorSystem(off.actuator.without(*stoppers), off.drive, off.scales)
     begin, state = 0.0, off.state_of(off.hybrid_state(start, off.problem(options)))
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])

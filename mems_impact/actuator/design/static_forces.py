@@ -88,7 +88,9 @@ class StaticForces:
             )
             best = max(best, -float(result.fun))
         elif i > 0 and not self._parasitic and self._constant:
-            names = [type(term).__name__ for term in self._terms if term.instead == "electrode"]
+            names = [
+                type(term).__name__ for term in self._terms if term.replaced_rule == "electrode"
+            ]
             problem = (
                 f"no pull-in with {' and '.join(names)}: its force does not depend on the "
                 "position; use resting_voltage, at which the block reaches the stopper"

@@ -45,9 +45,9 @@ class Adhesion(Term):
     units = {"force": "N"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
-        force = at.p["force"]
+        force = indices.p["force"]
 
         def adhesion(p):  # type: ignore[no-untyped-def]
             return p[force]

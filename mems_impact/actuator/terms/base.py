@@ -104,15 +104,15 @@ class RateLimit(NamedTuple):
         Suffixes of the names of the modes with the largest and with the smallest rate.
     rate : callable
         ``rate(v, x, speed, y, p)``, the rate without the limit.
-    most : callable
-        ``most(p)``, the largest absolute rate, > 0.
+    max_rate : callable
+        ``max_rate(p)``, the largest absolute rate, > 0.
     """
 
     event: str
     state: str
     modes: tuple[str, str]
     rate: Function
-    most: Function
+    max_rate: Function
 
 
 class Limit(NamedTuple):
@@ -120,18 +120,18 @@ class Limit(NamedTuple):
 
     Attributes
     ----------
-    what : str
+    quantity : str
         The limited quantity, to be followed by "is 0.3".
     value : callable
         ``value(y, p)`` in plain arithmetic: it is called with the states of many events at once, y
         of shape (n, k).
-    most : float
+    max_value : float
         The largest valid value.
     """
 
-    what: str
+    quantity: str
     value: Function
-    most: float
+    max_value: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,8 +146,8 @@ class TermContribution:
         ``on_frame(y, p)``, ``on_block(y, p)``: external forces, positive to the right.
     rates : tuple of callable
         ``rate(y, p)``, the time derivative of each of the term's states.
-    normal : callable
-        ``normal(p)``, a factor of the normal force between frame and ground.
+    normal_force_factor : callable
+        ``normal_force_factor(p)``, a factor of the normal force between frame and ground.
     friction : callable
         ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is
         smooth a little below zero.
@@ -164,12 +164,12 @@ class TermContribution:
         ``stopper_slopes(depth, rate, p)``, its derivatives with respect to both.
     adhesion : callable
         ``adhesion(p)``, the pull-off force of a block at rest on a stopper, >= 0.
-    places_frame : bool
+    depends_on_x1 : bool
         Whether functions depend on x1, which is cyclic otherwise.
     energy : callable
         ``energy(y, p)``, the potential energy of the term's conservative forces.
-    lost : callable
-        ``lost(y, p)``, the dissipated power, >= 0.
+    dissipation : callable
+        ``dissipation(y, p)``, the dissipated power, >= 0.
     limits : tuple of Limit
         Limits of validity.
     """
@@ -178,7 +178,7 @@ class TermContribution:
     on_frame: Function | None = None
     on_block: Function | None = None
     rates: tuple[Function, ...] = ()
-    normal: Function | None = None
+    normal_force_factor: Function | None = None
     friction: Function | None = None
     sticks: bool = True
     restitution: Function | None = None
@@ -186,9 +186,9 @@ class TermContribution:
     stopper: Function | None = None
     stopper_slopes: Callable[..., tuple[float, float]] | None = None
     adhesion: Function | None = None
-    places_frame: bool = False
+    depends_on_x1: bool = False
     energy: Function | None = None
-    lost: Function | None = None
+    dissipation: Function | None = None
     limits: tuple[Limit, ...] = ()
 
 
@@ -246,7 +246,7 @@ class Term(Checked, ABC):
     units : mapping of str to str
         The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
         and derived units).
-    instead : str
+    replaced_rule : str
         The rule of the paper that it replaces, if any: "stopper" (with its restitution),
         "restitution", "friction", "spring", "source" (an ideal voltage), "electrode" (the
         capacitance of a parallel plate, on the sides of a field `sides`). An actuator has at most
@@ -283,7 +283,7 @@ class Term(Checked, ABC):
     """
 
     units: ClassVar[Mapping[str, str]] = {}
-    instead: ClassVar[str] = ""
+    replaced_rule: ClassVar[str] = ""
     plates: ClassVar[bool] = True
     layer: ClassVar[int] = 0
     signed: ClassVar[bool] = False
@@ -314,12 +314,12 @@ class Term(Checked, ABC):
         return tuple(name for name in fields if isinstance(getattr(self, name), float))
 
     @property
-    def replaced(self) -> tuple[str, ...]:
+    def replaced_rules(self) -> tuple[str, ...]:
         """The rules of the paper that it replaces, those of electrodes by side."""
-        if self.instead == "stopper":
+        if self.replaced_rule == "stopper":
             return "stopper", "restitution"
-        if self.instead != "electrode":
-            return (self.instead,) if self.instead else ()
+        if self.replaced_rule != "electrode":
+            return (self.replaced_rule,) if self.replaced_rule else ()
         sides = {"right electrode": 1, "left electrode": -1}
         return tuple(name for name, side in sides.items() if self.acts_at(self.shape, side))
 
@@ -366,7 +366,7 @@ class Term(Checked, ABC):
         return self.replace(**values) if checked else self.replace_unchecked(**values)
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return bounds of numbers of the actuator or the term by others of them.
 
         `compliant` tells whether the actuator has compliant stoppers.
@@ -402,7 +402,7 @@ class Term(Checked, ABC):
         return ()
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return its contributions to the equations, other than those of electrodes.
 
         It is a class method, since compiled equations do not contain values, which are in ``p``.
@@ -410,13 +410,13 @@ class Term(Checked, ABC):
         return TermContribution()
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return an electrode as modified by the term, with the indices of its states."""
         return electrode
 
     @classmethod
     def electrode_rates(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return ``rate(v, x, speed, y, p)`` of each of its states at a complete electrode.
 
@@ -426,7 +426,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def rate_limit(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> RateLimit | None:
         """Return the limit of a rate at a complete electrode, if the term has one."""
         return None
@@ -437,7 +437,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def electrode_energy(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function | None:
         """Return ``energy(v, x, y, p)``, the field energy at a complete electrode.
 
@@ -447,10 +447,10 @@ class Term(Checked, ABC):
         return None
 
     @classmethod
-    def electrode_lost(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+    def electrode_dissipation(
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function | None:
-        """Return ``lost(v, x, y, p)``, the power that it dissipates at an electrode, >= 0."""
+        """Return ``dissipation(v, x, y, p)``, the power dissipated at an electrode, >= 0."""
         return None
 
 
@@ -531,7 +531,7 @@ def reach_function(compliant: bool) -> Function:
 
 def is_compliant(device: Device) -> bool:
     """Return whether a device has compliant stoppers."""
-    return any(term.instead == "stopper" for term in device.terms)
+    return any(term.replaced_rule == "stopper" for term in device.terms)
 
 
 def _shape(value: Any) -> Hashable:
@@ -570,11 +570,11 @@ class Validity:
         """Warn, once for each limit that the run has exceeded."""
         self._look(final.y[None], np.array([self._time(final)]))
         for limit, (value, time) in zip(self.limits, self.worst, strict=True):
-            if value > limit.most:
+            if value > limit.max_value:
                 t = float(self.scales.out(time, "s"))
-                message = f"{limit.what} is {value:.3g} at t = {t:.6g}"
-                text = f"{message}, and the model is valid up to {limit.most:g}"
-                warn(text, ValidityWarning, limit.what)
+                message = f"{limit.quantity} is {value:.3g} at t = {t:.6g}"
+                text = f"{message}, and the model is valid up to {limit.max_value:g}"
+                warn(text, ValidityWarning, limit.quantity)
 
     def _look(self, states: Floats, times: Floats) -> None:
         for i, limit in enumerate(self.limits):

@@ -63,7 +63,7 @@ class ChargeDrive(Term):
     parasitic: NonNegative = 0.0
 
     units = {"parasitic": "F"}  # noqa: RUF012 - ClassVar above
-    instead = "source"
+    replaced_rule = "source"
     layer = 1
     in_series = True
     drive_unit = "C"
@@ -76,9 +76,13 @@ class ChargeDrive(Term):
                 raise InvalidParameter("terms", actuator.terms, "", problem=problem)
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the voltage determined by the charge of the drive."""
-        capacitance, offset, parasitic = electrode.capacitance, electrode.offset, at.p["parasitic"]
+        capacitance, offset, parasitic = (
+            electrode.capacitance,
+            electrode.offset,
+            indices.p["parasitic"],
+        )
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
             gap_capacitance = capacitance(x, p)
@@ -87,6 +91,8 @@ class ChargeDrive(Term):
         return electrode._replace(node=node)
 
     @classmethod
-    def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
+    def electrode_energy(
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
-        return field_energy(electrode, at.p["parasitic"])
+        return field_energy(electrode, indices.p["parasitic"])

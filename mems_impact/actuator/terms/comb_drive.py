@@ -85,11 +85,11 @@ class CombDrive(Term):
         "overlap": "m",
         "permittivity": "F/m",
     }
-    instead = "electrode"
+    replaced_rule = "electrode"
     plates = False
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return that of the overlap, which lasts over the whole travel."""
         what = "the largest deflection of the block"
         return (Bound(name="comb_drive.overlap", value=reach_function(compliant), what=what),)
@@ -102,10 +102,10 @@ class CombDrive(Term):
             raise InvalidParameter("comb_drive.permittivity", None, "", problem=problem)
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the capacitance of the comb."""
-        fingers, gap, thickness = at.p["fingers"], at.p["gap"], at.p["thickness"]
-        overlap, permittivity = at.p["overlap"], at.p["permittivity"]
+        fingers, gap, thickness = indices.p["fingers"], indices.p["gap"], indices.p["thickness"]
+        overlap, permittivity = indices.p["overlap"], indices.p["permittivity"]
 
         def slope(x, p):  # type: ignore[no-untyped-def]
             return 2.0 * p[fingers] * p[permittivity] * p[thickness] / p[gap]

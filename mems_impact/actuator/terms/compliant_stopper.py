@@ -65,7 +65,7 @@ class CompliantStopper(Term):
         "depth": "m",
         "contact_loss": "J",
     }
-    instead = "stopper"
+    replaced_rule = "stopper"
     stiff = True
 
     @classmethod
@@ -74,10 +74,10 @@ class CompliantStopper(Term):
         return ("contact_loss",)
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force of a stopper."""
-        stiffness, exponent = at.p["stiffness"], at.p["exponent"]
-        damping, reference = at.p["damping"], at.p["depth"]
+        stiffness, exponent = indices.p["stiffness"], indices.p["exponent"]
+        damping, reference = indices.p["damping"], indices.p["depth"]
 
         def spring(depth, p):  # type: ignore[no-untyped-def]
             # An odd function, so that it is smooth if a trial step leaves the contact.
@@ -102,7 +102,7 @@ class CompliantStopper(Term):
             depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
             return spring(depth, p) * depth / (p[exponent] + 1.0)
 
-        def lost(y, p):  # type: ignore[no-untyped-def]
+        def dissipation(y, p):  # type: ignore[no-untyped-def]
             depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
             rate = math.copysign(y[V2], y[X2] * y[V2])
             return spring(depth, p) * (damping_factor(rate, p) - 1.0) * rate
@@ -110,8 +110,8 @@ class CompliantStopper(Term):
         return TermContribution(
             stopper=stopper,
             stopper_slopes=stopper_slopes,
-            rates=(lost,),
+            rates=(dissipation,),
             sums=("contact_loss",),
             energy=energy,
-            lost=lost,
+            dissipation=dissipation,
         )

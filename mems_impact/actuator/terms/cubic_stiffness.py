@@ -40,12 +40,12 @@ class CubicStiffness(Term):
     k3: Number
 
     units = {"k3": "N/m^3"}  # noqa: RUF012 - ClassVar above
-    instead = "spring"
+    replaced_rule = "spring"
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
-        k3 = at.p["k3"]
+        k3 = indices.p["k3"]
 
         def force(y, p):  # type: ignore[no-untyped-def]
             return -p[k3] * y[X2] * y[X2] * y[X2]

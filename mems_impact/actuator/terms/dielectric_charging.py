@@ -65,9 +65,9 @@ class DielectricCharging(Term):
         return ("offset",)
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the offset."""
-        other_offset, index = electrode.offset, at.y["offset"]
+        other_offset, index = electrode.offset, indices.y["offset"]
 
         def offset(y, p):  # type: ignore[no-untyped-def]
             return other_offset(y, p) + y[index]
@@ -76,11 +76,11 @@ class DielectricCharging(Term):
 
     @classmethod
     def electrode_rates(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the rate of charging."""
         node = electrode.node
-        offset, share, time = at.y["offset"], at.p["share"], at.p["time"]
+        offset, share, time = indices.y["offset"], indices.p["share"], indices.p["time"]
 
         def charging(v, x, speed, y, p):  # type: ignore[no-untyped-def]
             return (p[share] * node(v, x, y, p) - y[offset]) / p[time]

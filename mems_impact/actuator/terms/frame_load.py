@@ -41,9 +41,9 @@ class FrameLoad(Term):
     units = {"force": "N"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
-        load = at.p["force"]
+        load = indices.p["force"]
 
         def on_frame(y, p):  # type: ignore[no-untyped-def]
             return -p[load]

@@ -45,9 +45,9 @@ class FrameSpring(Term):
     units = {"k1": "N/m"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
-        k1 = at.p["k1"]
+        k1 = indices.p["k1"]
 
         def on_frame(y, p):  # type: ignore[no-untyped-def]
             return -p[k1] * y[X1]
@@ -55,4 +55,4 @@ class FrameSpring(Term):
         def energy(y, p):  # type: ignore[no-untyped-def]
             return 0.5 * p[k1] * y[X1] * y[X1]
 
-        return TermContribution(on_frame=on_frame, energy=energy, places_frame=True)
+        return TermContribution(on_frame=on_frame, energy=energy, depends_on_x1=True)

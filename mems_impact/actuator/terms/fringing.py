@@ -55,10 +55,10 @@ class Fringing(Term):
     length: Positive | None = Field(default=None, description="a finite number > 0")
 
     units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
-    instead = "electrode"
+    replaced_rule = "electrode"
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return those of the sizes."""
 
         def min_size(p):  # type: ignore[no-untyped-def]
@@ -67,13 +67,13 @@ class Fringing(Term):
         what = "twice the widest gap d + delta"
         return tuple(
             Bound(name=f"{cls.name()}.{size}", value=min_size, excluded=False, what=what)
-            for size in at.p
+            for size in indices.p
         )
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the capacitance of its edges."""
-        width, length = at.p["width"], at.p.get("length", -1)
+        width, length = indices.p["width"], indices.p.get("length", -1)
 
         def capacitance(x, p):  # type: ignore[no-untyped-def]
             gap = eq.electrode_gap(x, p)

@@ -44,12 +44,12 @@ class PowerLawRestitution(Term):
     exponent: NonNegative = 0.25
 
     units = {"speed": "m/s"}  # noqa: RUF012 - ClassVar above
-    instead = "restitution"
+    replaced_rule = "restitution"
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the restitution."""
-        scale, exponent = at.p["speed"], at.p["exponent"]
+        scale, exponent = indices.p["speed"], indices.p["exponent"]
 
         def restitution(speed, p):  # type: ignore[no-untyped-def]
             speed_ratio = speed / p[scale]

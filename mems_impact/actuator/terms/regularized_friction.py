@@ -56,7 +56,7 @@ class RegularizedFriction(Term):
     width: Positive
 
     units = {"width": "m/s"}  # noqa: RUF012 - ClassVar above
-    instead = "friction"
+    replaced_rule = "friction"
     stiff = True
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
@@ -73,9 +73,9 @@ class RegularizedFriction(Term):
             raise InvalidParameter(f"{self.name()}.width", self.width, allowed)
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the coefficient."""
-        width = at.p["width"]
+        width = indices.p["width"]
 
         def friction(speed, p):  # type: ignore[no-untyped-def]
             return p[eq.MU_D] * math.tanh(speed / p[width])

@@ -83,7 +83,7 @@ class SeriesResistance(Term):
     units = {  # noqa: RUF012 - ClassVar above
         "resistance": "ohm", "parasitic": "F", "current_limit": "A", "charge": "C",
     }  # fmt: skip
-    instead = "source"
+    replaced_rule = "source"
     layer = 1
     signed = True
     stiff = True
@@ -114,10 +114,10 @@ class SeriesResistance(Term):
         return ("charge",)
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the voltage determined by its charge."""
         capacitance, offset = electrode.capacitance, electrode.offset
-        charge, parasitic = at.y["charge"], at.p["parasitic"]
+        charge, parasitic = indices.y["charge"], indices.p["parasitic"]
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
             gap_capacitance = capacitance(x, p)
@@ -127,10 +127,10 @@ class SeriesResistance(Term):
 
     @classmethod
     def electrode_rates(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the current."""
-        ohmic_current, limit = current_of(at, electrode), at.p.get("current_limit", -1)
+        ohmic_current, limit = current_of(indices, electrode), indices.p.get("current_limit", -1)
         if limit < 0:
             return (ohmic_current,)
 
@@ -141,38 +141,42 @@ class SeriesResistance(Term):
 
     @classmethod
     def rate_limit(
-        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> RateLimit | None:
         """Return the limit of the current."""
-        limit = at.p.get("current_limit", -1)
+        limit = indices.p.get("current_limit", -1)
         if limit < 0:
             return None
 
         def max_current(p):  # type: ignore[no-untyped-def]
             return p[limit]
 
-        current = current_of(at, electrode)
+        current = current_of(indices, electrode)
         return RateLimit("current limit", "charge", ("source", "sink"), current, max_current)
 
     @classmethod
-    def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
+    def electrode_energy(
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
-        return field_energy(electrode, at.p["parasitic"])
+        return field_energy(electrode, indices.p["parasitic"])
 
     @classmethod
-    def electrode_lost(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
+    def electrode_dissipation(
+        cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> Function:
         """Return the power dissipated in the source and its resistance."""
-        node, (current,) = electrode.node, cls.electrode_rates(at, shape, electrode)
+        node, (current,) = electrode.node, cls.electrode_rates(indices, shape, electrode)
 
-        def lost(v, x, y, p):  # type: ignore[no-untyped-def]
+        def dissipation(v, x, y, p):  # type: ignore[no-untyped-def]
             return (v - node(v, x, y, p)) * current(v, x, 0.0, y, p)
 
-        return lost
+        return dissipation
 
 
-def current_of(at: ParameterIndices, electrode: Electrode) -> Function:
+def current_of(indices: ParameterIndices, electrode: Electrode) -> Function:
     """Return the current without a limit."""
-    node, resistance = electrode.node, at.p["resistance"]
+    node, resistance = electrode.node, indices.p["resistance"]
 
     def current(v, x, speed, y, p):  # type: ignore[no-untyped-def]
         return (v - node(v, x, y, p)) / p[resistance]

@@ -119,9 +119,9 @@ class SqueezeFilm(Term):
         return self
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return that of the width."""
-        length, name = at.p["length"], "squeeze_film.width"
+        length, name = indices.p["length"], "squeeze_film.width"
 
         def max_width(p):  # type: ignore[no-untyped-def]
             return p[length]
@@ -136,15 +136,15 @@ class SqueezeFilm(Term):
         return (*names, *(f"left_{name}" for name in names if sides == "both"))
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the contributions of the films."""
         sides, modes = _structure(shape)
-        parts, indices = compartments(at, modes), list(at.y.values())
+        parts, state_indices = compartments(indices, modes), list(indices.y.values())
         count = len(parts)
-        films = [film_of(at, parts, 1, indices[:count])]
+        films = [film_of(indices, parts, 1, state_indices[:count])]
         if sides == "both":
-            films.append(film_of(at, parts, -1, indices[count:]))
-        free_path, ambient = at.p["free_path_pressure"], at.p["pressure"]
+            films.append(film_of(indices, parts, -1, state_indices[count:]))
+        free_path, ambient = indices.p["free_path_pressure"], indices.p["pressure"]
         both_sides = sides == "both"
 
         def knudsen(y, p):  # type: ignore[no-untyped-def]
@@ -155,7 +155,7 @@ class SqueezeFilm(Term):
             force=total_of([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),
             energy=total_of([film.energy for film in films]),
-            lost=total_of([film.lost for film in films]),
+            dissipation=total_of([film.dissipation for film in films]),
             limits=(*(film.limit for film in films), knudsen_limit),
         )
 
@@ -181,7 +181,7 @@ class Compartment(NamedTuple):
     size: Function
 
 
-def compartments(at: ParameterIndices, modes: int) -> list[Compartment]:
+def compartments(indices: ParameterIndices, modes: int) -> list[Compartment]:
     """Return the compartments: row by row across the width, modes along it and what they leave.
 
     Row 1, 3, ... across has the modes 1, 3, ... along one by one, one fewer than the row before,
@@ -192,12 +192,12 @@ def compartments(at: ParameterIndices, modes: int) -> list[Compartment]:
         across = 2 * row + 1
         orders = range(1, 2 * (modes - row), 2)
         result += [
-            Compartment(share(along, across), size_of(at, along, across)) for along in orders
+            Compartment(share(along, across), size_of(indices, along, across)) for along in orders
         ]
         remainder = share_of_row(across) - sum(share(along, across) for along in orders)
-        result.append(Compartment(remainder, size_of_row(at, across, modes - row, remainder)))
+        result.append(Compartment(remainder, size_of_row(indices, across, modes - row, remainder)))
     remainder = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
-    return [*result, Compartment(remainder, size_of_rest(at, modes, remainder))]
+    return [*result, Compartment(remainder, size_of_rest(indices, modes, remainder))]
 
 
 def share(along: int, across: int) -> float:
@@ -210,9 +210,9 @@ def share_of_row(across: int) -> float:
     return 8.0 / (math.pi**2 * across * across)
 
 
-def size_of(at: ParameterIndices, along: int, across: int) -> Function:
+def size_of(indices: ParameterIndices, along: int, across: int) -> Function:
     """Return the size of a mode."""
-    length, width = at.p["length"], at.p["width"]
+    length, width = indices.p["length"], indices.p["width"]
 
     def size(p):  # type: ignore[no-untyped-def]
         return 1.0 / (math.pi**2 * ((along / p[length]) ** 2 + (across / p[width]) ** 2))
@@ -220,13 +220,13 @@ def size_of(at: ParameterIndices, along: int, across: int) -> Function:
     return size
 
 
-def size_of_row(at: ParameterIndices, across: int, count: int, remainder: float) -> Function:
+def size_of_row(indices: ParameterIndices, across: int, count: int, remainder: float) -> Function:
     """Return the size of what the first `count` modes leave of a row: the mean over all others.
 
     The sum along of the shares times the sizes is that of a strip, less what flows out at its
     ends: 8 width^2/(pi across)^4 (1 - tanh(z)/z), z = pi across length/(2 width).
     """
-    length, width = at.p["length"], at.p["width"]
+    length, width = indices.p["length"], indices.p["width"]
 
     def size(p):  # type: ignore[no-untyped-def]
         z = 0.5 * math.pi * across * p[length] / p[width]
@@ -240,9 +240,9 @@ def size_of_row(at: ParameterIndices, across: int, count: int, remainder: float)
     return size
 
 
-def size_of_rest(at: ParameterIndices, modes: int, remainder: float) -> Function:
+def size_of_rest(indices: ParameterIndices, modes: int, remainder: float) -> Function:
     """Return the size of all rows behind the first `modes`: the mean over them."""
-    length, width = at.p["length"], at.p["width"]
+    length, width = indices.p["length"], indices.p["width"]
     rows = range(1, 2 * modes, 2)
     fourth = FOURTH - sum(across**-4.0 for across in rows)
     fifth = FIFTH - sum(across**-5.0 for across in rows)
@@ -263,15 +263,19 @@ class Film(NamedTuple):
     force: Function
     rates: list[Function]
     energy: Function
-    lost: Function
+    dissipation: Function
     limit: Limit
 
 
-def film_of(at: ParameterIndices, parts: list[Compartment], side: int, indices: list[int]) -> Film:
+def film_of(
+    indices: ParameterIndices, parts: list[Compartment], side: int, state_indices: list[int]
+) -> Film:
     """Return the film at the electrode on `side`, whose states have these indices."""
-    length, width, ambient = at.p["length"], at.p["width"], at.p["pressure"]
-    filling = total_of([weighted(part.share, u) for part, u in zip(parts, indices, strict=True)])
-    mobility = mobility_of(at)
+    length, width, ambient = indices.p["length"], indices.p["width"], indices.p["pressure"]
+    filling = total_of(
+        [weighted(part.share, u) for part, u in zip(parts, state_indices, strict=True)]
+    )
+    mobility = mobility_of(indices)
 
     def force(y, p):  # type: ignore[no-untyped-def]
         gap = eq.electrode_gap(side * y[X2], p)
@@ -298,12 +302,12 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, indices: 
             ambient_work = share * p[length] * p[width] * p[ambient] * y[u]
             return (gap + y[u]) * potential(y, p) - ambient_work
 
-        def lost(y, p):  # type: ignore[no-untyped-def]
+        def dissipation(y, p):  # type: ignore[no-untyped-def]
             return potential(y, p) * outflow(y, p)
 
-        return rate, energy, lost
+        return rate, energy, dissipation
 
-    rates, energies, losses = zip(*map(part_functions, parts, indices), strict=True)
+    rates, energies, losses = zip(*map(part_functions, parts, state_indices), strict=True)
 
     def excess(y, p):  # type: ignore[no-untyped-def]
         return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
@@ -321,10 +325,10 @@ def weighted(share: float, index: int) -> Function:
     return part
 
 
-def mobility_of(at: ParameterIndices) -> Function:
+def mobility_of(indices: ParameterIndices) -> Function:
     """Return ``mobility(gap, p)``, pressure gap^2/(12 mu_eff) [m^2/s]."""
-    ambient, viscosity = at.p["pressure"], at.p["viscosity"]
-    free_path = at.p["free_path_pressure"]
+    ambient, viscosity = indices.p["pressure"], indices.p["viscosity"]
+    free_path = indices.p["free_path_pressure"]
 
     def mobility(gap, p):  # type: ignore[no-untyped-def]
         # Differences at a path of 0 evaluate negative values.

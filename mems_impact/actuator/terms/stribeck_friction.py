@@ -46,12 +46,12 @@ class StribeckFriction(Term):
     viscous: NonNegative = 0.0
 
     units = {"speed": "m/s", "viscous": "s/m"}  # noqa: RUF012 - ClassVar above
-    instead = "friction"
+    replaced_rule = "friction"
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the coefficient."""
-        scale, viscous = at.p["speed"], at.p["viscous"]
+        scale, viscous = indices.p["speed"], indices.p["viscous"]
 
         def friction(speed, p):  # type: ignore[no-untyped-def]
             square = (speed / p[scale]) ** 2

@@ -144,10 +144,10 @@ class TableTerm(Term):
         return [*term.positions, *coefficients(term.positions, getattr(term, self.column))]
 
     @classmethod
-    def spline(cls, at: ParameterIndices, shape: Shape) -> TableSpline:
+    def spline(cls, indices: ParameterIndices, shape: Shape) -> TableSpline:
         """Return the spline as functions for numba."""
         count = cls.lengths(shape)["positions"]
-        return spline_functions(at.p["positions"], at.p["coefficients"], count)
+        return spline_functions(indices.p["positions"], indices.p["coefficients"], count)
 
     def value(self, position: float) -> float:
         """Return the interpolated quantity at a position, in the units of the table."""
@@ -166,9 +166,9 @@ class TableTerm(Term):
         return spline_functions(0, count, count), np.array([*self.positions, *polynomials])
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return that of the travel, which the table covers."""
-        first = at.p["positions"]
+        first = indices.p["positions"]
         last = first + cls.lengths(shape)["positions"] - 1
 
         def end(p):  # type: ignore[no-untyped-def]

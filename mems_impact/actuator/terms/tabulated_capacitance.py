@@ -70,7 +70,7 @@ class TabulatedCapacitance(TableTerm):
 
     units = {"positions": "m", "capacitances": "F"}  # noqa: RUF012 - ClassVar above
     column = "capacitances"
-    instead = "electrode"
+    replaced_rule = "electrode"
     plates = False
 
     @model_validator(mode="after")
@@ -84,7 +84,7 @@ class TabulatedCapacitance(TableTerm):
         return self
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the capacitance of the table."""
-        spline = cls.spline(at, shape)
+        spline = cls.spline(indices, shape)
         return electrode._replace(capacitance=spline.value, slope=spline.slope)

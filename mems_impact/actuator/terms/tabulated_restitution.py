@@ -51,7 +51,7 @@ class TabulatedRestitution(Term):
     values: Annotated[tuple[Fraction, ...], Field(min_length=2, description=TABLE)]
 
     units = {"speeds": "m/s"}  # noqa: RUF012 - ClassVar above
-    instead = "restitution"
+    replaced_rule = "restitution"
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -62,9 +62,9 @@ class TabulatedRestitution(Term):
         return self
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the restitution."""
-        x, y = at.p["speeds"], at.p["values"]
+        x, y = indices.p["speeds"], indices.p["values"]
         last = cls.lengths(shape)["speeds"] - 1
 
         def secant(i, p):  # type: ignore[no-untyped-def]

@@ -64,7 +64,7 @@ class TabulatedSpring(TableTerm):
 
     units = {"positions": "m", "forces": "N"}  # noqa: RUF012 - ClassVar above
     column = "forces"
-    instead = "spring"
+    replaced_rule = "spring"
 
     def energy(self, position: float) -> float:
         """Return the energy of the spring at a position, 0 at x2 = 0, in the units of the table."""
@@ -72,9 +72,9 @@ class TabulatedSpring(TableTerm):
         return float(spline.integral(position, p) - spline.integral(0.0, p))
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return those of the travel and of the stiffness, which is that of the table."""
-        slope = cls.spline(at, shape).slope
+        slope = cls.spline(indices, shape).slope
 
         def stiffness(p):  # type: ignore[no-untyped-def]
             table_slope = slope(0.0, p)
@@ -88,7 +88,7 @@ class TabulatedSpring(TableTerm):
 
         what = "the stiffness of the table at x2 = 0"
         return (
-            *super().bounds(at, shape, compliant),
+            *super().bounds(indices, shape, compliant),
             Bound(name="k", value=min_stiffness, excluded=False, what=what),
             Bound(name="k", value=max_stiffness, upper=True, excluded=False, what=what),
         )
@@ -105,9 +105,9 @@ class TabulatedSpring(TableTerm):
             raise InvalidParameter("tabulated_spring.forces", None, "", problem=problem)
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return force and energy beyond those of the linear spring."""
-        spline_force, _, integral = cls.spline(at, shape)
+        spline_force, _, integral = cls.spline(indices, shape)
 
         def force(y, p):  # type: ignore[no-untyped-def]
             return p[eq.K] * y[X2] - spline_force(y[X2], p)

@@ -48,9 +48,9 @@ class Tilt(Term):
     angle: Annotated[Number, Field(gt=-MAX_ANGLE, lt=MAX_ANGLE)]
 
     @classmethod
-    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
+    def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the forces and the factor of the normal force."""
-        angle = at.p["angle"]
+        angle = indices.p["angle"]
 
         def on_frame(y, p):  # type: ignore[no-untyped-def]
             return -p[eq.M1] * p[eq.G] * math.sin(p[angle])
@@ -65,4 +65,6 @@ class Tilt(Term):
             weight = p[eq.G] * math.sin(p[angle])
             return weight * ((p[eq.M1] + p[eq.M2]) * y[X1] + p[eq.M2] * y[X2])
 
-        return TermContribution(on_frame=on_frame, on_block=on_block, normal=normal, energy=energy)
+        return TermContribution(
+            on_frame=on_frame, on_block=on_block, normal_force_factor=normal, energy=energy
+        )

@@ -66,12 +66,12 @@ class TiltedPlate(Term):
     sides: Literal["both", "right", "left"] = "both"
 
     units = {"length": "m"}  # noqa: RUF012 - ClassVar above
-    instead = "electrode"
+    replaced_rule = "electrode"
 
     @classmethod
-    def bounds(cls, at: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
+    def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return those of the angle, at which an edge reaches the electrode."""
-        length, share = at.p["length"], YIELDING_SHARE if compliant else 1.0
+        length, share = indices.p["length"], YIELDING_SHARE if compliant else 1.0
 
         def max_angle(p):  # type: ignore[no-untyped-def]
             return 2.0 * share * (p[eq.D] - p[eq.DELTA]) / p[length]
@@ -87,9 +87,9 @@ class TiltedPlate(Term):
         )
 
     @classmethod
-    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the capacitance of the wedge."""
-        angle, length = at.p["angle"], at.p["length"]
+        angle, length = indices.p["angle"], indices.p["length"]
 
         def wedge(p):  # type: ignore[no-untyped-def]
             return 0.5 * p[length] * abs(p[angle])

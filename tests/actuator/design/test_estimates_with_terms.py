@@ -22,8 +22,8 @@ class Stretched(Term):
         return ("stretch",)
 
     @classmethod
-    def contribution(cls, at, shape):
-        stretch = at.y["stretch"]
+    def contribution(cls, indices, shape):
+        stretch = indices.y["stretch"]
         return TermContribution(
             force=lambda y, p: -0.1 * y[stretch],
             rates=(lambda y, p: y[2] ** 2 - y[stretch],),
@@ -34,7 +34,7 @@ class Drifting(Stretched):
     """One that never rests."""
 
     @classmethod
-    def contribution(cls, at, shape):
+    def contribution(cls, indices, shape):
         return TermContribution(rates=(lambda y, p: 1.0,))
 
 

@@ -142,7 +142,7 @@ def test_what_a_contact_stores():
     part = compose((soft.terms[0].kind,), 1).contributions[0]
     y, p = run.trajectory.final.y, run.trajectory.problem.parameters
     assert y[2] > 0.53
-    assert part.lost(y, p) > 0.0
+    assert part.dissipation(y, p) > 0.0
     assert part.energy(y, p) > 0.05
     total = 0.5 * y[3] ** 2 + 0.5 * y[2] ** 2 + part.energy(y, p) + y[4]
     assert total == pytest.approx(0.5, rel=1e-9)

@@ -261,7 +261,7 @@ def test_energy_is_accounted_for():
     state = end[["x1", "v1", "x2", "v2", "charge"]].to_numpy(float)
     electrode, place = model.electrodes[0], (volts[700], state[2], state, p)
     energy = kind.term.electrode_energy(at, kind.shape, electrode)(*place)
-    heat = kind.term.electrode_lost(at, kind.shape, electrode)(*place)
+    heat = kind.term.electrode_dissipation(at, kind.shape, electrode)(*place)
     assert energy == pytest.approx(0.5 * (capacitance[700] + 0.1) * node[700] ** 2, rel=1e-12)
     assert heat == pytest.approx(0.6 * current[700] ** 2, rel=1e-12)
 

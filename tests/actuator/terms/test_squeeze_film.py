@@ -127,8 +127,8 @@ def test_no_energy_comes_of_it(sides):
         h = 1e-7
         stored = (part.energy(y + h * slope, p) - part.energy(y - h * slope, p)) / (2.0 * h)
         assert part.energy(y, p) > 0.0
-        assert part.lost(y, p) >= 0.0
-        assert stored + part.lost(y, p) == pytest.approx(-part.force(y, p) * y[3], abs=1e-7)
+        assert part.dissipation(y, p) >= 0.0
+        assert stored + part.dissipation(y, p) == pytest.approx(-part.force(y, p) * y[3], abs=1e-7)
 
 
 def reference(y, t, device, film, drive):

@@ -12,8 +12,8 @@ class Wind(Term):
     units = {"force": "N"}  # noqa: RUF012
 
     @classmethod
-    def contribution(cls, at, shape):
-        force = at.p["force"]
+    def contribution(cls, indices, shape):
+        force = indices.p["force"]
 
         def on_frame(y, p):
             return p[force]
