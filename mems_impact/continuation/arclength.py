@@ -73,32 +73,32 @@ class StepControl:
     most: int = 2000
 
     def within(
-        self, low: float, high: float, point: Linearized, along: Floats, length: float
+        self, low: float, high: float, point: Linearized, direction: Floats, length: float
     ) -> float:
         """Limit a distance along a tangent at a bound, beyond which the model may be undefined."""
-        ahead = point.values[-1] + length * along[-1]
-        bound = high if along[-1] > 0.0 else low
+        ahead = point.values[-1] + length * direction[-1]
+        bound = high if direction[-1] > 0.0 else low
         if low <= ahead <= high:
             return length
-        return max(1.001 * (bound - point.values[-1]) / along[-1], self.smallest)
+        return max(1.001 * (bound - point.values[-1]) / direction[-1], self.smallest)
 
 
-def tangent(point: Linearized, along: Floats | None = None) -> Floats:
+def tangent(point: Linearized, direction: Floats | None = None) -> Floats:
     """Return the unit tangent of the branch at `point`, shape (unknowns + 1,).
 
     Parameters
     ----------
     point : ShootingEvaluation or EquilibriumEvaluation
         With one active parameter.
-    along : float array, optional
+    direction : float array, optional
         Orientation of the tangent; by default, the parameter increases.
     """
     stored = vars(point)
     if "_null_vector" not in stored:  # of a point it is needed several times
         stored["_null_vector"] = null_vector(np.hstack([point.jacobian, point.by_parameter]))
-    direction = stored["_null_vector"]
-    forward = direction[-1] if along is None else direction @ along
-    return np.asarray(direction if forward >= 0.0 else -direction)
+    vector = stored["_null_vector"]
+    forward = vector[-1] if direction is None else vector @ direction
+    return np.asarray(vector if forward >= 0.0 else -vector)
 
 
 def correct(
@@ -140,11 +140,11 @@ class PredictorStep(Generic[P]):
     Parameters
     ----------
     correct : callable
-        ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` normal
-        to `along`.
+        ``correct(plane, direction, guess)`` returns the `Solution` in the plane through `plane`
+        normal to `direction`.
     point : ShootingEvaluation or EquilibriumEvaluation
         Start of the step.
-    along : float array
+    direction : float array
         The unit tangent there.
     previous : sequence of float array, optional
         Unknowns and parameters of earlier points.
@@ -154,16 +154,16 @@ class PredictorStep(Generic[P]):
         self,
         correct: Callable[[Floats, Floats, Floats], Solution[P]],
         point: P,
-        along: Floats,
+        direction: Floats,
         previous: Sequence[Floats] = (),
     ) -> None:
-        self.start, self.along = np.concatenate([point.unknowns, point.values]), along
+        self.start, self.direction = np.concatenate([point.unknowns, point.values]), direction
         self._correct = correct
         self._found = {0.0: Solution(self.start, point, 0)}
         # Offset of the branch from the tangent, divided by s^2, by s.
         self._curvatures: dict[float, Floats] = {}
         for earlier in previous:
-            s = float((earlier - self.start) @ along)
+            s = float((earlier - self.start) @ direction)
             if s < 0.0:
                 self._add_curvature(s, earlier)
 
@@ -177,8 +177,8 @@ class PredictorStep(Generic[P]):
             length of the step, such as a point of another branch.
         """
         if s not in self._found:
-            plane = self.start + s * self.along
-            solution = self._correct(plane, self.along, self.expected(s))
+            plane = self.start + s * self.direction
+            solution = self._correct(plane, self.direction, self.expected(s))
             if np.linalg.norm(solution.unknowns - plane) > abs(s) + RESIDUAL_TOLERANCE:
                 raise OrbitError(
                     "the correction of a step converged to a distant point", "take a shorter step"
@@ -189,7 +189,7 @@ class PredictorStep(Generic[P]):
 
     def expected(self, s: float) -> Floats:
         """Predict the point at the distance `s` from the known points."""
-        return np.asarray(self.start + s * self.along + s * s * self._curvature_at(s))
+        return np.asarray(self.start + s * self.direction + s * s * self._curvature_at(s))
 
     def zero(self, test: Callable[[P], float], length: float, begin: float = 0.0) -> float:
         """Return the distance between `begin` and `length` at which `test` is zero.
@@ -209,7 +209,7 @@ class PredictorStep(Generic[P]):
 
     def _add_curvature(self, s: float, unknowns: Floats) -> None:
         """Store the curvature of the branch at a known point."""
-        aside = unknowns - self.start - s * self.along
+        aside = unknowns - self.start - s * self.direction
         # Discard rounding errors: in a component that the orbit does not determine, and that no
         # correction changes, they would grow from step to step.
         aside[np.abs(aside) < ZERO_COMPONENT] = 0.0
@@ -217,7 +217,7 @@ class PredictorStep(Generic[P]):
 
     def _curvature_at(self, s: float) -> Floats:
         """Interpolate the curvature by a polynomial through the nearest known points."""
-        bend = np.zeros_like(self.along)
+        bend = np.zeros_like(self.direction)
         if not self._curvatures:
             return bend
         gap = MIN_SEPARATION_RATIO * max(map(abs, self._curvatures))
@@ -249,13 +249,13 @@ class ClosureDetector:
     shooting : Shooting
     point : ShootingEvaluation
         The first orbit.
-    along : float array
+    direction : float array
         Tangent at the first orbit.
     """
 
-    def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
+    def __init__(self, shooting: Shooting, point: ShootingEvaluation, direction: Floats) -> None:
         self.mode, self.values = shooting.segments[0].mode, point.values
-        self.state, self.forward = shooting.unpack(point.unknowns)[0][0], along[-1] > 0.0
+        self.state, self.forward = shooting.unpack(point.unknowns)[0][0], direction[-1] > 0.0
 
     def within(
         self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
@@ -447,7 +447,7 @@ class Restart(NamedTuple, Generic[P]):
     """Start of a continuation with other equations: point, tangent and step length."""
 
     point: P
-    along: Floats
+    direction: Floats
     length: float
 
 
@@ -479,8 +479,8 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Correct `guess` (unknowns and parameters) at its value of the last parameter."""
 
     @abstractmethod
-    def tests(self, point: P, along: Floats) -> Mapping[Any, float]:
-        """Return the test functions at a point of the branch with the tangent `along`."""
+    def tests(self, point: P, direction: Floats) -> Mapping[Any, float]:
+        """Return the test functions at a point of the branch with the tangent `direction`."""
 
     @abstractmethod
     def locate(
@@ -497,12 +497,12 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the position in a step of a return to the first point, in the same direction."""
 
     @abstractmethod
-    def record(self, point: P, along: Floats) -> None:
+    def record(self, point: P, direction: Floats) -> None:
         """Append a point to the result."""
 
-    def tangent(self, point: P, along: Floats) -> Floats:
-        """Return the unit tangent at a point, in the direction of `along`."""
-        return tangent(point, along)
+    def tangent(self, point: P, direction: Floats) -> Floats:
+        """Return the unit tangent at a point, oriented along `direction`."""
+        return tangent(point, direction)
 
     def norm(self, vector: Floats) -> float:
         """Return the norm of unknowns and parameters that step lengths refer to."""
@@ -522,7 +522,7 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the start beyond a loss, or the reason for the end there."""
         return located.reason
 
-    def rebased(self, point: P, along: Floats) -> tuple[P, Floats] | None:
+    def rebased(self, point: P, direction: Floats) -> tuple[P, Floats] | None:
         """Return the point for other equations, if the present ones become ill-posed; else None."""
         return None
 
@@ -574,7 +574,7 @@ class Continuation(Generic[P, R, E]):
     problem : ContinuationProblem
     point : ShootingEvaluation or EquilibriumEvaluation
         A solution.
-    along : float array
+    direction : float array
         Its unit tangent, in the direction of continuation.
     low, high : float
         Bounds of the last parameter.
@@ -587,7 +587,7 @@ class Continuation(Generic[P, R, E]):
         self,
         problem: ContinuationProblem[P, R, E],
         point: P,
-        along: Floats,
+        direction: Floats,
         *,
         low: float,
         high: float,
@@ -597,12 +597,12 @@ class Continuation(Generic[P, R, E]):
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
         self._stop_at = stop_at
         self._reduction_reason = ""  # reason of the last step reduction
-        self._restart(Restart(point, along, steps.initial))
+        self._restart(Restart(point, direction, steps.initial))
 
     def __iter__(self) -> Iterator[R]:
         """Yield the recorded points until the branch ends."""
         problem, branch, yielded = self.problem, self.problem.branch, 0
-        problem.record(self._point, self._along)
+        problem.record(self._point, self._direction)
         while True:
             while yielded < len(branch.points):
                 yielded += 1
@@ -617,29 +617,31 @@ class Continuation(Generic[P, R, E]):
 
     def _restart(self, onward: Restart[P]) -> None:
         """Start at a point without earlier points of the same equations."""
-        self._point, self._along, self._length = onward
+        self._point, self._direction, self._length = onward
         self._previous_points: list[Floats] = []
-        self._before = self.problem.tests(self._point, self._along)
+        self._before = self.problem.tests(self._point, self._direction)
 
     def _advance(self) -> None:
         """Take a step, or shorten the next one."""
-        problem, point, along = self.problem, self._point, self._along
+        problem, point, direction = self.problem, self._point, self._direction
         last: tuple[P, Floats] | None = None
         try:
-            size = problem.norm(along)
-            reach = self.steps.within(self.low, self.high, point, along, self._length / size)
+            size = problem.norm(direction)
+            reach = self.steps.within(self.low, self.high, point, direction, self._length / size)
             self._length = reach * size
             corrector = problem.corrector(point)
-            step = PredictorStep(corrector, point, along, self._previous_points[-PREDICTOR_POINTS:])
+            step = PredictorStep(
+                corrector, point, direction, self._previous_points[-PREDICTOR_POINTS:]
+            )
             _, following, iterations = step.at(reach)
             problem.check(point, following)
             closing = problem.closing(step, reach)
             if closing is not None:
                 reach, following = closing, step.at(closing).point
-            after = problem.tests(following, along)
+            after = problem.tests(following, direction)
             located = problem.locate(step, reach, self._before, after)
-            ahead = problem.tangent(following, along)
-            if ahead @ along < MIN_TURN_COSINE and not located.corner:
+            ahead = problem.tangent(following, direction)
+            if ahead @ direction < MIN_TURN_COSINE and not located.corner:
                 raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER_STEP_REMEDY)
             if located.loss is None and not self.low <= following.values[-1] <= self.high:
                 last = self._at_bound(step, following)
@@ -676,7 +678,7 @@ class Continuation(Generic[P, R, E]):
             problem.branch.ended = f"{problem.parameters[-1]} reached its bound"
         else:
             self._previous_points.append(step.start)
-            self._point, self._along, self._before = following, ahead, after
+            self._point, self._direction, self._before = following, ahead, after
             problem.record(following, ahead)
             closed = f"the {problem.noun} {CLOSED}" if closing is not None else ""
             problem.branch.ended = closed or problem.end_at(following)
@@ -700,12 +702,12 @@ class Continuation(Generic[P, R, E]):
         guess = start + (bound - start[-1]) / (end[-1] - start[-1]) * (end - start)
         guess[-1] = bound
         last = self.problem.solve(guess)
-        return last, self.problem.tangent(last, step.along)
+        return last, self.problem.tangent(last, step.direction)
 
     def _rebase(self) -> None:
         """Replace the equations if they become ill-posed."""
         try:
-            rebased = self.problem.rebased(self._point, self._along)
+            rebased = self.problem.rebased(self._point, self._direction)
             if rebased is not None:
                 self._restart(Restart(*rebased, self._length))
         except CONTINUATION_ERRORS as error:
@@ -722,6 +724,6 @@ class Continuation(Generic[P, R, E]):
     def _budget_used(self) -> str:
         """Return the message of an exhausted budget of points."""
         value = abs(float(self._point.values[-1]))
-        moved = abs(float(self._along[-1])) * self._length / self.problem.norm(self._along)
+        moved = abs(float(self._direction[-1])) * self._length / self.problem.norm(self._direction)
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
         return budget_message(self.steps, self._length, self._reduction_reason, parameter, part)

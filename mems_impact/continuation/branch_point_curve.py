@@ -50,9 +50,9 @@ def unfolding(point: Linearized) -> float:
 
 
 def correct_branch_point(
-    equations: Solvable[P], near: P, plane: Floats, along: Floats, guess: Floats
+    equations: Solvable[P], near: P, plane: Floats, direction: Floats, guess: Floats
 ) -> Solution[P]:
-    """Solve the extended equations in the plane through `plane` normal to `along`.
+    """Solve the extended equations in the plane through `plane` normal to `direction`.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def correct_branch_point(
         With two active parameters.
     near : ShootingEvaluation or EquilibriumEvaluation
         A branch point nearby, which provides the borders.
-    plane, along, guess : float array
+    plane, direction, guess : float array
         Unknowns and parameters.
 
     Raises
@@ -72,8 +72,8 @@ def correct_branch_point(
 
     def extended(u: Floats) -> tuple[P, Floats, Floats]:
         point, residual, matrix = extended_equations(equations, border, kernel, u)
-        rows = np.vstack([matrix, np.append(along, 0.0)])
-        return point, np.append(residual, along @ (u[:-1] - plane)), rows
+        rows = np.vstack([matrix, np.append(direction, 0.0)])
+        return point, np.append(residual, direction @ (u[:-1] - plane)), rows
 
     solution = newton(
         extended,
@@ -101,7 +101,7 @@ class BranchPointCurve(CurveProblem):
         return DefiningSystem(self.shooting, self.monitor)
 
     def restarted_cycle(
-        self, point: ShootingEvaluation, along: Floats
+        self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return the point for a cycle with another start, and the tangent."""
         shooting, unknowns, first = rebase_phase(self.shooting, point)
@@ -110,12 +110,12 @@ class BranchPointCurve(CurveProblem):
         restarted = correct_branch_point(shooting, near, start, across, start).point
         self.zero = {other.rebased(len(self.shooting.segments), first) for other in self.zero}
         self.shooting, self.condition = shooting, DefiningSystem(shooting, self.monitor)
-        return restarted, oriented(curve_tangent(shooting, restarted), along, 2)
+        return restarted, oriented(curve_tangent(shooting, restarted), direction, 2)
 
-    def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
-        """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = curve_tangent(self.shooting, point)
-        return direction if direction @ along >= 0.0 else -direction
+    def tangent(self, point: ShootingEvaluation, direction: Floats) -> Floats:
+        """Return the unit tangent of the curve, oriented along `direction`."""
+        vector = curve_tangent(self.shooting, point)
+        return vector if vector @ direction >= 0.0 else -vector
 
     def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
         """Return the corrector of a step."""
@@ -129,10 +129,10 @@ class BranchPointCurve(CurveProblem):
             raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
         return point
 
-    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+    def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the curve, unless it is no branch point."""
         if unfolding(point) <= RESIDUAL_TOLERANCE:
-            super().record(point, along)
+            super().record(point, direction)
 
     def end_at(self, point: ShootingEvaluation) -> str:
         """Return the reason for an end where the branch point unfolds."""
@@ -143,7 +143,7 @@ class BranchPointCurve(CurveProblem):
             f"{UNFOLDS}: at another value of {self.parameters[1]} than {value}, no branch crosses"
         )
 
-    def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:
+    def tests(self, point: ShootingEvaluation, direction: Floats) -> Tests:
         """Return the test functions for points of codimension two."""
         multipliers = multipliers_at(self.shooting, point)
         # A second multiplier +1 is not separated from the first.

@@ -87,8 +87,8 @@ class BranchPoints(Generic[P]):
             remedy="take a shorter step",
         )
         x, beta = solution.unknowns[:-1], abs(float(solution.unknowns[-1]))
-        position = float((x - step.start) @ step.along)
-        aside = float(np.linalg.norm(x - step.start - position * step.along))
+        position = float((x - step.start) @ step.direction)
+        aside = float(np.linalg.norm(x - step.start - position * step.direction))
         radius = max(MIN_FOLD_DISTANCE, UNFOLDING_RATIO * beta ** (1.0 / 3.0))
         if (
             not -radius <= position <= length + radius
@@ -102,7 +102,7 @@ class BranchPoints(Generic[P]):
     def between(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
         """Return the parts of a step outside the radii of branch points."""
         intervals, begin = [], 0.0
-        around = [((x - step.start) @ step.along, radius) for x, radius in self._known]
+        around = [((x - step.start) @ step.direction, radius) for x, radius in self._known]
         for position, radius in sorted(around):
             if -radius < position < length + radius:
                 intervals.append((begin, position - radius))

@@ -202,18 +202,20 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
         raise OrbitError("no pair of eigenvalues is on the imaginary axis", "locate a Hopf point")
     balance, value = equilibrium.balance, equilibrium.family.values[parameter]
     values, vectors = np.linalg.eig(balance.jacobian)
-    along, across = _plane(vectors[:, np.argmin(np.abs(values - 1j * rate))])
+    direction, across = _plane(vectors[:, np.argmin(np.abs(values - 1j * rate))])
     center = balance.unknowns
     period = 2.0 * math.pi / rate
     phase = Phase(tuple(across.tolist()), float(across @ center), period)
     segments = (Segment(equilibrium.mode, 0, BOUNDARY),)
     size = max(1.0, float(np.abs(center).max()))
-    family = _family_with_method(equilibrium, center + size * SWITCH_DISTANCES[-1] * along, period)
+    family = _family_with_method(
+        equilibrium, center + size * SWITCH_DISTANCES[-1] * direction, period
+    )
     shooting = Shooting(family, segments, (parameter,), phase=phase)
     # To first order in the amplitude only the state changes; period and parameter are those of the
     # linearization.
     middle = np.array([*center, period / phase.unit, value])
-    away = np.array([*along, 0.0, 0.0])
+    away = np.array([*direction, 0.0, 0.0])
     distances = [size * distance for distance in SWITCH_DISTANCES]
     return first_orbit_on_branch(shooting, middle, away, distances)
 

@@ -47,11 +47,11 @@ def branch_direction(step: PredictorStep[P], point: P) -> Floats:
     """Return the direction in which a branch passes a branch point within a step, in the kernel."""
     passed = _whole(point) - step.start
     size = float(np.linalg.norm(passed))
-    along = passed / size if size > RESIDUAL_TOLERANCE else step.along
+    direction = passed / size if size > RESIDUAL_TOLERANCE else step.direction
     kernel = np.linalg.svd(_derivatives(point))[2][-2:]
-    projected = kernel.T @ (kernel @ along)
+    projected = kernel.T @ (kernel @ direction)
     size = float(np.linalg.norm(projected))
-    return np.asarray(projected / size) if size > 0.0 else along
+    return np.asarray(projected / size) if size > 0.0 else direction
 
 
 class FirstPoint(NamedTuple, Generic[P]):
@@ -80,7 +80,7 @@ class CrossingBranch(Generic[P]):
         With one active parameter.
     point : ShootingEvaluation or EquilibriumEvaluation
         The branch point.
-    along : float array
+    direction : float array
         Approximate direction of the known branch.
 
     Attributes
@@ -91,12 +91,12 @@ class CrossingBranch(Generic[P]):
     degenerate : bool
     """
 
-    def __init__(self, equations: Solvable[P], point: P, along: Floats) -> None:
+    def __init__(self, equations: Solvable[P], point: P, direction: Floats) -> None:
         self._equations, self._start = equations, _whole(point)
         self._error = float(np.abs(point.residual).max(initial=0.0))
         left, _, rows = np.linalg.svd(_derivatives(point))
         self._left, self._kernel = left[:, -1], rows[-2:]
-        first = self._unit(self._kernel @ along)
+        first = self._unit(self._kernel @ direction)
         quadratic = np.array([self._left @ self._second(v) for v in self._kernel]) @ self._kernel.T
         quadratic = 0.5 * (quadratic + quadratic.T)
         roots = sorted(_roots(quadratic), key=lambda a: -abs(float(a @ first)))
@@ -168,11 +168,11 @@ class CrossingBranch(Generic[P]):
         Its projection to the kernel is compared with that of the known branch at its distance.
         """
         away = self._kernel @ (_whole(point) - self._start)
-        along = self._kernel @ self.own
+        direction = self._kernel @ self.own
         size = float(np.linalg.norm(away))
         if not size > 0.0:
             return False
-        return abs(away[0] * along[1] - away[1] * along[0]) > math.sin(MIN_ANGLE) * size
+        return abs(away[0] * direction[1] - away[1] * direction[0]) > math.sin(MIN_ANGLE) * size
 
     def _zeros(self, radius: float) -> Iterator[float]:
         """Yield the angles to the known branch at which others leave the circle."""

@@ -119,10 +119,10 @@ def _with_orbit(
     if not numbers or not orbit.admissible:
         return onset
     shortest = min(numbers, key=lambda i: float(orbit.point.ends[i] - orbit.point.starts[i]))
-    along = tangent(orbit.point)
+    direction = tangent(orbit.point)
     return replace(
         onset,
         orbit=orbit,
-        direction=along if along[-1] * onset.direction[-1] > 0.0 else -along,
+        direction=direction if direction[-1] * onset.direction[-1] > 0.0 else -direction,
         monitor=SegmentLengthTest(onset.monitor.kind, shortest),
     )

@@ -159,15 +159,19 @@ def follow_curve(
         curve_problem = (problem or CurveProblem)(curve, special, shooting, (low, high))
         values = np.array([orbit.family.values[name] for name in curve.parameters])
         near = shooting.evaluate(orbit.point.unknowns, values)
-        along = curve_problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
+        first_direction = curve_problem.tangent(
+            near, direction * np.eye(near.unknowns.size + 2)[-1]
+        )
         start = np.concatenate([near.unknowns, values])
-        point = curve_problem.corrector(near)(start, along, start).point
-        curve_problem.begin(point, along)
+        point = curve_problem.corrector(near)(start, first_direction, start).point
+        curve_problem.begin(point, first_direction)
     except CONTINUATION_ERRORS as error:
         curve.ended = f"the first point could not be corrected: {reason_of(error, orbit.family)}"
         return curve
     try:
-        for solution in Continuation(curve_problem, point, along, low=low, high=high, steps=steps):
+        for solution in Continuation(
+            curve_problem, point, first_direction, low=low, high=high, steps=steps
+        ):
             if progress is not None:
                 progress(solution.values[1])
     except CONTINUATION_ERRORS as error:
@@ -198,9 +202,9 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         """Return the equation that the special point adds."""
         return self.monitor.equation(self.shooting)
 
-    def begin(self, point: ShootingEvaluation, along: Floats) -> None:
+    def begin(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Set the first orbit, the tangent there, and the test functions that mark no point."""
-        super().begin(point, along)
+        super().begin(point, direction)
         # Test functions that are zero along the whole curve mark no point of codimension two.
         touched = orbit_tests(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
@@ -214,7 +218,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         return min(gaps, default=(0.0, -1))[1]
 
     def restarted_cycle(
-        self, point: ShootingEvaluation, along: Floats
+        self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return the point for a cycle with another start, and the tangent."""
         shooting, unknowns, first = rebase_phase(self.shooting, point)
@@ -228,9 +232,9 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self._linear = restarted, condition.gradient(restarted)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
         self.zero = {other.rebased(count, first) for other in self.zero}
-        return restarted, oriented(curve_direction(*self._linear), along, 2)
+        return restarted, oriented(curve_direction(*self._linear), direction, 2)
 
-    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+    def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the curve."""
         values = (float(point.values[0]), float(point.values[1]))
         self.branch.points.append(CurvePoint(self._orbit(point), values))
@@ -244,10 +248,10 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         defects = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", segment))
         return replace(orbit, defects=tuple(defects))
 
-    def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
-        """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = curve_direction(point, self._gradient(point))
-        return direction if direction @ along >= 0.0 else -direction
+    def tangent(self, point: ShootingEvaluation, direction: Floats) -> Floats:
+        """Return the unit tangent of the curve, oriented along `direction`."""
+        vector = curve_direction(point, self._gradient(point))
+        return vector if vector @ direction >= 0.0 else -vector
 
     def _gradient(self, point: ShootingEvaluation) -> Floats:
         """Return the gradient of the condition, whose scaling is fixed at this point."""
@@ -269,7 +273,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         fixed = np.eye(guess.size)[-1]
         return self.corrector(self._linear[0])(guess, fixed, guess).point
 
-    def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:
+    def tests(self, point: ShootingEvaluation, direction: Floats) -> Tests:
         """Return the test functions for points of codimension two."""
         named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
         if isinstance(self.monitor, ClosestApproachTest):
@@ -425,10 +429,10 @@ def correct_condition(
     condition: Condition[P],
     gradient: Floats,
     plane: Floats,
-    along: Floats,
+    direction: Floats,
     guess: Floats,
 ) -> Solution[P]:
-    """Correct `guess` to a zero of a condition, in the plane through `plane` normal to `along`.
+    """Correct `guess` to a zero of a condition, in the plane through `plane` normal to `direction`.
 
     `gradient` is that of the condition at a nearby point.
     """
@@ -445,8 +449,8 @@ def correct_condition(
             missed = level - last[1] - gradient @ moved
             gradient = gradient + missed * moved / (moved @ moved)
         last = u, level
-        residual = np.concatenate([point.residual, [level, along @ (u - plane)]])
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
+        residual = np.concatenate([point.residual, [level, direction @ (u - plane)]])
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, direction])
         return point, residual, matrix
 
     return newton(

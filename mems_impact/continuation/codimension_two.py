@@ -388,7 +388,7 @@ def _rotating_terms(
     # Of order m + 2 i, the terms of one frequency have the factor radius^(m + 2 i).
     powers = np.linalg.inv(np.vander(RADII**2, increasing=True))[0]
 
-    def place(z: complex) -> Floats:
+    def manifold_state(z: complex) -> Floats:
         terms = (h * z**j * z.conjugate() ** k for (j, k), h in manifold.items())
         return np.asarray(sum(terms), dtype=complex).real
 
@@ -398,7 +398,9 @@ def _rotating_terms(
             for n, angle in enumerate(angles.tolist()):
                 z = radius * complex(math.cos(angle), math.sin(angle))
                 image = z * (value + cubic * abs(z) ** 2)
-                missing[i, n] = (returns.value_at(place(z)) - place(image)) / radius**order
+                missing[i, n] = (
+                    returns.value_at(manifold_state(z)) - manifold_state(image)
+                ) / radius**order
         series = np.fft.fft(missing, axis=1) / ANGLES
         for j in range(order + 1):
             k = order - j

@@ -52,7 +52,7 @@ class CriticalityTest(TestFunction):
         """Name of a zero."""
         return self.NAMES[self.kind]
 
-    def value(self, equations: Any, point: Any, along: Floats) -> None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> None:
         """Return None: it is defined on a curve only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:

@@ -158,13 +158,13 @@ def follow_equilibrium(
     try:
         value = np.array([equilibrium.family.value(parameter)])
         first = equations.evaluate(equilibrium.balance.unknowns, value)
-        along = tangent(first)
-        along = along if direction > 0.0 else -along
+        first_direction = tangent(first)
+        first_direction = first_direction if direction > 0.0 else -first_direction
         problem = _EquilibriumBranchProblem(
-            branch, equations, first, along, low, high, steps, functions
+            branch, equations, first, first_direction, low, high, steps, functions
         )
         points = Continuation(
-            problem, first, along, low=low, high=high, steps=steps, stop_at=stop_at
+            problem, first, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
         )
         for solution in points:
             if progress is not None:
@@ -179,21 +179,21 @@ class EquilibriumProblem(ContinuationProblem[EquilibriumEvaluation, EquilibriumS
 
     equations: EquilibriumEquations
 
-    def begin(self, first: EquilibriumEvaluation, along: Floats) -> None:
+    def begin(self, first: EquilibriumEvaluation, direction: Floats) -> None:
         """Set the first point and its tangent."""
-        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
+        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), direction
 
-    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
         """Append an equilibrium to the branch or curve."""
         self.branch.points.append(make_equilibrium(self.equations, point))
 
     def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
         """Return the position in a step of a return to the first point and tangent, or None."""
-        position = float((self.first - step.start) @ step.along)
+        position = float((self.first - step.start) @ step.direction)
         if len(self.branch.points) <= PREDICTOR_POINTS or not 0.0 < position <= length:
             return None
         near = np.abs(step.at(position).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
-        return position if near and step.along @ self.at_first > 0.5 else None
+        return position if near and step.direction @ self.at_first > 0.5 else None
 
     def rates(self, point: EquilibriumEvaluation, name: str, value: float) -> Floats:
         """Return the flow at an equilibrium, at another value of a parameter."""
@@ -210,7 +210,7 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         branch: Equilibria,
         equations: EquilibriumEquations,
         first: EquilibriumEvaluation,
-        along: Floats,
+        direction: Floats,
         low: float,
         high: float,
         steps: StepControl,
@@ -219,7 +219,7 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         self.functions = FunctionZeros[EquilibriumEvaluation](equations, functions)
         self.branch, self.equations, self.family = branch, equations, equations.family
         self.parameters, self.low, self.high = (branch.parameter,), low, high
-        self.begin(first, along)
+        self.begin(first, direction)
         self.bifurcations = Bifurcations(
             equations,
             IMAGINARY_AXIS,
@@ -245,10 +245,10 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         branch.special_points += located.events
         branch.points += [each.equilibrium for each in located.events]
 
-    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[TestFunction, float]:
+    def tests(self, point: EquilibriumEvaluation, direction: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an equilibrium."""
         tests: dict[TestFunction, float] = {
-            BranchPointTest(): regularity(point, tangent(point, along))
+            BranchPointTest(): regularity(point, tangent(point, direction))
         }
         guards = self.family.automaton.guards
         for j, margin in enumerate(self.equations.margins(point).tolist()):
@@ -268,9 +268,11 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         ends = before[BranchPointTest()], after[BranchPointTest()]
         for position, kind, located, _ in self.bifurcations.within(step, length, *ends):
             crossed = kind == BRANCH_POINT  # the tangent there is not unique
-            along = branch_direction(step, located) if crossed else tangent(located, step.along)
+            direction = (
+                branch_direction(step, located) if crossed else tangent(located, step.direction)
+            )
             kind = HOPF if kind == CROSSING else kind
-            candidates.append((position, self._event(located, along, kind)))
+            candidates.append((position, self._event(located, direction, kind)))
         for test in before:
             if not isinstance(test, BoundaryTest) or test not in after:
                 continue
@@ -280,11 +282,13 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
             if changes_sign and largest > EQUILIBRIUM_MARGIN_TOLERANCE:
                 position = self._zero(step, length, test)
                 located = step.at(position).point
-                along = tangent(located, step.along)
-                candidates.append((position, self._event(located, along, test.kind, test.guard)))
+                direction = tangent(located, step.direction)
+                candidates.append(
+                    (position, self._event(located, direction, test.kind, test.guard))
+                )
         for position, function, located in self.functions.within(step, length):
-            along = tangent(located, step.along)
-            candidates.append((position, self._event(located, along, function.kind)))
+            direction = tangent(located, step.direction)
+            candidates.append((position, self._event(located, direction, function.kind)))
         candidates.sort(key=lambda item: item[0])
         return LocatedEvents(
             [each for _, each in candidates if self.low <= each.value <= self.high]
@@ -294,7 +298,7 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
         self, step: PredictorStep[EquilibriumEvaluation], length: float, test: BoundaryTest
     ) -> float:
         def value(evaluation: EquilibriumEvaluation) -> float:
-            return test.value(self.equations, evaluation, step.along)
+            return test.value(self.equations, evaluation, step.direction)
 
         try:
             return step.zero(value, length)
@@ -302,11 +306,11 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
             raise OrbitError(f"a {test.kind} could not be located", SHORTER_STEP_REMEDY) from error
 
     def _event(
-        self, balance: EquilibriumEvaluation, along: Floats, kind: str, guard: int = -1
+        self, balance: EquilibriumEvaluation, direction: Floats, kind: str, guard: int = -1
     ) -> EquilibriumEvent:
         equilibrium = make_equilibrium(self.equations, balance)
         name = self.family.automaton.guards[guard].name if guard >= 0 else ""
-        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium, along)
+        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium, direction)
 
 
 def frequency(equilibrium: EquilibriumState) -> float | None:

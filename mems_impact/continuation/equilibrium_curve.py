@@ -606,15 +606,17 @@ def follow_equilibrium_curve(
             if isinstance(condition, ScalarCondition)
             else _BranchPointCurve(curve, condition, (low, high))
         )
-        along = problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
+        first_direction = problem.tangent(near, direction * np.eye(near.unknowns.size + 2)[-1])
         start = np.concatenate([near.unknowns, values])
-        point = problem.corrector(near)(start, along, start).point
-        problem.begin(point, along)
+        point = problem.corrector(near)(start, first_direction, start).point
+        problem.begin(point, first_direction)
     except CONTINUATION_ERRORS as error:
         curve.ended = f"the first point could not be corrected: {reason_of(error, family)}"
         return curve
     try:
-        for solution in Continuation(problem, point, along, low=low, high=high, steps=steps):
+        for solution in Continuation(
+            problem, point, first_direction, low=low, high=high, steps=steps
+        ):
             if progress is not None:
                 progress(solution.family.value(curve.parameters[1]))
     except CONTINUATION_ERRORS as error:
@@ -647,7 +649,9 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
             ),
         ]
 
-    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[CodimensionTwoTest, float]:
+    def tests(
+        self, point: EquilibriumEvaluation, direction: Floats
+    ) -> dict[CodimensionTwoTest, float]:
         """Return the test functions for points of codimension two."""
         values = {test: test.value(self.condition, point) for test in self._tests}
         return {test: value for test, value in values.items() if value is not None}
@@ -666,7 +670,7 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
                 loss = self._locate(test, step, length, (before[test], after[test]))
                 if loss is not None:
                     length = END_RATIO * loss[0]
-                    after = self.tests(step.at(length).point, step.along)
+                    after = self.tests(step.at(length).point, step.direction)
         candidates: list[tuple[float, EquilibriumCurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
@@ -751,10 +755,10 @@ class _ScalarConditionCurve(_EquilibriumCurveProblem):
             self.equations, self._condition, gradient, guess, fixed, guess
         ).point
 
-    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
-        """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = curve_direction(point, self._gradient(point))
-        return direction if direction @ along >= 0.0 else -direction
+    def tangent(self, point: EquilibriumEvaluation, direction: Floats) -> Floats:
+        """Return the unit tangent of the curve, oriented along `direction`."""
+        vector = curve_direction(point, self._gradient(point))
+        return vector if vector @ direction >= 0.0 else -vector
 
 
 class _BranchPointCurve(_EquilibriumCurveProblem):
@@ -772,15 +776,15 @@ class _BranchPointCurve(_EquilibriumCurveProblem):
             raise OrbitError(UNFOLDS, SHORTER_STEP_REMEDY)
         return point
 
-    def tangent(self, point: EquilibriumEvaluation, along: Floats) -> Floats:
-        """Return the unit tangent of the curve, in the direction of `along`."""
-        direction = curve_tangent(self.equations, point)
-        return direction if direction @ along >= 0.0 else -direction
+    def tangent(self, point: EquilibriumEvaluation, direction: Floats) -> Floats:
+        """Return the unit tangent of the curve, oriented along `direction`."""
+        vector = curve_tangent(self.equations, point)
+        return vector if vector @ direction >= 0.0 else -vector
 
-    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+    def record(self, point: EquilibriumEvaluation, direction: Floats) -> None:
         """Append an equilibrium to the curve, unless it is no branch point."""
         if unfolding(point) <= RESIDUAL_TOLERANCE:
-            super().record(point, along)
+            super().record(point, direction)
 
     def end_at(self, point: EquilibriumEvaluation) -> str:
         """Return the reason for an end where the branch point unfolds."""

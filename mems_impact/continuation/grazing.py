@@ -65,7 +65,7 @@ class DegenerateGrazingTest(TestFunction):
         """Name of a zero."""
         return f"degenerate {self.kind}"
 
-    def value(self, equations: Any, point: Any, along: Floats) -> None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> None:
         """Return None: it is defined on curves of grazings only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
@@ -536,10 +536,10 @@ def _admissible_near(
     loss: BranchEvent, parameter: str, distance: float
 ) -> Iterator[tuple[Shooting, ShootingEvaluation]]:
     """Yield admissible orbits with the sequences of runs from the virtual orbit beyond a loss."""
-    orbit, along = loss.orbit, loss.direction
-    moved = distance * along[-1]
+    orbit, direction = loss.orbit, loss.direction
+    moved = distance * direction[-1]
     step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
-    unknowns = orbit.point.unknowns + distance * along[:-1]
+    unknowns = orbit.point.unknowns + distance * direction[:-1]
     start, tried = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
     mode = _first_mode(orbit, unknowns, loss.value + step)
     for _ in range(MAX_SIGNATURES):

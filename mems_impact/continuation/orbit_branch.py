@@ -91,7 +91,7 @@ __all__ = ["BranchPoint", "OrbitBranch", "follow"]
 
 
 def restart_cycle(
-    shooting: Shooting, point: ShootingEvaluation, along: Floats
+    shooting: Shooting, point: ShootingEvaluation, direction: Floats
 ) -> tuple[Shooting, ShootingEvaluation, Floats]:
     """Return a limit cycle with a start far from its events, and the tangent of the branch.
 
@@ -104,15 +104,15 @@ def restart_cycle(
     # Normal to the branch: at a fold the equations for a fixed parameter are singular.
     across = tangent(other.evaluate(unknowns, point.values))
     restarted = correct(other, np.concatenate([unknowns, point.values]), across).point
-    return other, restarted, oriented(tangent(restarted), along)
+    return other, restarted, oriented(tangent(restarted), direction)
 
 
-def oriented(onward: Floats, along: Floats, parameters: int = 1) -> Floats:
+def oriented(onward: Floats, direction: Floats, parameters: int = 1) -> Floats:
     """Orient a tangent along the one for the previous start of the limit cycle.
 
     The changes of period and parameters are independent of the start.
     """
-    same = float(onward[-1 - parameters :] @ along[-1 - parameters :]) >= 0.0
+    same = float(onward[-1 - parameters :] @ direction[-1 - parameters :]) >= 0.0
     return onward if same else -onward
 
 
@@ -130,9 +130,9 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     def __init__(self, shooting: Shooting) -> None:
         self.shooting, self.family, self.parameters = shooting, shooting.family, shooting.active
 
-    def begin(self, point: ShootingEvaluation, along: Floats) -> None:
+    def begin(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Set the first orbit and the tangent there."""
-        self._beginning = ClosureDetector(self.shooting, point, along)
+        self._beginning = ClosureDetector(self.shooting, point, direction)
 
     def norm(self, vector: Floats) -> float:
         """Return the norm, which does not grow with the number of segments."""
@@ -147,14 +147,16 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
         return self._beginning.within(self.shooting, step, length)
 
     def rebased(
-        self, point: ShootingEvaluation, along: Floats
+        self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats] | None:
         """Restart a cycle if its start is close to an event."""
-        return None if phase_is_clear(self.shooting, point) else self.restarted_cycle(point, along)
+        return (
+            None if phase_is_clear(self.shooting, point) else self.restarted_cycle(point, direction)
+        )
 
     @abstractmethod
     def restarted_cycle(
-        self, point: ShootingEvaluation, along: Floats
+        self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return a limit cycle with another start, and the tangent of the branch or curve."""
 
@@ -335,15 +337,15 @@ def points_of(
         branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
         return
     if np.ndim(direction):
-        along = tangent(point, np.asarray(direction))
+        first_direction = tangent(point, np.asarray(direction))
     else:
-        along = float(np.sign(direction)) * tangent(point)
+        first_direction = float(np.sign(direction)) * tangent(point)
     steps = steps or StepControl()
     try:
         problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)
-        problem.begin(point, along)
+        problem.begin(point, first_direction)
         yield from Continuation(
-            problem, point, along, low=low, high=high, steps=steps, stop_at=stop_at
+            problem, point, first_direction, low=low, high=high, steps=steps, stop_at=stop_at
         )
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, orbit.family)
@@ -380,14 +382,14 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Correct a guess at its value of the parameter."""
         return solve(self.shooting, guess[:-1], guess[-1:])
 
-    def tests(self, point: ShootingEvaluation, along: Floats) -> dict[TestFunction, float]:
+    def tests(self, point: ShootingEvaluation, direction: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an orbit."""
-        return orbit_tests(self.shooting, point, tangent(point, along))
+        return orbit_tests(self.shooting, point, tangent(point, direction))
 
-    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+    def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the branch."""
         orbit = make_orbit(self.shooting, point)
-        self.branch.points.append(BranchPoint(orbit, float(point.values[0]), along, self.piece))
+        self.branch.points.append(BranchPoint(orbit, float(point.values[0]), direction, self.piece))
 
     def record_event(self, event: BranchEvent) -> None:
         """Append a special point, at which the branch ends, to its points."""
@@ -427,25 +429,25 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             self.record_event(loss)
         if joined is None:
             return f"{loss.kind}: {reason}"
-        self.shooting, point, along = joined
+        self.shooting, point, direction = joined
         if not passing:
             self.piece += 1
-            self.record(point, along)
-            return Restart(point, along, self.steps.initial)
-        self._reclassify_coincident(loss, before, self.shooting, point, along)
+            self.record(point, direction)
+            return Restart(point, direction, self.steps.initial)
+        self._reclassify_coincident(loss, before, self.shooting, point, direction)
         self.budget -= 1
         if self.budget == 0:
             self.stalled()
             swapped = OrbitError("events exchange their order repeatedly", "take shorter steps")
             return self.no_step(point, swapped)
-        return Restart(point, along, max(length / 2.0, self.steps.initial))
+        return Restart(point, direction, max(length / 2.0, self.steps.initial))
 
     def restarted_cycle(
-        self, point: ShootingEvaluation, along: Floats
+        self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
         """Return a limit cycle with another start, and the tangent of the branch."""
-        self.shooting, point, along = restart_cycle(self.shooting, point, along)
-        return point, along
+        self.shooting, point, direction = restart_cycle(self.shooting, point, direction)
+        return point, direction
 
     def end_at(self, point: ShootingEvaluation) -> str:
         """Return the reason for an end at an orbit; empty if the branch continues."""
@@ -536,7 +538,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         earlier: ShootingEvaluation,
         shooting: Shooting,
         point: ShootingEvaluation,
-        along: Floats,
+        direction: Floats,
     ) -> None:
         """Reclassify a point of simultaneous events, or remove it if the motion is unchanged.
 
@@ -552,7 +554,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         after = CIRCLE.spectrum(reduced_monodromy(shooting, solution))
         passing = CIRCLE.crossings(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
-        if event.direction[-1] * along[-1] < 0.0:
+        if event.direction[-1] * direction[-1] < 0.0:
             changed.insert(0, FOLD)
         assert isinstance(event.monitor, SegmentLengthTest)
         i, segments = event.monitor.segment, event.orbit.segments
@@ -609,7 +611,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
                 first, reach = hidden, max(hidden[0] - COINCIDENT, 0.0)
         if reach < length:
             point = step.at(reach).point
-            after = orbit_tests(shooting, point, tangent(point, step.along))
+            after = orbit_tests(shooting, point, tangent(point, step.direction))
         bifurcations = self._bifurcations(shooting, step, reach, before, after)
         located = [*bifurcations, *self._function_zeros(shooting, step, reach)]
         located.sort(key=lambda item: item[0])
@@ -624,7 +626,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         # Where an event coincides with a switch the branch has a corner, and one-sided tangents.
         corner = isinstance(loss_at_first.monitor, SegmentLengthTest)
         if corner:
-            loss_at_first = replace(loss_at_first, direction=tangent(point, step.along))
+            loss_at_first = replace(loss_at_first, direction=tangent(point, step.direction))
         loss = loss_at_first if self.reconnecting else None
         return LocatedEvents([*special_points, loss_at_first], loss, "", point, corner)
 
@@ -697,15 +699,15 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if max(abs(first), abs(last)) < REGULARITY_NOISE:
             first = last = 0.0
         bifurcations = []
-        for place, kind, here, value in self.bifurcations.within(step, length, first, last):
+        for position, kind, here, value in self.bifurcations.within(step, length, first, last):
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
             if monitor.kind == PERIOD_DOUBLING:
-                place, here = _refined(shooting, step, length, place, monitor)
+                position, here = _refined(shooting, step, length, position, monitor)
             crossed = kind == BRANCH_POINT  # the tangent there is not unique
-            along = branch_direction(step, here) if crossed else tangent(here, step.along)
-            special = classify(monitor, shooting, here, along)
+            direction = branch_direction(step, here) if crossed else tangent(here, step.direction)
+            special = classify(monitor, shooting, here, direction)
             if special is not None and self.low <= special.value <= self.high:
-                bifurcations.append((place, special))
+                bifurcations.append((position, special))
         return bifurcations
 
     def _function_zeros(
@@ -715,10 +717,10 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if self.functions.equations is not shooting:
             self.functions = FunctionZeros(shooting, self.functions.tests)
         found = []
-        for place, test, here in self.functions.within(step, length):
-            special = classify(test, shooting, here, tangent(here, step.along))
+        for position, test, here in self.functions.within(step, length):
+            special = classify(test, shooting, here, tangent(here, step.direction))
             if special is not None and self.low <= special.value <= self.high:
-                found.append((place, special))
+                found.append((position, special))
         return found
 
 
@@ -726,23 +728,23 @@ def _refined(
     shooting: Shooting,
     step: PredictorStep[ShootingEvaluation],
     length: float,
-    place: float,
+    position: float,
     monitor: TestFunction,
 ) -> tuple[float, ShootingEvaluation]:
-    """Return the zero of a test function near a place, with the point; else that at the place.
+    """Return the zero of a test function near a position, with its point; else that position.
 
     Where two multipliers meet on the unit circle, as without damping, each has the square root of
     the error of their matrix, but the test function is smooth.
     """
 
     def test(point: ShootingEvaluation) -> float:
-        return float(monitor.value(shooting, point, step.along) or 0.0)
+        return float(monitor.value(shooting, point, step.direction) or 0.0)
 
-    if abs(test(step.at(place).point)) > REFINED_VALUE:
+    if abs(test(step.at(position).point)) > REFINED_VALUE:
         reach = REFINEMENT_RATIO * length
         with contextlib.suppress(ValueError):  # it has a double zero
-            place = step.zero(test, min(place + reach, length), max(place - reach, 0.0))
-    return place, step.at(place).point
+            position = step.zero(test, min(position + reach, length), max(position - reach, 0.0))
+    return position, step.at(position).point
 
 
 def _jumps(before: Spectrum, after: Spectrum) -> bool:

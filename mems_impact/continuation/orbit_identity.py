@@ -83,13 +83,13 @@ def _with_folds(branch: OrbitBranch, value: float) -> list[BranchPoint]:
     points = list(branch.points)
     longest = max((abs(b.value - a.value) for a, b in pairwise(points)), default=0.0)
     folds = [
-        (_place(branch, each), each)
+        (_position(branch, each), each)
         for each in branch.special_points
         if each.kind == FOLD and abs(each.value - value) <= longest
     ]
-    for place, each in sorted(folds, key=lambda item: -item[0]):
-        i = math.floor(place)
-        if place > i:
+    for position, each in sorted(folds, key=lambda item: -item[0]):
+        i = math.floor(position)
+        if position > i:
             added = BranchPoint(each.orbit, each.value, each.direction, points[i].piece)
             points.insert(i + 1, added)
     return points
@@ -149,8 +149,8 @@ def _between(
     if length == 0.0:
         return shooting, one.point
     step = PredictorStep(partial(correct, shooting), one.point, (last - first) / length)
-    place = step.zero(lambda here: float(here.values[-1]) - value, length)
-    return shooting, step.at(place).point
+    position = step.zero(lambda here: float(here.values[-1]) - value, length)
+    return shooting, step.at(position).point
 
 
 def equilibrium_on_branch(branch: Equilibria, state: EquilibriumState) -> bool:
@@ -195,7 +195,7 @@ def up_to_cover(branch: OrbitBranch) -> OrbitBranch:
     )
     if cut is None:
         return branch
-    kept = [s for s in branch.special_points if _place(branch, s) <= cut]
+    kept = [s for s in branch.special_points if _position(branch, s) <= cut]
     points = branch.points[: cut + 1]
     period = covers[cut]
     ended = f"the orbits of period {period}, which it meets in a {_last_kind(kept)}"
@@ -221,7 +221,7 @@ def covered_period(orbit: PeriodicOrbit) -> int:
     return 0
 
 
-def _place(branch: OrbitBranch, special: BranchEvent) -> float:
+def _position(branch: OrbitBranch, special: BranchEvent) -> float:
     """Return the position of a special point among the points of its branch, by number."""
     own = np.append(special.orbit.point.unknowns, special.value)
     best = (math.inf, 0.0)

@@ -479,9 +479,9 @@ class Junction:
 
     def _is_tangent(self, mode: int, surface: Surface) -> bool:
         """Return whether the field of a mode is tangent to a surface."""
-        place = surface.guard, surface.mode
+        margin = surface.guard, surface.mode
         first, second = (
-            abs(self.derivative(mode, place, order, self.time, self.state)) for order in (1, 2)
+            abs(self.derivative(mode, margin, order, self.time, self.state)) for order in (1, 2)
         )
         return first <= TANGENT_TOLERANCE * second * self.time_scale
 
@@ -489,12 +489,12 @@ class Junction:
         """Return a mode of the field opposite to a side, outside the transitions; NONE if none."""
         normal = self.gradient((surface.guard, surface.mode))
         for mode in range(len(self.automaton.modes)):
-            place = surface.guard, mode
-            if mode in surface.sliding or abs(self.height(*place, self.time, self.state)) > (
+            margin = surface.guard, mode
+            if mode in surface.sliding or abs(self.height(*margin, self.time, self.state)) > (
                 SURFACE_MARGIN
             ):
                 continue
-            if side * float(normal @ self.gradient(place)) >= 0.0:
+            if side * float(normal @ self.gradient(margin)) >= 0.0:
                 continue
             after = {self._mode_after(mode, surface.guard, y) for y in self.nearby()}
             if after & surface.sliding:
@@ -511,8 +511,8 @@ class Junction:
 
     def _rate_of(self, surface: Surface) -> Any:
         def rate(mode: int) -> float:
-            place = surface.guard, surface.mode
-            return abs(self.derivative(mode, place, 1, self.time, self.state))
+            margin = surface.guard, surface.mode
+            return abs(self.derivative(mode, margin, 1, self.time, self.state))
 
         return rate
 
@@ -526,7 +526,7 @@ class Junction:
         """
         if tangent == NONE:
             return None
-        place, side = (surface.guard, surface.mode), surface.free[tangent]
+        margin, side = (surface.guard, surface.mode), surface.free[tangent]
         others = [mode for mode, other in surface.free.items() if other == -side]
         if self.before in others:
             beyond = self.before
@@ -534,7 +534,7 @@ class Junction:
             beyond = others[0] if others else self._opposite(surface, side)
 
         def along(mode: int, order: int) -> float:
-            return side * self.derivative(mode, place, order, self.time, self.state)
+            return side * self.derivative(mode, margin, order, self.time, self.state)
 
         first, second, third = (along(tangent, order) for order in (1, 2, 3))
         other = along(beyond, 1) if beyond != NONE else float("nan")

@@ -90,7 +90,7 @@ def locate_zero(
     """
 
     def test(here: ShootingEvaluation) -> float:
-        value = monitor.value(shooting, here, tangent(here, step.along))
+        value = monitor.value(shooting, here, tangent(here, step.direction))
         if value is None:
             raise ValueError(monitor)
         return value
@@ -100,7 +100,7 @@ def locate_zero(
         here = step.at(position).point
     except ValueError as error:
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
-    special = classify(monitor, shooting, here, tangent(here, step.along))
+    special = classify(monitor, shooting, here, tangent(here, step.direction))
     return None if special is None else (position, special)
 
 
@@ -181,8 +181,8 @@ def _turn(
     def margin(point: ShootingEvaluation) -> float:
         return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
 
-    place = step.zero(margin, position + COMPARISON_DISTANCE, position - COMPARISON_DISTANCE)
-    return _event_at(shooting, step, place, monitor)
+    position = step.zero(margin, position + COMPARISON_DISTANCE, position - COMPARISON_DISTANCE)
+    return _event_at(shooting, step, position, monitor)
 
 
 def _event_at(
@@ -192,7 +192,7 @@ def _event_at(
     monitor: TestFunction,
 ) -> tuple[float, BranchEvent]:
     here = step.at(position).point
-    orbit, direction = make_orbit(shooting, here), tangent(here, step.along)
+    orbit, direction = make_orbit(shooting, here), tangent(here, step.direction)
     label, value = ORBIT_LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
     return position, BranchEvent(monitor.kind, label, value, orbit, direction, monitor)
 

@@ -469,14 +469,14 @@ class Bifurcations(Generic[P]):
         The sign of its change, and that of the distance of an eigenvalue from the border, is
         rounding there.
         """
-        tangents = (tangent(step.at(s).point, step.along) for s in (0.0, length))
+        tangents = (tangent(step.at(s).point, step.direction) for s in (0.0, length))
         return all(abs(each[-1]) < CONTINUUM_SLOPE for each in tangents)
 
     def _folds(self, step: PredictorStep[P], length: float) -> Iterator[float]:
         """Yield the positions of folds outside branch points."""
 
         def parameter_rate(point: P) -> float:
-            return float(tangent(point, step.along)[-1])
+            return float(tangent(point, step.direction)[-1])
 
         for begin, end in self.branch_points.between(step, length):
             first, last = (parameter_rate(step.at(s).point) < 0.0 for s in (begin, end))

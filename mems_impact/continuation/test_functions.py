@@ -340,14 +340,14 @@ class TestFunction(ABC):
     """Class of the defining system of its curves, if it has one."""
 
     @abstractmethod
-    def value(self, equations: Any, point: Any, along: Floats) -> float | None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float | None:
         """Return the value at a solution of the equations; None where it is undefined.
 
         Parameters
         ----------
         equations : Shooting or EquilibriumEquations
         point : ShootingEvaluation or EquilibriumEvaluation
-        along : float array
+        direction : float array
             Tangent of the branch.
         """
 
@@ -376,9 +376,9 @@ class FoldTest(TestFunction):
     kind: str = FOLD
     condition: ClassVar[type[DefiningSystem]] = FoldCondition
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return that component."""
-        return float(along[-1])
+        return float(direction[-1])
 
 
 @dataclass(frozen=True)
@@ -388,7 +388,7 @@ class PeriodDoublingTest(TestFunction):
     kind: str = PERIOD_DOUBLING
     condition: ClassVar[type[DefiningSystem]] = PeriodDoublingCondition
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return it, relative to the largest entry of the reduced monodromy matrix."""
         matrix = reduced_monodromy(equations, point)
         # Multipliers diverge as the inverse of an impact speed; the scaling removes this growth.
@@ -402,7 +402,7 @@ class NeimarkSackerTest(TestFunction):
     kind: str = NEIMARK_SACKER
     condition: ClassVar[type[DefiningSystem]] = NeimarkSackerCondition
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return it for the pair closest to a product of one."""
         return self.equation(equations).value(point)
 
@@ -413,9 +413,9 @@ class BranchPointTest(TestFunction):
 
     kind: str = BRANCH_POINT
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return the smallest singular value with the sign of the determinant."""
-        return regularity(point, along)
+        return regularity(point, direction)
 
 
 @dataclass(frozen=True)
@@ -424,7 +424,7 @@ class UnexplainedTest(TestFunction):
 
     kind: str = UNEXPLAINED
 
-    def value(self, equations: Any, point: Any, along: Floats) -> None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> None:
         """Return None."""
 
 
@@ -449,7 +449,9 @@ class ClosestApproachTest(SegmentTest):
     segment: int = NONE
     condition: ClassVar[type[DefiningSystem]] = GrazingCondition
 
-    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+    def value(
+        self, equations: Shooting, point: ShootingEvaluation, direction: Floats
+    ) -> float | None:
         """Return that margin."""
         smallest = closest_approach(equations, point, self.guard, self.segment)
         return None if smallest is None else smallest.value
@@ -463,7 +465,9 @@ class ContactSpeedTest(SegmentTest):
     segment: int
     condition: ClassVar[type[DefiningSystem]] = ContactSpeedCondition
 
-    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+    def value(
+        self, equations: Shooting, point: ShootingEvaluation, direction: Floats
+    ) -> float | None:
         """Return that speed, positive towards the guard."""
         event = point.events[self.segment]
         return None if event is None else -float(event.rates[self.guard])
@@ -476,7 +480,7 @@ class SegmentLengthTest(SegmentTest):
     segment: int
     condition: ClassVar[type[DefiningSystem]] = SegmentLengthCondition
 
-    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float:
+    def value(self, equations: Shooting, point: ShootingEvaluation, direction: Floats) -> float:
         """Return that length."""
         return float(point.ends[self.segment] - point.starts[self.segment])
 
@@ -490,7 +494,9 @@ class ModeChoiceTest(SegmentTest):
     mode: int = NONE
     condition: ClassVar[type[DefiningSystem]] = ModeChoiceCondition
 
-    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+    def value(
+        self, equations: Shooting, point: ShootingEvaluation, direction: Floats
+    ) -> float | None:
         """Return that margin."""
         if self.guard == NONE or point.events[self.segment] is None:
             return None
@@ -503,7 +509,7 @@ class BoundaryTest(TestFunction):
 
     guard: int
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return that margin."""
         return float(equations.margins(point)[self.guard])
 
@@ -521,14 +527,14 @@ def bifurcation_test(kind: str) -> TestFunction:
 
 
 def orbit_tests(
-    shooting: Shooting, point: ShootingEvaluation, along: Floats
+    shooting: Shooting, point: ShootingEvaluation, direction: Floats
 ) -> dict[TestFunction, float]:
     """Return the test functions of an orbit with their values there.
 
     Closest approaches, contact speeds and lengths are positive on admissible orbits.
     """
     tests: list[TestFunction] = [FoldTest()]
-    if along.size == point.unknowns.size + 1:  # on a branch, not on a curve
+    if direction.size == point.unknowns.size + 1:  # on a branch, not on a curve
         tests.append(BranchPointTest())
     guards = shooting.automaton.guards
     for i, segment in enumerate(shooting.segments):
@@ -537,7 +543,7 @@ def orbit_tests(
         if guard != NONE:
             tests.append(ContactSpeedTest(kind_of(guards[guard]), guard, i))
     tests += [ClosestApproachTest(kind_of(each), j) for j, each in enumerate(guards)]
-    values = {test: test.value(shooting, point, along) for test in tests}
+    values = {test: test.value(shooting, point, direction) for test in tests}
     return {test: value for test, value in values.items() if value is not None}
 
 
@@ -585,7 +591,7 @@ class MultiplierTest(TestFunction):
         curve, point = FOLLOWED_NAMES.get(self.kind, self.kind), MULTIPLIER_NAMES[self.test]
         return CODIMENSION_TWO_NAMES.get((self.kind, self.test), f"{curve}-{point}")
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float:
         """Return the value at an orbit of the curve."""
         return self.of(multipliers_at(equations, point))
 
@@ -637,7 +643,7 @@ class CuspTest(TestFunction):
     kind: str = FOLD
     name: ClassVar[str] = "cusp"
 
-    def value(self, equations: Any, point: Any, along: Floats) -> None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> None:
         """Return None: it is defined on curves of folds only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float:

@@ -63,7 +63,7 @@ class FunctionTest(TestFunction):
     function: Callable[[Any, Any], float]
     condition: ClassVar[type[DefiningSystem]] = FunctionCondition
 
-    def value(self, equations: Any, point: Any, along: Floats) -> float | None:
+    def value(self, equations: Any, point: Any, direction: Floats) -> float | None:
         """Return the value; None unless it is finite."""
         value = self.function(equations, point)
         return value if np.isfinite(value) else None
@@ -97,9 +97,9 @@ class FunctionZeros(Generic[P]):
         for test, first, last in zip(self.tests, before, after, strict=True):
             if first is None or last is None or (first < 0.0) == (last < 0.0):
                 continue
-            place = self._locate(test, step, length, max(abs(first), abs(last)))
-            if place is not None:
-                found.append((place, test, step.at(place).point))
+            position = self._locate(test, step, length, max(abs(first), abs(last)))
+            if position is not None:
+                found.append((position, test, step.at(position).point))
         return found
 
     def _locate(
@@ -108,14 +108,16 @@ class FunctionZeros(Generic[P]):
         """Return the position of a zero; None at a jump, or at an end of the domain."""
 
         def value(point: P) -> float:
-            found = test.value(self.equations, point, step.along)
+            found = test.value(self.equations, point, step.direction)
             if found is None:
                 raise ValueError(test)
             return found
 
         try:
-            place = step.zero(value, length)
-            return place if abs(value(step.at(place).point)) <= MAX_EVENT_RATIO * size else None
+            position = step.zero(value, length)
+            return (
+                position if abs(value(step.at(position).point)) <= MAX_EVENT_RATIO * size else None
+            )
         except ValueError:
             return None
 

@@ -298,8 +298,8 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     found = OrbitBranch("amplitude", special_points=list(special))
     orbit = first.orbit
     problem = _BranchProblem(found, orbit.shooting, 0.1, 0.3, StepControl(), True)
-    along = first.direction if listed else -first.direction
-    problem._reclassify_coincident(met, orbit.point, orbit.shooting, orbit.point, along)
+    direction = first.direction if listed else -first.direction
+    problem._reclassify_coincident(met, orbit.point, orbit.shooting, orbit.point, direction)
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
         ("fold", 0.16, fold.monitor)
     ]

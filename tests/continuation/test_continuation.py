@@ -56,21 +56,21 @@ class Circle(ContinuationProblem):
     def rates(self, point, name, value):
         return np.array([point.unknowns[0] ** 2 + value**2 - 1.0])
 
-    def tests(self, point, along):
+    def tests(self, point, direction):
         return {"top": point.unknowns[0]}
 
     def closing(self, step, length):
         first = np.array([1.0, 0.0])
-        place = float((first - step.start) @ step.along)
-        if len(self.branch.points) < 4 or not 0.0 < place <= length:
+        position = float((first - step.start) @ step.direction)
+        if len(self.branch.points) < 4 or not 0.0 < position <= length:
             return None
-        return place if np.allclose(step.at(place).unknowns, first, atol=1e-9) else None
+        return position if np.allclose(step.at(position).unknowns, first, atol=1e-9) else None
 
     def locate(self, step, length, before, after):
         if before["top"] * after["top"] > 0.0:
             return LocatedEvents([])
-        place = step.zero(lambda point: point.unknowns[0], length)
-        top = step.at(place).unknowns
+        position = step.zero(lambda point: point.unknowns[0], length)
+        top = step.at(position).unknowns
         if self.beyond is None:
             return LocatedEvents([top])
         return LocatedEvents([top], top, "nothing beyond")
@@ -78,7 +78,7 @@ class Circle(ContinuationProblem):
     def pass_loss(self, located, length):
         return located.reason if self.beyond == "end" else self.beyond
 
-    def record(self, point, along):
+    def record(self, point, direction):
         self.branch.points.append((*point.unknowns, *point.values))
 
     def stalled(self):

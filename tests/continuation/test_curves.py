@@ -124,10 +124,10 @@ def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew()
             by_parameter=np.array([[-1.0, 0.0]]),
         )  # fmt: skip
 
-    begin, along = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
+    begin, direction = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
     shooting, gradient = SimpleNamespace(evaluate=evaluate), np.array([1.0, 0.0, 2.0])
-    there = begin + 0.1 * along
-    found = correct_condition(shooting, Costly(), gradient, there, along, there)
+    there = begin + 0.1 * direction
+    found = correct_condition(shooting, Costly(), gradient, there, direction, there)
     assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 

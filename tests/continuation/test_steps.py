@@ -21,17 +21,17 @@ from mems_impact.orbits.newton import Solution
 @pytest.mark.parametrize(("rate", "bound"), [(0.8, 1.0), (-0.8, -1.0)])
 def test_a_step_beyond_a_bound_ends_a_little_beyond_it(unknown, rate, bound):
     steps, point = StepControl(), SimpleNamespace(values=np.array([0.2]))
-    along = np.array([0.0, unknown, rate])
-    length = steps.within(-1.0, 1.0, point, along, 5.0)
+    direction = np.array([0.0, unknown, rate])
+    length = steps.within(-1.0, 1.0, point, direction, 5.0)
     assert point.values[0] + length * rate == pytest.approx(bound + 1e-3 * (bound - 0.2))
-    assert steps.within(-1.0, 1.0, point, along, 0.5) == 0.5
+    assert steps.within(-1.0, 1.0, point, direction, 0.5) == 0.5
 
 
 def test_a_zero_within_a_step_is_located_to_rounding():
     """Of a function that jumps, which no interpolation sees coming; and the step's own length."""
     straight = SimpleNamespace(unknowns=np.array([0.0]), values=np.array([0.0]))
 
-    def at(plane, along, guess):
+    def at(plane, direction, guess):
         return Solution(plane, SimpleNamespace(values=plane[1:]), 1)
 
     step = PredictorStep(at, straight, np.array([0.0, 1.0]))
