@@ -176,7 +176,7 @@ class EngineBinding:
     kernel_addresses : callable
         ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
         `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
-    place : callable
+    array_reference : callable
         Returns the representation of an array in a record: its address, or the array.
     handle_address : int or Engine
         Representation of the engine in a record: its address, or the engine.
@@ -189,7 +189,7 @@ class EngineBinding:
     record: Callable[..., Any]
     quota: StepQuota
     kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
-    place: Callable[[Any], Any]
+    array_reference: Callable[[Any], Any]
     handle_address: Any
 
 
@@ -333,7 +333,7 @@ def _compiled(
         }
         return addresses, kernel
 
-    def place(array: Any) -> int:
+    def array_reference(array: Any) -> int:
         return int(array.ctypes.data)
 
     return EngineBinding(
@@ -344,7 +344,7 @@ def _compiled(
         record,
         StepQuota(20_000),
         kernel_addresses,
-        place,
+        array_reference,
         engine.address,
     )
 

@@ -311,7 +311,7 @@ def _warn(
         location = f"t = {before.t:.6g}"
         remedy = "give the times of the jumps in switches="
     else:
-        location = " or ".join(by(one)) or checked.place(before).removeprefix("at ")
+        location = " or ".join(by(one)) or checked.location(before).removeprefix("at ")
         remedy = "use a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
     message = (
         f"the flow is discontinuous: {jump} at {location}, where no step is accurate; {remedy}"
@@ -380,7 +380,7 @@ def check_rate(
     if not abs(supplied - computed) > error + rounding_of(checked, i, at, slope, unit):
         return
     assert guard.rate is not None
-    location = checked.place(at)
+    location = checked.location(at)
     problem = f"is {supplied:.6g} where the margin changes at {computed:.6g} ({location[3:]})"
     remedy = "return the derivative of the margin along the flow, or omit rate"
     raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
@@ -401,12 +401,12 @@ def check_constraint(
     )
     function = UserFunction("constraint", checked.definition.constraints[i][1])
     if abs(value) > CONSTRAINT_RTOL * size:
-        problem = f"is {value:.6g} {checked.place(at)}, must be zero in this mode"
+        problem = f"is {value:.6g} {checked.location(at)}, must be zero in this mode"
         raise function.error(
             problem, "make it zero in transitions into the mode and in the initial state"
         )
     if abs(rate) * unit > CONSTRAINT_RTOL * size + error * unit:
-        problem = f"changes at the rate {rate:.6g} {checked.place(at)}, must remain zero"
+        problem = f"changes at the rate {rate:.6g} {checked.location(at)}, must remain zero"
         raise function.error(problem, "make the flow of the mode keep it zero")
 
 
@@ -443,7 +443,7 @@ def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) 
             ):
                 problem = (
                     f"has J[{i}, {j}] = {supplied[i][j]:.6g} where the flow's is {computed:.6g} "
-                    f"({checked.place(at)[3:]})"
+                    f"({checked.location(at)[3:]})"
                 )
                 remedy = (
                     "write the derivative of component i of the flow by state j, or omit jacobian"
@@ -744,7 +744,7 @@ class DryRun:
             if beyond and rate <= 0.0:
                 if not initial_given:
                     return True
-                name, location = self.guards[i].name, self.checked.place(start)
+                name, location = self.guards[i].name, self.checked.location(start)
                 problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {location}"
                 raise InvalidParameter("initial", None, "", problem=problem)
         return False

@@ -386,7 +386,7 @@ class AttractorMapper:
 
     def _set_array(self, name: str, width: str, rows: Floats) -> None:
         """Write array or address, and the width, of rows of numbers into the work record."""
-        self._work[name] = self._binding.place(rows)
+        self._work[name] = self._binding.array_reference(rows)
         self._work[width] = rows.shape[1]
 
     def close(self) -> None:

@@ -363,7 +363,7 @@ class CheckedFunctions:
         cause, is_structural = function.explain_exception(error)
         if is_structural:
             return cause
-        problem = f"{cause.problem} {self.place(point)}"
+        problem = f"{cause.problem} {self.location(point)}"
         return DomainError(FunctionError(cause.role, problem, cause.remedy, cause.file, cause.line))
 
     def _tuple(self, function: UserFunction, values: Any, point: EvaluationPoint) -> list[float]:
@@ -408,11 +408,11 @@ class CheckedFunctions:
     def _domain_error(
         self, function: UserFunction, value: Any, suffix: str, point: EvaluationPoint
     ) -> DomainError:
-        problem = f"gives {value}{suffix} {self.place(point)}"
+        problem = f"gives {value}{suffix} {self.location(point)}"
         remedy = "treat this case separately, or start elsewhere"
         return DomainError(function.error(problem, remedy))
 
-    def place(self, point: EvaluationPoint) -> str:
+    def location(self, point: EvaluationPoint) -> str:
         """Return the values of a point, for the end of a message."""
         *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
         components = list(zip(self.states, point.y, sizes, strict=True))[:MAX_COMPONENTS]

@@ -88,9 +88,9 @@ class CompiledAuto(CompiledEngine):
         """Return the memory of each mode; see `stiffness`."""
         return tuple(map(int, self._mode_memory.tolist()))
 
-    def import_memory(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, memory: tuple[int, ...]) -> None:
         """Set the memory of each mode."""
-        self._mode_memory[: len(known)] = known
+        self._mode_memory[: len(memory)] = memory
 
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""

@@ -49,9 +49,9 @@ class InterpretedAuto(Functions):
         """Return the memory of each mode; see `stiffness`."""
         return tuple(map(int, self.rows[MEMORY][: self.modes]))
 
-    def import_memory(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, memory: tuple[int, ...]) -> None:
         """Set the memory of each mode."""
-        self.rows[MEMORY][: len(known)] = known
+        self.rows[MEMORY][: len(memory)] = memory
 
     def fault(self) -> Fault | None:
         """Return the first failed call, and clear the record."""
