@@ -342,7 +342,9 @@ def _run_to_tolerance(
 ) -> LyapunovSpectrum:
     """Continue until the errors reach the tolerance, or for the largest number of periods."""
     chunk = max(1, min(CHUNK, int(max_periods) // (MIN_CHUNKS + 1)))
-    stretching = LyapunovIntegrator(problem, start, count, chunk=chunk, uneven=not system.forced)
+    stretching = LyapunovIntegrator(
+        problem, start, count, chunk=chunk, uneven=not system.forced, balanced=not system.is_scaled
+    )
     done = 0.0
 
     def watch(periods: float) -> None:

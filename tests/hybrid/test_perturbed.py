@@ -200,6 +200,32 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     assert one._state.y[:3].tolist() == one.final.y.tolist()
 
 
+@pytest.mark.parametrize("time_unit", [1e-3, 1e3])
+def test_columns_of_a_badly_scaled_system_are_not_parallel(time_unit):
+    """They would be orthonormalized after every small part of a period."""
+
+    def flow(mode, t, y, p):
+        return y.v, p.A * math.cos(p.omega * t) - p.k * y.x - p.c * y.v
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        period=lambda p: 2.0 * math.pi / p.omega,
+        parameters={
+            "k": time_unit**-2,
+            "c": 0.05 / time_unit,
+            "A": time_unit**-2,
+            "omega": 2.8 / time_unit,
+        },
+    )
+    problem = system.problem(FAST)
+    start = system.hybrid_state({"x": -0.1, "v": 0.0}, problem)
+    one = LyapunovIntegrator(problem, start, 2, chunk=4, balanced=True)
+    one.advance_exponents()
+    assert one._state.length[0] == problem.period
+    assert one.growth[0].sum() == pytest.approx(-0.05 * 4 * 2.0 * math.pi / 2.8, rel=1e-6)
+
+
 def test_perturbations_may_have_a_looser_tolerance_than_the_run():
     system = oscillator(A=0.5)
     problem = system.problem(PLAIN)

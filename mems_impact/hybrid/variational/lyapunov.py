@@ -77,6 +77,9 @@ class LyapunovIntegrator:
         systems, whose period may be close to the length of a chunk.
     column_rtol : float, optional
         Relative tolerance of the columns, if it is above that of the run.
+    balanced : bool, optional
+        Whether components of columns are weighted for lengths and angles. Exponents do not depend
+        on weights; without them, columns of a badly scaled system are nearly parallel.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class LyapunovIntegrator:
         chunk: int = CHUNK,
         uneven: bool = False,
         column_rtol: float = 0.0,
+        balanced: bool = False,
     ) -> None:
         problem = replace(problem, section=None)  # perturbations do not need its crossings
         automaton, n = problem.automaton, len(problem.automaton.states)
@@ -99,6 +103,7 @@ class LyapunovIntegrator:
         self._workspace = variational_workspace(problem, 0, self._size)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
+        self._weights, self._balanced = np.ones(n), balanced
         self._records = np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64)
         self._initialize(problem, start)
         binding = self._run
@@ -151,6 +156,7 @@ class LyapunovIntegrator:
             cyclic=self._cyclic,
             records=self._records,
             switches=np.array(problem.switches, dtype=float),
+            weights=self._weights,
         )
         y = np.zeros(self._size)
         y[self._free] = np.asarray(start.y, dtype=float)[self._free]
@@ -164,6 +170,8 @@ class LyapunovIntegrator:
             jumps=np.zeros(n, dtype=np.int64),
             length=np.array([scale]),
         )
+        if self._balanced:
+            self._weights[:] = self._balancing_weights()
         self._set_columns(np.zeros(n, dtype=bool))
 
     @property
@@ -279,6 +287,21 @@ class LyapunovIntegrator:
         state, dy = self._state, np.zeros_like(self._state.y)
         self._extended.call(flow_at, int(state.cycle_mode[1]), float(state.t[0]), state.y, dy)
         return dy.reshape(-1, self._propagation.variational.n)
+
+    def _balancing_weights(self) -> Floats:
+        """Return powers of 16 that balance rows and columns of the Jacobian matrix at the start."""
+        from scipy.linalg import matrix_balance
+
+        n = self._propagation.variational.n
+        column, jacobian = self._state.y[n : 2 * n], np.zeros((n, n))
+        for j in range(n):
+            column[:] = 0.0
+            column[j] = 1.0
+            jacobian[:, j] = self._slopes()[1]
+        balanced = self._propagation.scale * np.nan_to_num(jacobian)
+        _, (scales, _) = matrix_balance(balanced, permute=False, separate=True)
+        exponents = -np.log2(scales)
+        return 16.0 ** np.round((exponents - exponents.mean()) / 4.0)
 
     def _set_columns(self, jumps: NDArray[np.bool_]) -> None:
         """Set the columns to generic directions, except in components that the initial mode fixes.

@@ -553,8 +553,8 @@ class PerturbationState(NamedTuple):
     Attributes
     ----------
     y : float array, shape (n (1 + k),)
-        The state, its cyclic components zero, then the columns: orthonormal but for their cyclic
-        components.
+        The state, its cyclic components zero, then the columns: orthonormal, in weighted
+        components, but for their cyclic components.
     cycle_mode : int array, shape (2,)
         Completed periods before the time base, and the mode.
     t : float array, shape (1,)
@@ -596,6 +596,8 @@ class PropagationProblem(NamedTuple):
     records : int array, shape (m,)
         1 for a guard that only records.
     switches : float array, shape (s,)
+    weights : float array, shape (n,)
+        Powers of two by which components of columns are multiplied in lengths and products.
     """
 
     variational: VariationalWorkspace
@@ -607,6 +609,7 @@ class PropagationProblem(NamedTuple):
     cyclic: Any
     records: Any
     switches: Any
+    weights: Any
 
 
 def propagate_to_event(
@@ -846,7 +849,8 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
     result = workspace.work[10]
     length = max_size = 0.0
     for i in range(n):
-        max_size = max(max_size, abs(state.y[column + i]) if problem.cyclic[i] == 0 else 0.0)
+        weight, change = problem.weights[i], abs(state.y[column + i])
+        max_size = max(max_size, weight * change if problem.cyclic[i] == 0 else 0.0)
         kick = flow_after[i] - workspace.jump[0, i, n + 1]
         size = abs(flow_after[i]) + abs(workspace.jump[0, i, n + 1])
         for j in range(n):
@@ -859,8 +863,8 @@ def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem
             result[i] += term
             size += abs(term)
         if problem.cyclic[i] == 0:
-            length = max(length, abs(result[i]))
-            max_size = max(max_size, size)
+            length = max(length, weight * abs(result[i]))
+            max_size = max(max_size, weight * size)
     if length <= ZERO_COLUMN * max_size:
         state.alive[c] = 0
     for i in range(n):
@@ -880,6 +884,7 @@ def orthonormalize(zero_part: float, state: Any, problem: Any) -> float:
         for i in range(n):
             if problem.cyclic[i] == 1 or state.alive[c] == 0:
                 state.y[column + i] = 0.0
+            state.y[column + i] *= problem.weights[i]
         if state.alive[c] == 0:
             state.shifts[c] = 0.0
             continue
@@ -905,6 +910,9 @@ def orthonormalize(zero_part: float, state: Any, problem: Any) -> float:
         state.shifts[c] /= length
         for i in range(n):
             state.y[column + i] /= length
+    for c in range(problem.k):
+        for i in range(n):
+            state.y[n * (1 + c) + i] /= problem.weights[i]
     return min_ratio
 
 
