@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
-from time import thread_time
+from time import monotonic, thread_time
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
 
@@ -193,27 +193,43 @@ class EngineBinding:
     handle_address: Any
 
 
-CALL_SECONDS = 0.1
+CALL_SECONDS = 0.1  # processor time of a call of a loop
+MAX_CALL_SECONDS = 0.5  # its duration: functions may wait, and threads may be more than cores
 
 
 @dataclass
 class StepQuota:
-    """The number of steps after which a loop returns to Python, adapted to `CALL_SECONDS`.
+    """The number of steps after which a loop returns to Python, adapted to the times above.
 
     Between calls Python hears Ctrl-C and reports progress. It waits for the global interpreter
     lock, 5 ms for each thread that computes in Python, in which the core is idle.
+
+    Attributes
+    ----------
+    steps : int
+        Of the next call. At first so few that they take less than a second, whatever a step costs.
+    last : int
+        Of the last call.
     """
 
     steps: int
+    last: int = 0
 
     def call(self, function: Callable[..., int], *arguments: Any) -> int:
         """Call a function, with the number of steps as its last argument; return its status."""
-        begin = thread_time()
+        self.last, begin, begin_of_work = self.steps, monotonic(), thread_time()
         status = function(*arguments, self.steps)
-        growth = CALL_SECONDS / max(thread_time() - begin, 1e-9)
+        growth = min(
+            CALL_SECONDS / max(thread_time() - begin_of_work, 1e-9),
+            MAX_CALL_SECONDS / max(monotonic() - begin, 1e-9),
+        )
         if growth < 1.0 or status == workspace.PAUSED:  # otherwise it took fewer steps
             self.steps = max(1, int(self.steps * min(growth, 2.0)))
         return status
+
+    def discard_growth(self) -> None:
+        """Undo the growth by the last call, which took fewer steps than it could."""
+        self.steps = min(self.steps, self.last)
 
 
 def create_engine(problem: Problem) -> EngineBinding:
@@ -342,7 +358,7 @@ def _compiled(
         engine,
         table,
         record,
-        StepQuota(20_000),
+        StepQuota(100),
         kernel_addresses,
         array_reference,
         engine.address,
@@ -403,7 +419,7 @@ def _interpreted(
         engine,
         table,
         record,
-        StepQuota(1_000),
+        StepQuota(1),
         kernel_addresses,
         lambda array: array,
         engine,
@@ -444,6 +460,7 @@ class LoopMemory:
         automaton, options = problem.automaton, problem.options
         n, m = len(automaton.states), len(automaton.guards)
         switches = len(problem.switches)
+        self._quota = binding.quota
         section, level, direction = problem.section or (workspace.NONE, 0.0, 0)
         self.table = binding.table(workspace.ROWS, max(n, 2 * m, switches))
         self.events = np.empty((EVENT_ROWS + m, workspace.HEAD + 2 * n))
@@ -487,6 +504,7 @@ class LoopMemory:
         if length == 0.0:
             return None
         clock["collapse_length"] = 0.0
+        self._quota.discard_growth()  # the loop returns at a collapse
         y = np.array(self.table[workspace.COLLAPSE_STATE][: clock["n"]], dtype=float)
         cycle, mode = int(clock["collapse_cycle"]), int(clock["collapse_mode"])
         return HybridState(cycle, float(clock["collapse_time"]), mode, y), length

@@ -1,14 +1,17 @@
 """The millionth period is as exact as the first."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mems_impact.hybrid import problem
+from mems_impact.errors import RunInterrupted
+from mems_impact.hybrid import problem, simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
-from tests.hybrid.systems import STOP, TAU, simulate, stop
+from tests.hybrid import systems
+from tests.hybrid.systems import ENGINES, STOP, TAU, at, simulate, stop
 
 PER_PERIOD = 1e-3
 
@@ -83,12 +86,14 @@ def test_impact_times_do_not_lose_digits():
 
 
 def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
-    seconds_per_step, now = 1e-3, 0.0
-    monkeypatch.setattr(problem, "thread_time", lambda: now)
+    seconds_per_step, waiting_per_step, now, worked = 1e-3, 0.0, 0.0, 0.0
+    monkeypatch.setattr(problem, "monotonic", lambda: now)
+    monkeypatch.setattr(problem, "thread_time", lambda: worked)
 
     def loop(status, taken, steps):
-        nonlocal now
-        now += seconds_per_step * min(taken, steps)
+        nonlocal now, worked
+        worked += seconds_per_step * min(taken, steps)
+        now += (seconds_per_step + waiting_per_step) * min(taken, steps)
         return status
 
     quota = problem.StepQuota(10)
@@ -102,3 +107,71 @@ def test_calls_of_the_loop_take_a_tenth_of_a_second(monkeypatch):
     seconds_per_step = 1.0
     quota.call(loop, workspace.BUFFER_FULL, 5)
     assert quota.steps == 2
+    seconds_per_step, waiting_per_step = 1e-6, 0.05  # a flow that waits
+    for _ in range(20):
+        quota.call(loop, workspace.PAUSED, 10_000)
+    assert quota.steps == pytest.approx(10, abs=1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_first_call_of_the_loop_is_short_however_long_a_step_takes(engine):
+    def stop_at_once(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted) as caught:
+        simulation.run(
+            systems.problem(STOP, stop(), engine=engine), at([0.2, 1.5]), 1e6, progress=stop_at_once
+        )
+    assert 0 < caught.value.trajectory.steps <= (1 if engine == "interpreted" else 100)
+
+
+def _jump_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = math.cos(t) - 0.3 * y[1] - y[0] + (0.5 if y[0] > 0.1 else -0.5)
+
+
+JUMP = Automaton(
+    states=("x", "v"),
+    modes=("only",),
+    guards=(),
+    flow=_jump_flow,
+    margins=_creep_margins,
+    transition=_creep_transition,
+)
+
+
+def test_calls_that_end_at_a_collapsed_step_let_no_later_one_take_more_steps(monkeypatch):
+    monkeypatch.setattr(problem, "thread_time", lambda: 0.0)
+    monkeypatch.setattr(problem, "monotonic", lambda: 0.0)
+    quota, collapses = problem.StepQuota(100), []
+    monkeypatch.setattr(
+        simulation,
+        "create_engine",
+        lambda of: replace(problem.create_engine(of), quota=quota),
+    )
+    setup = replace(
+        systems.problem(JUMP, (), method="dop853"),
+        discontinuity_check=lambda *collapse: bool(collapses.append(collapse)),
+    )
+    trajectory = simulation.run(setup, at([0.2, 0.0]), 50.0)
+    assert len(collapses) >= 4
+    assert quota.steps <= 2 * trajectory.steps
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_chunks_of_events_do_not_depend_on_the_speed_of_the_machine(monkeypatch, engine):
+    """The rounding errors of statistics depend on them."""
+    monkeypatch.setattr(problem, "CALL_SECONDS", math.inf)
+    lengths = []
+    for steps in (1, 1_000_000):
+
+        def bound(of, steps=steps):
+            return replace(problem.create_engine(of), quota=problem.StepQuota(steps))
+
+        monkeypatch.setattr(simulation, "create_engine", bound)
+        chunks = []
+        setup = systems.problem(STOP, stop(amplitude=0.3, c=0.1), engine=engine)
+        simulation.run(setup, at([0.2, 1.5]), 30.0, consume=chunks.append)
+        lengths.append([len(chunk) for chunk in chunks])
+    assert lengths[0] == lengths[1]
+    assert sum(lengths[0]) > 20
