@@ -187,25 +187,25 @@ def name_of(heading: str, names: Container[str]) -> str:
     return heading
 
 
-def with_units(shown: pd.DataFrame) -> pd.DataFrame:
+def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with units in its headings, ``x1 [m]``, for printing and writing."""
-    units = shown.attrs.get("units", {})
-    return shown.rename(
-        columns={name: f"{name} [{unit}]" for name, unit in units.items() if name in shown}
+    units = table.attrs.get("units", {})
+    return table.rename(
+        columns={name: f"{name} [{unit}]" for name, unit in units.items() if name in table}
     )
 
 
-def without_units(shown: pd.DataFrame) -> pd.DataFrame:
+def without_units(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with units in ``attrs`` instead of its headings: the inverse of `with_units`.
 
     A table without units in its headings is returned as it is.
     """
-    pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in shown.columns}
+    pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in table.columns}
     headings = {name: (match[1], match[2]) for name, match in pairs.items() if match}
     if not headings:
-        return shown
-    result = shown.rename(columns={name: plain for name, (plain, _) in headings.items()})
-    result.attrs = {**shown.attrs, "units": dict(headings.values())}
+        return table
+    result = table.rename(columns={name: plain for name, (plain, _) in headings.items()})
+    result.attrs = {**table.attrs, "units": dict(headings.values())}
     return result
 
 
@@ -347,7 +347,7 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
 
 
 def special_points(
-    parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels, like: pd.DataFrame
+    parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels, branch_table: pd.DataFrame
 ) -> pd.DataFrame:
     """Return one row per special point of a branch; `rows` with its names as well.
 
@@ -359,7 +359,7 @@ def special_points(
         parameter: np.array([row["value"] for row in rows], dtype=float),
         **{name: texts(row[name] for row in rows) for name in names},
     }
-    return _special(columns, rows, labels, like)
+    return _special(columns, rows, labels, branch_table)
 
 
 def curve(
@@ -373,38 +373,40 @@ def codimension_two(
     parameters: Sequence[str],
     rows: Sequence[Mapping[str, Any]],
     labels: Labels,
-    like: pd.DataFrame,
+    curve_table: pd.DataFrame,
 ) -> pd.DataFrame:
     """Return one row per point of codimension two; as `curve`, with ``kind``.
 
     The table has the columns of `like`, the table of the curve, also without rows.
     """
     kinds = texts(row["kind"] for row in rows)
-    return _special({"kind": kinds, **parameter_columns(parameters, rows)}, rows, labels, like)
+    return _special(
+        {"kind": kinds, **parameter_columns(parameters, rows)}, rows, labels, curve_table
+    )
 
 
 def _special(
     first_columns: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],
     labels: Labels,
-    like: pd.DataFrame,
+    solutions: pd.DataFrame,
 ) -> pd.DataFrame:
     """Return a table of special points with the columns of the solutions in `like`.
 
     A column of `like` that no row has, such as a third crossing of the section, is NaN.
     """
     rows_table = _table(first_columns, rows, labels)
-    for name in like.columns:
+    for name in solutions.columns:
         if name not in rows_table:
-            rows_table[name] = like[name].iloc[:0]
-    measures = [name for name in like.columns if name not in first_columns]
+            rows_table[name] = solutions[name].iloc[:0]
+    measures = [name for name in solutions.columns if name not in first_columns]
     more = [
         name for name in rows_table.columns if name not in first_columns and name not in measures
     ]
     result = rows_table[[*first_columns, *measures, *more]]
     result.attrs = {
         **rows_table.attrs,
-        "units": {**like.attrs["units"], **rows_table.attrs["units"]},
+        "units": {**solutions.attrs["units"], **rows_table.attrs["units"]},
     }
     return result
 
@@ -565,7 +567,7 @@ def statistics(values: Mapping[str, float], labels: Labels) -> pd.Series:
 
 def verification(
     matched: Sequence[tuple[int, Floats]],
-    alone: Sequence[int],
+    unmatched: Sequence[int],
     differences: Sequence[str],
     labels: Labels,
 ) -> pd.DataFrame:
@@ -584,13 +586,13 @@ def verification(
     names = event_names(labels.automaton)
     codes = np.array([code for code, _ in matched], dtype=np.int64)
     values = np.array([found for _, found in matched]).reshape(-1, len(differences))
-    kinds = np.union1d(codes, np.array(alone, dtype=np.int64))
+    kinds = np.union1d(codes, np.array(unmatched, dtype=np.int64))
     # Ignore NaN, the difference of events without impact speed; all NaN gives NaN.
     largest = np.array([np.fmax.reduce(values[codes == kind], initial=np.nan) for kind in kinds])
     columns = {
         "event": texts(names[kind] for kind in kinds),
         "matched": [int((codes == kind).sum()) for kind in kinds],
-        "in one run only": [alone.count(kind) for kind in kinds],
+        "in one run only": [unmatched.count(kind) for kind in kinds],
         **dict(zip(differences, largest.reshape(-1, len(differences)).T, strict=True)),
     }
     return table(columns, labels)

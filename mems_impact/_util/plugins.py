@@ -28,13 +28,13 @@ TERM_GROUP = "mems_impact.terms"
 COMMAND_GROUP = "mems_impact.commands"
 
 
-def names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
+def names(group: str, own_names: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the names of a group: those of this package, then those of other packages, sorted."""
-    first = tuple(own)
+    first = tuple(own_names)
     return (*first, *sorted(_found(group).keys() - first))
 
 
-def plugin(group: str, name: str, is_one: Callable[[Any], bool], what: str) -> Any:
+def plugin(group: str, name: str, is_one: Callable[[Any], bool], description: str) -> Any:
     """Return the plugin of another package by name; None if there is none, or it fails.
 
     Parameters
@@ -44,7 +44,7 @@ def plugin(group: str, name: str, is_one: Callable[[Any], bool], what: str) -> A
     name : str
     is_one : callable
         Returns whether an object is valid in the group.
-    what : str
+    description : str
         Description of a valid object: "a subclass of Drive".
     """
     entry = _found(group).get(name)
@@ -54,7 +54,7 @@ def plugin(group: str, name: str, is_one: Callable[[Any], bool], what: str) -> A
         found = entry.load()
     except (Exception, SystemExit) as error:
         return _failed(entry, f"fails ({type(error).__name__}: {error})")
-    return found if is_one(found) else _failed(entry, f"is not {what}")
+    return found if is_one(found) else _failed(entry, f"is not {description}")
 
 
 @cache

@@ -34,7 +34,11 @@ class Report(Protocol):
 
 @contextmanager
 def progress_bar(
-    progress: Progress, unit: str, total: float | None = None, work: str = "", before: float = 0.0
+    progress: Progress,
+    unit: str,
+    total: float | None = None,
+    work: str = "",
+    finished_work: float = 0.0,
 ) -> Iterator[Report | None]:
     """Yield a function to be called with the amount of finished work; None without listener.
 
@@ -49,7 +53,7 @@ def progress_bar(
         Amount of all work, if known.
     work : str, optional
         Name of the computation, shown with its progress.
-    before : float, optional
+    finished_work : float, optional
         Work finished by earlier runs.
     """
     if callable(progress):
@@ -64,7 +68,7 @@ def progress_bar(
         total = total and (round(total) if whole else round(total, 3))
         with tqdm(
             desc=work or None,
-            initial=int(before) if whole else before,
+            initial=int(finished_work) if whole else finished_work,
             total=total,
             delay=QUIET_SECONDS,
             unit=f" {unit}",
@@ -77,7 +81,7 @@ def progress_bar(
 
             yield show
     else:
-        yield ProgressLog(unit, total, before, work)
+        yield ProgressLog(unit, total, finished_work, work)
 
 
 @contextmanager
@@ -121,20 +125,20 @@ class ProgressLog:
         Unit in which work is counted.
     total : float, optional
         Amount of all work, if known.
-    before : float, optional
+    finished_work : float, optional
         Work finished by earlier runs.
     kind : str, optional
         Name of the computation.
     """
 
     def __init__(
-        self, unit: str, total: float | None = None, before: float = 0.0, kind: str = ""
+        self, unit: str, total: float | None = None, finished_work: float = 0.0, kind: str = ""
     ) -> None:
-        self.unit, self.total, self.before = unit, total, before
+        self.unit, self.total, self.finished_work = unit, total, finished_work
         self.kind = f"{kind}: " if kind else ""
         self.begin = time.monotonic()
         self.last_line = -math.inf
-        self.share = before
+        self.share = finished_work
 
     def __call__(self, done: float, note: str = "") -> None:
         """Write a line if one is due, with the note at its end."""
@@ -156,7 +160,7 @@ class ProgressLog:
         else:
             of = f"{int(done)} of {int(self.total)} {self.unit}"
             parts = [f"{self.kind}{of} ({done / self.total:.0%})"]
-        rate = (done - self.before) / seconds
+        rate = (done - self.finished_work) / seconds
         if rate > 0.0:
             parts.append(f"{rate:.3g} {self.unit}/s")
         if self.total is not None and rate > 0.0 and done < self.total:

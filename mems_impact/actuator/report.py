@@ -444,7 +444,7 @@ class ReportMaker:
         from mems_impact.actuator.plots import NEGLIGIBLE_SHARE, plot_energy
 
         balance = energy(self.run)
-        per_cycle = balance.given / balance.periods
+        per_cycle = balance.input / balance.periods
         blows = self.run.statistics["blows per period"]
         rows = {"energy from the drive per cycle": self.text(per_cycle, "J")}
         rows["per blow"] = self.text(per_cycle / blows if blows > 0.0 else math.nan, "J")
@@ -466,7 +466,7 @@ class ReportMaker:
             values(rows),
             listing(("account", "kind", "energy per cycle", "share"), accounts, (2, 3)),
         ]
-        if balance.given > 0.0:
+        if balance.input > 0.0:
             blocks.append(picture(lambda: plot_energy(balance).figure, "Energy per cycle."))
         return Content(blocks, {"energy per cycle": rows["energy from the drive per cycle"]})
 
@@ -793,7 +793,7 @@ def report(
         description=description,
         missing=tuple(titles),
         command=command or f"mi.report({actuator!r}, {system.drive!r})",
-        made=_versions(),
+        provenance=_versions(),
     )
     if path is not None:
         page.save(path)  # now, not after minutes of work

@@ -93,7 +93,7 @@ class DeviceReport(SummaryRepr):
         Titles of the sections that an interruption omitted; empty for a complete report.
     command : str
         The command or call that makes the report.
-    made : str
+    provenance : str
         Date and versions.
 
     See Also
@@ -115,7 +115,7 @@ class DeviceReport(SummaryRepr):
     sections: tuple[ReportSection, ...] = ()
     missing: tuple[str, ...] = ()
     command: str = ""
-    made: str = ""
+    provenance: str = ""
 
     @property
     def facts(self) -> dict[str, str]:
@@ -259,7 +259,7 @@ def _html(page: DeviceReport) -> str:
         f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>"
         for name, text in page.facts.items()
     )
-    footer = f"<p>{escape(page.made)}</p>"
+    footer = f"<p>{escape(page.provenance)}</p>"
     if page.command:
         footer += f"<pre>{escape(page.command)}</pre>"
     return template.substitute(

@@ -360,7 +360,7 @@ def _energy_lost(orbit: Any) -> float:
 def _energy_given(orbit: Any) -> float:
     from mems_impact.actuator.design.energy import energy  # avoids a circular import
 
-    return energy(orbit).given / orbit.periods
+    return energy(orbit).input / orbit.periods
 
 
 FUNCTIONS = {

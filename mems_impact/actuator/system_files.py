@@ -34,7 +34,9 @@ FORM = (
     'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that '
     "returns one"
 )
-SYSTEM_REQUEST = CodeRequest(field="system", what=FORM, kind="command line", reader="load_system")
+SYSTEM_REQUEST = CodeRequest(
+    field="system", description=FORM, kind="command line", reader="load_system"
+)
 
 
 def load_system(name: str) -> HybridSystem:
@@ -149,7 +151,9 @@ FILE_TABLES = ("name", "description", "device", "system", "set", "drive", "study
 STUDY_FILE_REMEDY = 'give a TOML file with a table [study] of lines like kind = "map"'
 STUDY_REQUEST = CodeRequest(
     field="system",
-    what='Python file and a name in it: "FILE.py:NAME", a System or a function that returns one',
+    description=(
+        'Python file and a name in it: "FILE.py:NAME", a System or a function that returns one'
+    ),
     kind="study file",
     reader="load_study",
 )
@@ -310,7 +314,7 @@ class _Reader:
             return self._changed(load_system(value))
         source, _, name = value.rpartition(":") if isinstance(value, str) else ("", "", "")
         if not source or not name.isidentifier():
-            raise InvalidParameter("system", value, f"a {STUDY_REQUEST.what}")
+            raise InvalidParameter("system", value, f"a {STUDY_REQUEST.description}")
         path = resolve_code_path(source, self.file, self.allow_code, STUDY_REQUEST)
         system = getattr(execute_code(path, STUDY_REQUEST), name, None)
         return self._changed(made_system(system, path, name))

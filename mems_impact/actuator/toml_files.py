@@ -35,7 +35,7 @@ class CodeRequest(NamedTuple):
     ----------
     field : str
         Name of the entry.
-    what : str
+    description : str
         Expected code: "Python file with functions …".
     kind : str
         Kind of the file: "drive file".
@@ -44,7 +44,7 @@ class CodeRequest(NamedTuple):
     """
 
     field: str
-    what: str
+    description: str
     kind: str
     reader: str
 
@@ -91,7 +91,7 @@ def execute_code(path: Path, request: CodeRequest) -> ModuleType:
         exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), vars(module))
     except (Exception, SystemExit) as error:
         reason = f"fails ({type(error).__name__}: {error})"
-        raise InvalidFile(path, reason, f"give a {request.what}") from None
+        raise InvalidFile(path, reason, f"give a {request.description}") from None
     return module
 
 

@@ -616,7 +616,7 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
             orbit=orbit_of(system, s.orbit),
             bounds=bounds,
             found=s,
-            beyond=after.get(id(s.orbit)),
+            next_orbit=after.get(id(s.orbit)),
         )
         for s in branch.special_points
     )

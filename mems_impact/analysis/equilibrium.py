@@ -74,7 +74,7 @@ class Equilibrium(Result):
             "stable": self.stable,
             "boundaries": ", ".join(self.boundaries) or "none",
             "eigenvalues": ", ".join(f"{each:.6g}" for each in largest),
-            "admissible": self.admissible or f"beyond {', '.join(self.beyond)}",
+            "admissible": self.admissible or f"beyond {', '.join(self.violated_guards)}",
         }
 
     @property
@@ -122,7 +122,7 @@ class Equilibrium(Result):
         return self.found.boundaries
 
     @property
-    def beyond(self) -> tuple[str, ...]:
+    def violated_guards(self) -> tuple[str, ...]:
         """The guards that a virtual equilibrium violates."""
         return self.found.violated
 

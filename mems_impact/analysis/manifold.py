@@ -307,7 +307,7 @@ class _SearchCircle:
     def _image(self, position: Floats) -> Floats | None:
         """Return the image of a point of the section; None outside, or if it leaves the section."""
         start = self.point.state(position)
-        if self.point.outside(start) is not None:
+        if self.point.violated_guard(start) is not None:
             return None
         try:
             end = self.point.map.image(start)
@@ -415,7 +415,9 @@ class _SearchCircle:
         start = self.curve.positions[-1]
 
         def outside(far: float) -> bool:
-            return self.point.outside(self.point.state(start + far * self.heading)) is not None
+            return (
+                self.point.violated_guard(self.point.state(start + far * self.heading)) is not None
+            )
 
         if not outside(high):
             return None

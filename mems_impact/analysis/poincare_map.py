@@ -130,7 +130,7 @@ class FixedPoint(NamedTuple):
             mode = system.mode_of(y, self.instant.time, problem, mode)
         return replace(self.instant, mode=mode, y=y)
 
-    def outside(self, start: HybridState) -> int | None:
+    def violated_guard(self, start: HybridState) -> int | None:
         """Return the impact guard beyond which a state lies, or None."""
         automaton, problem = self.map.problem.automaton, self.map.problem
         p = np.asarray(problem.parameters, dtype=float)

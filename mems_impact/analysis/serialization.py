@@ -70,12 +70,12 @@ def variables(value: Any) -> Mapping[str, Any]:
 def register_object(kind: type) -> None:
     """Register a class whose objects consist of their attributes."""
 
-    def whole(**values: Any) -> Any:
+    def constructor(**values: Any) -> Any:
         value: Any = object.__new__(kind)
         vars(value).update(values)
         return value
 
-    register(kind, parts=variables, whole=whole)
+    register(kind, parts=variables, constructor=constructor)
 
 
 def register_run(kind: type[run.Run]) -> None:
@@ -89,14 +89,14 @@ def register_run(kind: type[run.Run]) -> None:
             "gatherer": value.gatherer,
         }
 
-    def whole(trajectory: Mapping[str, Any], gatherer: Any, **values: Any) -> run.Run:
+    def constructor(trajectory: Mapping[str, Any], gatherer: Any, **values: Any) -> run.Run:
         problem = values["system"].problem(values["options"])
         if isinstance(gatherer, statistics.RunStatistics):
             gatherer.resume(values["system"], problem)
         restored = Trajectory(problem=problem, **trajectory)
         return kind(trajectory=restored, _gatherer=gatherer, **values)
 
-    register(kind, parts=parts, whole=whole)
+    register(kind, parts=parts, constructor=constructor)
 
 
 register(System, parts=lambda system: describe(system, system.functions), reading=restored)
@@ -104,22 +104,22 @@ register(DetachedSystem, "System", parts=lambda system: system.description, read
 register(SystemFamily)
 register(Typical)
 register(Scales, parts=lambda scales: {"factors": scales.factors, "named": scales.named},
-         whole=lambda factors, named: Scales.of(factors, named))  # fmt: skip
+         constructor=lambda factors, named: Scales.of(factors, named))  # fmt: skip
 register(
     state.State,
     parts=lambda each: {"values": each.as_dict(), "time": each.time, "mode": each.mode},
-    whole=lambda values, time, mode: state.state_from(values, time, mode),
+    constructor=lambda values, time, mode: state.state_from(values, time, mode),
 )
 register(
     special_points.GrazingType,
     parts=lambda each: {"value": each.value},
-    whole=special_points.GrazingType,
+    constructor=special_points.GrazingType,
 )
 register(
     Shooting,
     parts=lambda s: {"family": s.family, "segments": s.segments, "active": s.active,
                      "pinned": tuple(s.pinned.items()), "phase": s.phase},
-    whole=lambda pinned, **rest: Shooting(pinned=dict(pinned), **rest),
+    constructor=lambda pinned, **rest: Shooting(pinned=dict(pinned), **rest),
 )  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
@@ -143,5 +143,5 @@ register_object(Moments)
 register(
     statistics.RunStatistics,
     parts=lambda each: each.gathered(),
-    whole=statistics.RunStatistics.of,
+    constructor=statistics.RunStatistics.of,
 )

@@ -31,33 +31,33 @@ LENGTH_FACTOR = 4  # of the next attempt
 
 
 def run_until_standstill(
-    still: Callable[[Trajectory], float | None],
+    standstill_test: Callable[[Trajectory], float | None],
     attempt: Callable[[float], Run],
     run: Callable[[float], Run],
-    longest: float,
+    max_periods: float,
 ) -> Run:
-    """Return the run until standstill, or over `longest` periods if there is none.
+    """Return the run until standstill, or over `max_periods` periods if there is none.
 
     The steps of a run do not depend on its length, so that a standstill found in a longer run holds
     for the run that ends there.
 
     Parameters
     ----------
-    still : callable
-        ``still(trajectory)`` returns the number of periods until standstill, or None.
+    standstill_test : callable
+        ``standstill_test(trajectory)`` returns the number of periods until standstill, or None.
     attempt, run : callable
         Run over a number of periods: with events, and with the requested options.
-    longest : float
+    max_periods : float
         Largest number of periods.
     """
-    length = min(float(FIRST_PERIODS), longest)
+    length = min(float(FIRST_PERIODS), max_periods)
     while True:
-        after = still(attempt(length).trajectory)
+        after = standstill_test(attempt(length).trajectory)
         if after is not None:
             return replace(run(after), ended=UNTIL_STILL)
-        if length >= longest:
-            return run(longest)
-        length = min(LENGTH_FACTOR * length, longest)
+        if length >= max_periods:
+            return run(max_periods)
+        length = min(LENGTH_FACTOR * length, max_periods)
 
 
 # --- Simulation

@@ -146,7 +146,7 @@ class SpecialPoint(BifurcationPoint):
     orbit: Orbit
     bounds: tuple[float, float] = field(repr=False)
     found: BranchEvent = field(repr=False)
-    beyond: PeriodicOrbit | None = field(repr=False, default=None)
+    next_orbit: PeriodicOrbit | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
         return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.orbit})"
@@ -189,12 +189,12 @@ class SpecialPoint(BifurcationPoint):
         On that side everything is smooth; on the side with the impact multipliers are infinite.
         """
         event = self.found
-        if not isinstance(event.monitor, ContactSpeedTest) or self.beyond is None:
+        if not isinstance(event.monitor, ContactSpeedTest) or self.next_orbit is None:
             return event
-        away = event.value - self.beyond.family.values[self.parameter]
+        away = event.value - self.next_orbit.family.values[self.parameter]
         width = GRAZING_SEARCH_RATIO * abs(event.value)
         other = follow(
-            self.beyond,
+            self.next_orbit,
             self.parameter,
             low=event.value - width,
             high=event.value + width,

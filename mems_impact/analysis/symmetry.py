@@ -211,10 +211,12 @@ def symmetry_of(system: HybridSystem, symmetry: SignSymmetry) -> Symmetry:
 S = TypeVar("S", Orbit, Equilibrium)
 
 
-def broken_symmetry(special: Orbit | Equilibrium, beside: Orbit | Equilibrium) -> Symmetry | None:
-    """Return a symmetry that keeps a branch point and not a solution beside it; else None."""
+def broken_symmetry(
+    special: Orbit | Equilibrium, neighbour: Orbit | Equilibrium
+) -> Symmetry | None:
+    """Return a symmetry that keeps a branch point and not a neighbouring solution; else None."""
     for each in symmetries(special):
-        if each.keeps(special) and not each.keeps(beside):
+        if each.keeps(special) and not each.keeps(neighbour):
             return each
     return None
 

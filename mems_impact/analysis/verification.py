@@ -57,7 +57,7 @@ class Verification(Result):
         False if an event is missing, doubled or shifted in one of the runs without growing
         differences before it. A motion too sensitive to be compared to its end agrees as far as the
         comparison goes.
-    until : float
+    horizon : float
         Forcing period up to which the runs were compared and agree.
     verdict : str
         The result in one line.
@@ -79,12 +79,12 @@ class Verification(Result):
 
     table: pd.DataFrame = field(repr=False)
     agrees: bool
-    until: float
+    horizon: float
     verdict: str
 
     def summary(self) -> dict[str, Any]:
         """Return the verdict."""
-        return {"agrees": self.agrees, "until": self.until, "verdict": self.verdict}
+        return {"agrees": self.agrees, "horizon": self.horizon, "verdict": self.verdict}
 
     def __str__(self) -> str:
         table = with_units(self.table)
@@ -121,11 +121,11 @@ def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> 
         Names and units of the system, for the table.
     """
     comparison = EventMatcher(EventLog(run), EventLog(other), rtol)
-    agrees, until, verdict = comparison.walk()
+    agrees, horizon, verdict = comparison.walk()
     headings = ["time apart", "impact speed apart"]
     headings += [f"{name} apart" for name in run.automaton.states]
     table = verification(comparison.matched, comparison.alone, headings, labels)
-    return Verification(table=table, agrees=agrees, until=until, verdict=verdict)
+    return Verification(table=table, agrees=agrees, horizon=horizon, verdict=verdict)
 
 
 class EventLog:

@@ -79,8 +79,10 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     from mems_impact.actuator.system import ActuatorSystem
 
     progress = options["progress"]
-    beside = ("follow", "shares")
-    system, arguments = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
+    allowed_options = ("follow", "shares")
+    system, arguments = study_of(
+        ctx, options, KIND, lambda: _starts(options), allowed_options=allowed_options
+    )
     if options["follow"] is not None:
         name, *values = options["follow"]
         if isinstance(system, ActuatorSystem):

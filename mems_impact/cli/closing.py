@@ -102,7 +102,7 @@ def show_closing(closing: mi.Closing) -> None:
         name.replace("_", " "): OutputValue(getattr(closing, name), closing.si_units.get(name, ""))
         for name in names
     }
-    values["energy given"] = OutputValue(closing.energy.given, "J")
+    values["energy input"] = OutputValue(closing.energy.input, "J")
     values["energy lost"] = OutputValue(closing.energy.lost, "J")
     show_values(values, in_units=closing.si)
     if len(closing.table):

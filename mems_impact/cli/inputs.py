@@ -35,13 +35,13 @@ EXCLUSIVE_OPTIONS = (
 
 
 def from_file(
-    ctx: click.Context, path: str, kind: str, beside: Collection[str] = ()
+    ctx: click.Context, path: str, kind: str, allowed_options: Collection[str] = ()
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
-    """Return system and arguments of a study file of a kind; `beside` names allowed options."""
+    """Return system and arguments of a study file of a kind, with `allowed_options` beside it."""
     import mems_impact as mi
 
     ctx.meta[FROM_FILE] = True
-    allowed = {*EXCLUSIVE_OPTIONS, *beside}
+    allowed = {*EXCLUSIVE_OPTIONS, *allowed_options}
     for parameter in ctx.command.params:
         source = ctx.get_parameter_source(parameter.name or "")
         if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
@@ -64,7 +64,7 @@ def study_of(
     own_arguments: Callable[[], Mapping[str, Any]],
     *,
     varied: Mapping[str, float] | None = None,
-    beside: Collection[str] = (),
+    allowed_options: Collection[str] = (),
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
     """Return system and arguments of the study that the options of a command describe.
 
@@ -80,14 +80,14 @@ def study_of(
         Returns the arguments specific to this kind; not called for a study file.
     varied : mapping of str to float, optional
         Varied parameters and their first values.
-    beside : collection of str, optional
+    allowed_options : collection of str, optional
         Options of the command that are allowed beside a study file.
     """
     from mems_impact.actuator.system_files import holds_study
 
     device, varied = options["device"], varied or {}
     if holds_study(device):
-        system, arguments = from_file(ctx, device, kind, beside)
+        system, arguments = from_file(ctx, device, kind, allowed_options)
     else:
         # The device may lack the term whose parameter is varied.
         terms = {name: value for name, value in varied.items() if "." in name}

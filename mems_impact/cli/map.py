@@ -86,9 +86,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     column, progress = options["column"], options["progress"]
     axes = {name: options[name] for name in ("x", "y")}
     varied = {axis[0]: axis[1] for axis in axes.values() if axis is not None}
-    beside = ("column", "curves", "energy")
+    allowed_options = ("column", "curves", "energy")
     system, arguments = study_of(
-        ctx, options, KIND, lambda: _axes(axes), varied=varied, beside=beside
+        ctx, options, KIND, lambda: _axes(axes), varied=varied, allowed_options=allowed_options
     )
     if options["energy"]:
         if not isinstance(system, ActuatorSystem):

@@ -105,4 +105,6 @@ def _show(orbit: ActuatorOrbit) -> None:
     ):
         if len(table) > MAX_TABLE_ROWS:
             show(f"First of {len(table)} {name}:")
-        show_table(name, table.head(MAX_TABLE_ROWS), digits=digits, empty=f"No {name[:-1]}.")
+        show_table(
+            name, table.head(MAX_TABLE_ROWS), digits=digits, empty_message=f"No {name[:-1]}."
+        )

@@ -173,7 +173,7 @@ def _is_code(line: str) -> bool:
     return line.lstrip().startswith((">>>", "..."))
 
 
-def show_table(name: str, table: pd.DataFrame, *, digits: int, empty: str = "") -> None:
+def show_table(name: str, table: pd.DataFrame, *, digits: int, empty_message: str = "") -> None:
     """Show a table, units in its headings, as wide as the terminal; `empty` if it has no rows."""
     if as_json():
         add_json_tables({name: table})
@@ -182,7 +182,7 @@ def show_table(name: str, table: pd.DataFrame, *, digits: int, empty: str = "") 
 
     form = f"{{:.{digits}g}}".format
     width = shutil.get_terminal_size().columns  # 80 where there is no terminal
-    text = folded(with_units(table), form, width) if len(table) else empty
+    text = folded(with_units(table), form, width) if len(table) else empty_message
     if text:
         show(text + "\n")
 

@@ -84,7 +84,7 @@ def command(
 
     arguments: dict[str, Any]
     if holds_study(device):
-        system, arguments = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))
+        system, arguments = from_file(ctx, device, KIND, allowed_options=("quantity", "tolerances"))
         names = arguments.pop("quantities", None)
     else:
         actuator = actuator_from(device, changes)

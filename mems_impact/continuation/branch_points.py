@@ -99,7 +99,7 @@ class BranchPoints(Generic[P]):
         self._known.append((x, radius))
         return min(max(position, 0.0), length), solution.point
 
-    def between(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
+    def intervals(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
         """Return the parts of a step outside the radii of branch points."""
         intervals, begin = [], 0.0
         around = [((x - step.start) @ step.direction, radius) for x, radius in self._known]

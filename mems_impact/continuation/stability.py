@@ -478,7 +478,7 @@ class Bifurcations(Generic[P]):
         def parameter_rate(point: P) -> float:
             return float(tangent(point, step.direction)[-1])
 
-        for begin, end in self.branch_points.between(step, length):
+        for begin, end in self.branch_points.intervals(step, length):
             first, last = (parameter_rate(step.at(s).point) < 0.0 for s in (begin, end))
             if first != last:
                 try:

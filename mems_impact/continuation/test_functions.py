@@ -71,11 +71,11 @@ class ClosestApproach:
 
 
 def closest_approach(
-    shooting: Shooting, point: ShootingEvaluation, guard: int, within: int = -1
+    shooting: Shooting, point: ShootingEvaluation, guard: int, segment_number: int = -1
 ) -> ClosestApproach | None:
     """Return the smallest value of a margin where it is defined; None if it is defined nowhere.
 
-    Only the segment `within` is searched, unless it is -1.
+    Only the segment `segment_number` is searched, unless it is -1.
 
     A gap is continuous: its minima are those inside the segments, and events that reverse its rate.
     Other margins may jump, so their values at the ends of segments count as well, except for that
@@ -87,7 +87,7 @@ def closest_approach(
     impact = shooting.automaton.guards[guard].impact
     found: list[ClosestApproach] = []
     for i, segment in enumerate(shooting.segments):
-        if within not in (-1, i):
+        if segment_number not in (-1, i):
             continue
         arc = point.arcs[i]
         start, end = float(point.starts[i]), float(point.ends[i])

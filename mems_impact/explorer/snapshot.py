@@ -333,7 +333,7 @@ class Cycles:
         Numbers of the forcing periods or of the crossings of the section, shape (n,).
     value : ndarray
         Shape (n,).
-    what : str
+    quantity : str
         The name of the values.
     name : str
         The state or column whose unit they have.
@@ -348,7 +348,7 @@ class Cycles:
 
     number: Floats
     value: Floats
-    what: str
+    quantity: str
     name: str
     speed: float
     events: Floats
@@ -535,7 +535,7 @@ def _cycles(run: Run, unit: float) -> Cycles:
         y = run.trajectory.events.crossings(1).after
         return Cycles(
             number=np.arange(float(len(y))), value=system.out(state, y[:, column]),
-            what=f"{state} on the section", name=state, speed=0.0,
+            quantity=f"{state} on the section", name=state, speed=0.0,
             events=np.empty(0), counted="",
         )  # fmt: skip
     starts = run.trajectory.samples(1).y
@@ -548,7 +548,7 @@ def _cycles(run: Run, unit: float) -> Cycles:
     return Cycles(
         number=np.arange(float(len(value))),
         value=value,
-        what="step of the frame" if steps else f"{state} where the period begins",
+        quantity="step of the frame" if steps else f"{state} where the period begins",
         name="x1" if steps else state,
         speed=unit if steps else 0.0,
         events=events,

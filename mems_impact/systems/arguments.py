@@ -126,19 +126,19 @@ def guards(values: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...
     return result
 
 
-def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
+def mode_names(modes: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
     """Return the names of all modes, as given or as named by guards."""
-    if given is None:
+    if modes is None:
         watched = [(guard, _modes_of(guard)) for guard in guards]
         name_tuples = {
-            mode.names for _, modes in watched for mode in modes if isinstance(mode, Mode)
+            mode.names for _, active in watched for mode in active if isinstance(mode, Mode)
         }
         if len(name_tuples) > 1:
             listed = [", ".join(names) for names in name_tuples]
             raise InvalidParameter("modes", listed, "those of one call of mems_impact.modes")
         names = next(iter(name_tuples), ("free",))
     else:
-        names = _mode_names(given)
+        names = _mode_names(modes)
     for guard in guards:
         for mode in _modes_of(guard):
             if not 0 <= mode < len(names):
@@ -208,13 +208,13 @@ def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Secti
     return _state_index("section", section[0], states), float(section[1]), 0
 
 
-def units(by_name: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
+def units(by_name: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, str]:
     """Return units by the names of states and parameters and "time"."""
     if by_name is not None and not isinstance(by_name, Mapping):
-        raise InvalidParameter("units", by_name, f"units by name: {{{known[0]!r}: 'm'}}")
+        raise InvalidParameter("units", by_name, f"units by name: {{{names[0]!r}: 'm'}}")
     for name, unit in (by_name or {}).items():
-        if name not in (*known, "time"):
-            raise InvalidParameter("units", name, f"names among {', '.join(known)}, time")
+        if name not in (*names, "time"):
+            raise InvalidParameter("units", name, f"names among {', '.join(names)}, time")
         if not isinstance(unit, str):
             raise InvalidParameter(f"unit of {name}", unit, "a text")
     return dict(by_name or {})

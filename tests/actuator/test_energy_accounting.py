@@ -31,7 +31,7 @@ def test_energy_in_is_that_of_the_ledger(terms, amplitude):
     )
     assert found.motion == "periodic"
     orbit = mi.find_orbit(actuator, drive, guess=found.final, periods=found.period)
-    given = mi.energy(orbit).given
+    given = mi.energy(orbit).input
     assert found.measures["energy in per period"] == pytest.approx(given / found.period, rel=1e-6)
     for name, value in other.measures.items():
         assert found.measures[name] == pytest.approx(value, rel=1e-6, nan_ok=True), name

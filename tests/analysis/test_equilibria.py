@@ -140,7 +140,7 @@ def test_a_guard_makes_it_virtual():
     assert abs(met.value - 1.0) < 1e-10
     last = branch.equilibria[-1]
     assert not last.admissible
-    assert last.beyond == ("wall",)
+    assert last.violated_guards == ("wall",)
     assert "virtual" in repr(last)
     assert list(branch.table["admissible"]) == list(branch.table["pull"] < 1.0 + 1e-9)
 
@@ -302,7 +302,7 @@ def test_a_stuck_body_may_stand_still_where_friction_holds_it():
     assert held.neutral > 0
     assert held.admissible
     (slips,) = mi.find_equilibria(system, guess={"x": 0.8}, modes=["stuck"])
-    assert slips.beyond == ("ground slips",)
+    assert slips.violated_guards == ("ground slips",)
 
 
 def heated(mode, t, y, p):

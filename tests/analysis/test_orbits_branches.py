@@ -353,7 +353,7 @@ def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
 def test_crisis_by_simulation():
     # At omega = 0.5 the attractor ends in the fold, which is known.
     drive = mi.Sine(amplitude=0.2, omega=0.5)
-    value = locate_crisis(ZHAO, drive, below=0.177, begin=0.24, tolerance=1e-4, periods=400)
+    value = locate_crisis(ZHAO, drive, amplitude=0.177, begin=0.24, tolerance=1e-4, periods=400)
     assert value == pytest.approx(0.17651544, abs=5e-5)
     with pytest.raises(mi.OrbitError, match="begin higher"):
-        locate_crisis(ZHAO, drive, below=0.1, periods=300)
+        locate_crisis(ZHAO, drive, amplitude=0.1, periods=300)

@@ -51,7 +51,7 @@ def test_a_periodic_motion_agrees_to_the_end(method):
     run = mi.simulate(ZHAO, PERIODIC, periods=40, options=mi.Options(method=method))
     found = run.verify()
     assert found.agrees
-    assert found.until == 40.0
+    assert found.horizon == 40.0
     assert found.verdict == "agree to the end, period 40"
     table = found.table.set_index("event")
     assert table.loc["right impact", "matched"] == len(run.impacts)
@@ -75,16 +75,16 @@ def test_a_run_without_events_is_judged_by_its_end():
 def test_a_chaotic_motion_agrees_as_far_as_it_can_be_compared(chaotic):
     found = chaotic.verify()
     assert found.agrees
-    assert 10.0 < found.until < 40.0
+    assert 10.0 < found.horizon < 40.0
     assert "too sensitive" in found.verdict
-    assert f"until period {found.until:.4g};" in found.verdict
+    assert f"until period {found.horizon:.4g};" in found.verdict
     # Nothing beyond is in the table: the motions have nothing more to do with each other.
     assert found.table[DIFFERENCES].max().max() < 1e-2
 
 
 def test_a_more_precise_run_of_it_agrees_longer(chaotic):
     fine = mi.simulate(ZHAO, CHAOTIC, periods=100, options=mi.Options(rtol=1e-12, atol=1e-14))
-    assert fine.verify().until > chaotic.verify().until + 3.0
+    assert fine.verify().horizon > chaotic.verify().horizon + 3.0
 
 
 @pytest.mark.parametrize("motion", ["periodic", "chaotic"])
@@ -96,7 +96,7 @@ def test_a_lost_event_is_found(motion, kind, request):
     found = with_events(run, lambda column: np.delete(column, slice(row, last), axis=0)).verify()
     assert not found.agrees
     assert "right impact" in found.verdict
-    assert found.until < run.impacts["period"][6] + run.impacts["phase"][6]
+    assert found.horizon < run.impacts["period"][6] + run.impacts["phase"][6]
 
 
 @pytest.mark.parametrize("motion", ["periodic", "chaotic"])
@@ -108,7 +108,7 @@ def test_a_doubled_event_is_found(motion, after_impact, request):
     found = with_events(run, lambda column: np.insert(column, row, column[row], axis=0)).verify()
     assert not found.agrees
     instant = events.cycle[row] + events.time[row] / run.trajectory.period
-    assert found.until == pytest.approx(instant)
+    assert found.horizon == pytest.approx(instant)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_lost_rest_is_found():
     found = with_events(run, lambda column: np.delete(column, row, axis=0)).verify()
     assert not found.agrees
     rest = events.cycle[row] + events.time[row] / run.trajectory.period
-    assert found.until == pytest.approx(rest, abs=1e-6)
+    assert found.horizon == pytest.approx(rest, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_the_same_start_and_length_are_verified():
     run = mi.simulate(ZHAO, PERIODIC, periods=20.3, initial=start)
     found = run.verify()
     assert found.agrees
-    assert found.until == pytest.approx(run.extent[1], abs=1e-12)
+    assert found.horizon == pytest.approx(run.extent[1], abs=1e-12)
     other = replace(run, system=run.system.changed(amplitude=0.2401))
     assert not other.verify().agrees
 
@@ -209,7 +209,7 @@ def test_an_event_at_the_very_end_may_be_in_one_run_only(periodic, late):
     run = mi.simulate(ZHAO, PERIODIC, periods=end)
     # The instants of the two differ by 5e-9, which is more than what is left of the run.
     assert run.verify().agrees
-    assert run.verify().until == pytest.approx(end)
+    assert run.verify().horizon == pytest.approx(end)
 
 
 def test_a_start_on_a_stopper_strikes_in_both_runs():

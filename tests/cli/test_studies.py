@@ -97,4 +97,4 @@ def test_a_map_with_energy(cli, tmp_path):
     orbit = mi.find_orbit(
         mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), transient=300
     )
-    assert table["energy in per impact"][0] == pytest.approx(mi.energy(orbit).given, rel=1e-5)
+    assert table["energy in per impact"][0] == pytest.approx(mi.energy(orbit).input, rel=1e-5)

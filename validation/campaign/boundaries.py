@@ -68,7 +68,7 @@ def boundaries(seed: int, small: bool) -> Result:
         if off < on and not small:
             # From above: near the fold a run lingers where the orbit has vanished.
             seen = locate_crisis(
-                DEVICE, mi.Sine(amplitude=on, omega=omega), below=1.002 * off, begin=1.01 * on,
+                DEVICE, mi.Sine(amplitude=on, omega=omega), amplitude=1.002 * off, begin=1.01 * on,
                 width=0.05, tolerance=5e-7, periods=5000, options=FAST,
             )  # fmt: skip
             offs.append(abs(seen - off))

@@ -465,7 +465,9 @@ def figure6(devices: Devices, effort: Effort) -> Outcome:
         periods = effort.of(2000, 250)
         drive = Sine(amplitude=above, omega=omega)
         try:
-            lost = locate_crisis(actuator, drive, below=above, width=0.1 * above, periods=periods)
+            lost = locate_crisis(
+                actuator, drive, amplitude=above, width=0.1 * above, periods=periods
+            )
         except MemsImpactError as error:
             notes.append(f"the crisis was not found: {error}")
         else:

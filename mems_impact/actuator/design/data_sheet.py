@@ -54,7 +54,7 @@ class Relation(ABC):
     names: tuple[str, ...]
 
     @abstractmethod
-    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
         """Return the quantity `name` from all others; None if they do not determine it."""
 
 
@@ -71,11 +71,13 @@ class PowerLaw(Relation):
     def __init__(self, constant: float, **powers: float) -> None:
         self.constant, self.powers, self.names = constant, powers, tuple(powers)
 
-    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
         """Return the quantity `name` from all others; None if they do not determine it."""
         own = self.powers[name]
         sign = math.copysign(1.0, own)  # without a reciprocal, so that factors may be zero
-        factors = (known[other] ** (-sign * p) for other, p in self.powers.items() if other != name)
+        factors = (
+            values[other] ** (-sign * p) for other, p in self.powers.items() if other != name
+        )
         try:
             return float((self.constant**sign * math.prod(factors)) ** (1.0 / abs(own)))
         except ArithmeticError:
@@ -87,12 +89,12 @@ class TotalMass(Relation):
 
     names = ("total_mass", "frame_mass", "proof_mass")
 
-    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
         """Return one of the masses."""
         if name == "total_mass":
-            return known["frame_mass"] + known["proof_mass"]
+            return values["frame_mass"] + values["proof_mass"]
         other = "proof_mass" if name == "frame_mass" else "frame_mass"
-        return known["total_mass"] - known[other]
+        return values["total_mass"] - values[other]
 
 
 class MassShare(Relation):
@@ -100,14 +102,14 @@ class MassShare(Relation):
 
     names = ("total_mass", "proof_mass", "mass_ratio")
 
-    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
         """Return one of the masses, or the ratio."""
         if name == "mass_ratio":
-            return known["total_mass"] / known["proof_mass"] - 1.0
-        share = 1.0 + known["mass_ratio"]
+            return values["total_mass"] / values["proof_mass"] - 1.0
+        share = 1.0 + values["mass_ratio"]
         if name == "total_mass":
-            return share * known["proof_mass"]
-        return known["total_mass"] / share
+            return share * values["proof_mass"]
+        return values["total_mass"] / share
 
 
 class HoldingVoltage(Relation):
@@ -127,31 +129,31 @@ class HoldingVoltage(Relation):
         self.voltage, self.limit = voltage, limit
         self.names = (voltage, "stiffness", "gap", "travel", "electrode_constant")
 
-    def squared(self, known: Mapping[str, float]) -> float:
+    def squared(self, values: Mapping[str, float]) -> float:
         """Return the squared voltage times the electrode constant over the stiffness."""
-        position = min(known["travel"], self.limit * known["gap"])
-        return position * (known["gap"] - position) ** 2
+        position = min(values["travel"], self.limit * values["gap"])
+        return position * (values["gap"] - position) ** 2
 
-    def solve(self, name: str, known: Mapping[str, float]) -> float | None:
+    def solve(self, name: str, values: Mapping[str, float]) -> float | None:
         """Return the quantity `name` from all others; None if they do not determine it."""
         try:
             if name == self.voltage:
-                over = known["stiffness"] / known["electrode_constant"]
-                return math.sqrt(self.squared(known) * over)
+                over = values["stiffness"] / values["electrode_constant"]
+                return math.sqrt(self.squared(values) * over)
             if name == "stiffness":
-                over = known[self.voltage] ** 2 / self.squared(known)
-                return over * known["electrode_constant"]
+                over = values[self.voltage] ** 2 / self.squared(values)
+                return over * values["electrode_constant"]
             if name == "electrode_constant":
-                return known["stiffness"] * self.squared(known) / known[self.voltage] ** 2
+                return values["stiffness"] * self.squared(values) / values[self.voltage] ** 2
             if name == "gap":
-                return self._gap(known)
+                return self._gap(values)
         except (ArithmeticError, ValueError):
             return None
         return None  # the travel: two solutions, or any
 
-    def _gap(self, known: Mapping[str, float]) -> float:
-        target = known[self.voltage] ** 2 * known["electrode_constant"] / known["stiffness"]
-        travel = known["travel"]
+    def _gap(self, values: Mapping[str, float]) -> float:
+        target = values[self.voltage] ** 2 * values["electrode_constant"] / values["stiffness"]
+        travel = values["travel"]
 
         def difference(gap: float) -> float:
             return self.squared({"gap": gap, "travel": travel}) / target - 1.0

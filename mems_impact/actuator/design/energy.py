@@ -138,7 +138,7 @@ class WorkSums:
     ----------
     columns : tuple of str
         Columns of `sums`: "lost ..." and "stored ...".
-    place : float array, shape (k,)
+    instants : float array, shape (k,)
         Instants in forcing periods, ascending; twice at an impact.
     work : float array, shape (k,)
         Work of the electrodes on the block since the beginning.
@@ -151,7 +151,7 @@ class WorkSums:
     """
 
     columns: tuple[str, ...]
-    place: Floats
+    instants: Floats
     work: Floats
     slip: Floats
     sums: Floats
@@ -198,7 +198,7 @@ class ArcNotes:
         self.columns = tuple(
             [f"lost {name}" for name in losses] + [f"stored {name}" for name in accounts.stored]
         )
-        self.place: list[float] = []
+        self.instants: list[float] = []
         self.work: list[float] = []
         self.slip: list[float] = []
         self.sums: list[list[float]] = []
@@ -209,11 +209,11 @@ class ArcNotes:
         p = self.problem.parameters
         v, w = self.volts(now.time, p)
         work, slip, *losses = self.summed.tolist()
-        self.place.append(now.cycle + now.time / self.problem.period)
+        self.instants.append(now.cycle + now.time / self.problem.period)
         self.work.append(work)
         self.slip.append(slip)
         self.sums.append([*losses, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
-        return len(self.place) - 1
+        return len(self.instants) - 1
 
     def follow(self, now: HybridState, length: float, *, summing: bool) -> Floats:
         """Integrate an arc over `length`; return the state at its end."""
@@ -275,13 +275,13 @@ def summed(
         if inside and arc.row >= 0 and ended < high - MIN_STRETCH_PERIODS:
             rows.summed[-1] += impact_law.impact_loss(device.m1, device.m2, *arc.v2)
             if arc.row in blows:
-                marks["blow"].append(len(rows.place) - 1)
-    end = len(rows.place) - 1
-    if abs(rows.place[end] - round(rows.place[end])) < MIN_STRETCH_PERIODS:
+                marks["blow"].append(len(rows.instants) - 1)
+    end = len(rows.instants) - 1
+    if abs(rows.instants[end] - round(rows.instants[end])) < MIN_STRETCH_PERIODS:
         marks["period"].append(end)
     return WorkSums(
         columns=rows.columns,
-        place=np.array(rows.place),
+        instants=np.array(rows.instants),
         work=np.array(rows.work),
         slip=np.array(rows.slip),
         sums=np.array(rows.sums),
@@ -349,17 +349,17 @@ class Energy(Result):
     end: int = field(repr=False)
 
     @property
-    def given(self) -> float:
+    def input(self) -> float:
         """Energy input from the drive."""
         return self._total("in")
 
     @property
     def lost(self) -> float:
-        """What became heat."""
+        """Energy dissipated as heat."""
         return self._total("lost")
 
     @property
-    def done(self) -> float:
+    def load_work(self) -> float:
         """Work against external forces."""
         return self._total("load")
 
@@ -370,8 +370,8 @@ class Energy(Result):
 
     @property
     def imbalance(self) -> float:
-        """Imbalance given - lost - done - stored, an error of the integration."""
-        return self.given - self.lost - self.done - self.stored
+        """Imbalance input - lost - load_work - stored, an error of the integration."""
+        return self.input - self.lost - self.load_work - self.stored
 
     @property
     def slip_path(self) -> float:
@@ -381,7 +381,7 @@ class Energy(Result):
     @property
     def efficiency(self) -> float:
         """Work against external forces divided by the input; NaN if the input is 0."""
-        return self.done / self.given if self.given > 0.0 else math.nan
+        return self.load_work / self.input if self.input > 0.0 else math.nan
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -409,7 +409,7 @@ class Energy(Result):
     def by_period(self) -> pd.DataFrame:
         """One row per forcing period: its number, and one column per account."""
         rows = self.sums.marks["period"]
-        return self._by(rows, {"period": np.rint(self.sums.place[rows[:-1]]).astype(np.int64)})
+        return self._by(rows, {"period": np.rint(self.sums.instants[rows[:-1]]).astype(np.int64)})
 
     @cached_property
     def by_blow(self) -> pd.DataFrame:
@@ -418,7 +418,7 @@ class Energy(Result):
         The part of a run after its last blow is not included.
         """
         rows = self.sums.marks["blow"]
-        at = self.sums.place[rows[:-1]]
+        at = self.sums.instants[rows[:-1]]
         return self._by(rows, {"period": np.floor(at).astype(np.int64), "phase": at % 1.0})
 
     @cached_property
@@ -429,12 +429,12 @@ class Energy(Result):
         rows = [self._between(0, row) for row in range(self.end + 1)]
         columns = {_heading(key): [row[key] for row in rows] for key in rows[0]}
         return self._labelled(
-            pd.DataFrame({"periods": self.sums.place[: self.end + 1], **columns}), tuple(columns)
+            pd.DataFrame({"periods": self.sums.instants[: self.end + 1], **columns}), tuple(columns)
         )
 
     def summary(self) -> dict[str, Any]:
         """Return input, losses and work against loads."""
-        names = ("periods", "given", "lost", "done", "stored", "efficiency", "imbalance")
+        names = ("periods", "input", "lost", "load_work", "stored", "efficiency", "imbalance")
         return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
 
     @property
@@ -521,7 +521,7 @@ def energy(
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> run = mi.simulate(actuator, drive, periods=60)
     >>> found = mi.energy(run)
-    >>> abs(found.imbalance) < 1e-6 * found.given
+    >>> abs(found.imbalance) < 1e-6 * found.input
     True
     >>> found.table["account"].tolist()
     ['electrodes', 'friction', 'damping', 'impacts', 'kinetic', 'spring']
@@ -547,7 +547,7 @@ def _of_run(run: ActuatorRun, first: float | None, last: float | None) -> Energy
     log = run.trajectory.events
     blows, arcs = _beginnings(log, run.system), arcs_of_run(run, log, low)
     sums = summed(run.system, run.options, arcs, (low, high), blows)
-    return Energy(system=run.system, periods=high - low, sums=sums, end=sums.place.size - 1)
+    return Energy(system=run.system, periods=high - low, sums=sums, end=sums.instants.size - 1)
 
 
 def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> Energy:
@@ -557,7 +557,7 @@ def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> 
     twice = Events.joined([log, replace(log, cycle=log.cycle + orbit.periods)])
     blows = {row for row in _beginnings(twice, orbit.system) if row < len(log)}
     sums = summed(orbit.system, orbit.options, arcs_of_orbit(orbit), (0.0, length), blows)
-    end = sums.place.size - 1
+    end = sums.instants.size - 1
     if blows:
         sums = _with_next_blow(sums, length)
     return Energy(system=orbit.system, periods=length, sums=sums, end=end)
@@ -568,11 +568,11 @@ def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
     begins, row = sums.marks["blow"], sums.marks["blow"][0]
     return replace(
         sums,
-        place=np.append(sums.place, sums.place[row] + length),
+        instants=np.append(sums.instants, sums.instants[row] + length),
         work=np.append(sums.work, sums.work[row] + sums.work[-1] - sums.work[0]),
         slip=np.append(sums.slip, sums.slip[row] + sums.slip[-1] - sums.slip[0]),
         sums=np.vstack([sums.sums, sums.sums[row] + sums.sums[-1] - sums.sums[0]]),
-        marks={**sums.marks, "blow": np.append(begins, sums.place.size)},
+        marks={**sums.marks, "blow": np.append(begins, sums.instants.size)},
     )
 
 

@@ -209,7 +209,7 @@ def locate_crisis(
     actuator: Actuator,
     drive: Drive,
     *,
-    below: float,
+    amplitude: float,
     begin: float | None = None,
     width: float | None = None,
     start: State | None = None,
@@ -228,17 +228,17 @@ def locate_crisis(
     actuator : Actuator
     drive : Drive
         Its amplitude is ignored.
-    below : float
+    amplitude : float
         An amplitude at which there is such an attractor, such as the on-boundary.
     begin : float, optional
-        First amplitude of the search; `below` by default. Just beyond a fold a run lingers where
-        the orbit has vanished, so a slightly larger amplitude is better.
+        First amplitude of the search; `amplitude` by default. Just beyond a fold a run lingers
+        where the orbit has vanished, so a slightly larger amplitude is better.
     width : float, optional
-        Range of the search, `below` itself by default.
+        Range of the search, `amplitude` itself by default.
     start : State, optional
         Initial state of the search; a kick by default.
     tolerance : float, optional
-        Width of the last step, as a part of `below`.
+        Width of the last step, as a part of `amplitude`.
     periods : int, optional
         Forcing periods for which the attractor must persist. Just below the crisis a transient may
         last as long, so that the result is slightly low; it rises with `periods`.
@@ -271,17 +271,18 @@ def locate_crisis(
                 return states
         return []
 
-    top, begin = below, below if begin is None else begin
+    top, begin = amplitude, amplitude if begin is None else begin
     states = attractor(begin, [kicked_state(actuator) if start is None else start])
     if not states:
         raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
-    for amplitude in np.linspace(begin, below, RAMP)[1:].tolist() if begin != below else ():
-        ramp_drive = drive.replace(amplitude=amplitude)
+    ramp = np.linspace(begin, amplitude, RAMP)[1:].tolist() if begin != amplitude else []
+    for value in ramp:
+        ramp_drive = drive.replace(amplitude=value)
         states = [
             simulate(actuator, ramp_drive, 50, initial=s, options=options).final for s in states
         ]
-    step, bottom = tolerance * below, 0.0
-    lowest = below - (below if width is None else width)
+    step, bottom = tolerance * amplitude, 0.0
+    lowest = amplitude - (amplitude if width is None else width)
     while True:
         trial = top - step
         if trial <= lowest:
@@ -299,7 +300,7 @@ def locate_crisis(
         states = reached or states
         return bool(reached)
 
-    return bisect(persists, top, bottom, tolerance * below)[0]
+    return bisect(persists, top, bottom, tolerance * amplitude)[0]
 
 
 # --- Thresholds of slip and impacts at single frequencies
@@ -316,15 +317,15 @@ GRAZING, FOLD, JUMP = "grazing", "fold", "jump"
 
 
 def onset(
-    system: ActuatorSystem, first: float, highest: float, watch: Watch | None
+    system: ActuatorSystem, lowest: float, highest: float, watch: Watch | None
 ) -> tuple[float, str, SpecialPoint | None, State]:
-    """Return the amplitude above `first` at which impacts begin with rising amplitude.
+    """Return the amplitude above `lowest` at which impacts begin with rising amplitude.
 
     Parameters
     ----------
     system : ActuatorSystem
         The system at one frequency.
-    first, most : float
+    lowest, highest : float
         Smallest and largest amplitude of the search.
     watch : callable or None
         Called by runs; an exception that it raises ends the search.
@@ -343,14 +344,14 @@ def onset(
     Raises
     ------
     OrbitError
-        If it does not strike up to `most`.
+        If it does not strike up to `highest`.
     """
 
     def trial(amplitude: float, state: State) -> tuple[bool, float, State]:
         trial_system = system.changed(amplitude=amplitude)
         return settled(trial_system, state, TRANSIENT_PERIODS, STUDY_OPTIONS, watch)
 
-    low, state, step = (1.0 - THRESHOLD_RTOL) * first, State(), THRESHOLD_RTOL * first
+    low, state, step = (1.0 - THRESHOLD_RTOL) * lowest, State(), THRESHOLD_RTOL * lowest
     while True:
         strikes, clearance, final_state = trial(low + step, state)
         if not strikes:
@@ -420,13 +421,13 @@ def steady(
 ) -> list[tuple[str, float, str, SpecialPoint | None]]:
     """Return the ends of the window of a period-1 orbit with impacts: boundary, amplitude.
 
-    Each with its kind; none without such an orbit, or without an end up to `most`.
+    Each with its kind; none without such an orbit, or without an end up to `highest`.
 
     Parameters
     ----------
     system : ActuatorSystem
         The system at one frequency.
-    on, most : float
+    on, highest : float
         Smallest and largest amplitude of the search.
     state : State
         Of the motion with impacts.
@@ -464,7 +465,7 @@ def switching_off(
     return locate_crisis(
         system.actuator,
         system.drive,
-        below=on * (1.0 + IMPACT_OFFSET_RATIO),
+        amplitude=on * (1.0 + IMPACT_OFFSET_RATIO),
         width=0.95 * on,
         start=state,
         tolerance=THRESHOLD_RTOL,
@@ -912,7 +913,7 @@ class ChartBuilder:
                 value = locate_crisis(
                     system.actuator,
                     system.drive,
-                    below=out(AMPLITUDE, fold),
+                    amplitude=out(AMPLITUDE, fold),
                     begin=out(AMPLITUDE, fold * (1.0 + IMPACT_OFFSET_RATIO)),
                     width=0.2 * out(AMPLITUDE, fold),
                     periods=periods,

@@ -156,19 +156,19 @@ def ring_down(
         raise InvalidParameter("share", share, "between 0 and 1 (exclusive)")
     actuator = system.actuator
     quiet = Sine(amplitude=0.0, omega=math.sqrt(actuator.k / actuator.m2))
-    off = ActuatorSystem(actuator, quiet)
-    sticks = comes_to_rest(off)
+    free_system = ActuatorSystem(actuator, quiet)
+    sticks = comes_to_rest(free_system)
     start: Any = system.start_of("down") if initial is None else initial
     if isinstance(start, State):
         start = start.replace(time=0.0)
     begin = 0.0
     if is_compliant(actuator):
-        off, start, begin = after_contacts(off, start, options)
+        free_system, start, begin = after_contacts(free_system, start, options)
     if initial is None:
-        start, options = gentle(off, start, sticks, options)
+        start, options = gentle(free_system, start, sticks, options)
     periods = PERIODS
     while True:
-        run = simulate(off, periods, initial=start, options=options)
+        run = simulate(free_system, periods, initial=start, options=options)
         t, amplitude = swings(run.trajectory, sticks)
         low = np.flatnonzero(amplitude <= share * amplitude[:1].max(initial=0.0))
         free = not disturbed(run, sticks)
@@ -183,7 +183,7 @@ def ring_down(
         over = math.log(share * amplitude[0] / amplitude[-1])
         reached = t[-1] - over / fall * (t[-1] - t[-2])
     elif free and amplitude.size > 1:
-        t, amplitude, count = slow_decay(off, run, t[0], amplitude[0], share, options)
+        t, amplitude, count = slow_decay(free_system, run, t[0], amplitude[0], share, options)
         reached = t[-1]
     else:
         problem = "the block does not oscillate"
@@ -194,19 +194,19 @@ def ring_down(
     swing = (t[-1] - t[0]) / count
     ratio = decrement / math.hypot(2.0 * math.pi, decrement)
     return RingDown(
-        frequency=1.0 / float(off.scales.out(swing, "s")),
+        frequency=1.0 / float(free_system.scales.out(swing, "s")),
         decrement=decrement,
         damping_ratio=ratio,
         quality=0.5 / ratio,
-        time_constant=float(off.scales.out(swing / decrement, "s")),
-        time=float(off.scales.out(begin + reached, "s")),
-        table=results.swings(begin + t, amplitude, off),
-        si=off.scales.named,
+        time_constant=float(free_system.scales.out(swing / decrement, "s")),
+        time=float(free_system.scales.out(begin + reached, "s")),
+        table=results.swings(begin + t, amplitude, free_system),
+        si=free_system.scales.named,
     )
 
 
 def slow_decay(
-    off: ActuatorSystem, run: Run, first: float, amplitude: float, share: float, options: Options
+    system: ActuatorSystem, run: Run, first: float, amplitude: float, share: float, options: Options
 ) -> tuple[Floats, Floats, float]:
     """Return times and amplitudes of a decay over very many cycles, and the number of cycles.
 
@@ -215,7 +215,7 @@ def slow_decay(
 
     Parameters
     ----------
-    off : ActuatorSystem
+    system : ActuatorSystem
     run : Run
         A run at whose end the block oscillates freely.
     first, amplitude : float
@@ -242,9 +242,9 @@ def slow_decay(
         begin = state.copy()
         begin[X2] = middle + part * (state[X2] - middle)
         begin[V1], begin[V2] = part * state[V1], part * state[V2]
-        initial = off.state_of(HybridState(0, 0.0, mode, begin))
+        initial = system.state_of(HybridState(0, 0.0, mode, begin))
         for _ in range(2):  # the first run determines the tolerances of the second
-            decay = simulate(off, PERIODS, initial=initial, options=fine)
+            decay = simulate(system, PERIODS, initial=initial, options=fine)
             t, high = (each[SKIPPED:] for each in swings(decay.trajectory, True))
             count = len(t) - 1
             decrement = math.log(high[0] / high[-1]) / count
@@ -268,24 +268,24 @@ def slow_decay(
 
 
 def after_contacts(
-    off: ActuatorSystem, start: Any, options: Options
+    system: ActuatorSystem, start: Any, options: Options
 ) -> tuple[ActuatorSystem, State, float]:
     """Return a device with rigid stoppers, its state after the last contact, and the time of that.
 
     Turning points are then those of free oscillation between rigid stoppers, which later cycles do
     not reach.
     """
-    run = simulate(off, PERIODS, initial=start, options=options)
+    run = simulate(system, PERIODS, initial=start, options=options)
     log = run.trajectory.events
     log = log[is_release(log)]
-    stoppers = [each.name() for each in off.actuator.terms if each.replaced_rule == "stopper"]
-    rigid = ActuatorSystem(off.actuator.without(*stoppers), off.drive, off.scales)
-    begin, state = 0.0, off.state_of(off.hybrid_state(start, off.problem(options)))
+    stoppers = [each.name() for each in system.actuator.terms if each.replaced_rule == "stopper"]
+    rigid = ActuatorSystem(system.actuator.without(*stoppers), system.drive, system.scales)
+    begin, state = 0.0, system.state_of(system.hybrid_state(start, system.problem(options)))
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])
-        state = off.state_of(HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
+        state = system.state_of(HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
     values = {name: state[name] for name in rigid.states}
-    delta = off.actuator.delta
+    delta = system.actuator.delta
     values["x2"] = min(max(values["x2"], -delta), delta)
     return rigid, state_from(values), begin
 
@@ -297,11 +297,11 @@ def comes_to_rest(system: ActuatorSystem) -> bool:
 
 
 def gentle(
-    off: ActuatorSystem, start: State, sticks: bool, options: Options
+    system: ActuatorSystem, start: State, sticks: bool, options: Options
 ) -> tuple[State, Options]:
     """Return a kick after which the block soon oscillates freely, and options scaled to it."""
     for _ in range(SWING_BISECTIONS):
-        if not disturbed(simulate(off, PERIODS, initial=start, options=options), sticks):
+        if not disturbed(simulate(system, PERIODS, initial=start, options=options), sticks):
             break
         start = start.replace(v2=0.5 * start["v2"])
         options = replace(options, atol=0.5 * options.atol)

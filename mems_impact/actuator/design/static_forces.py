@@ -54,7 +54,7 @@ class StaticForces:
         force: float = self.model.force(y, self.p) + self.model.on_block(y, self.p)
         return force - self.actuator.k * x2
 
-    def needed(self, x2: float) -> float:
+    def squared_holding_voltage(self, x2: float) -> float:
         """Return the squared voltage that holds the block at `x2`; negative if there is none."""
         slope: float = self.model.electrodes[0].slope(x2, self.p)
         return -2.0 * self.force(x2) / slope * self._squared_drive(x2)
@@ -76,7 +76,7 @@ class StaticForces:
         """
         delta = self.actuator.delta
         positions = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
-        squares = [self.needed(x2) for x2 in positions.tolist()]
+        squares = [self.squared_holding_voltage(x2) for x2 in positions.tolist()]
         if self._start == -delta:
             squares[0] += self._adhesion(-delta)
         i = int(np.argmax(squares))
@@ -84,7 +84,9 @@ class StaticForces:
         if 0 < i < FORCE_CURVE_POINTS - 1:
             bounds = positions[i - 1], positions[i + 1]
             result = minimize_scalar(
-                lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
+                lambda x2: -self.squared_holding_voltage(x2),
+                bounds=bounds,
+                options={"xatol": 1e-10},
             )
             best = max(best, -float(result.fun))
         elif i > 0 and not self._parasitic and self._constant:
@@ -125,7 +127,7 @@ class StaticForces:
     def resting(self) -> float:
         """Compute the voltage above which a block on the right stopper stays there."""
         delta = self.actuator.delta
-        return math.sqrt(max(self.needed(delta) - self._adhesion(delta), 0.0))
+        return math.sqrt(max(self.squared_holding_voltage(delta) - self._adhesion(delta), 0.0))
 
     def _adhesion(self, x2: float) -> float:
         """Return the squared voltage whose force equals the adhesion at `x2`."""

@@ -37,7 +37,7 @@ SAMPLE_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 
 CODE = CodeRequest(
     field="source",
-    what="Python file with functions voltage(t, q) and voltage_rate(t, q)",
+    description="Python file with functions voltage(t, q) and voltage_rate(t, q)",
     kind="drive file",
     reader="load_drive",
 )
@@ -201,6 +201,6 @@ def _functions(path: Path) -> dict[str, FunctionType]:
     functions = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
         if not isinstance(getattr(module, name, None), FunctionType):
-            raise InvalidFile(path, f"has no function {name}", f"give a {CODE.what}")
+            raise InvalidFile(path, f"has no function {name}", f"give a {CODE.description}")
         functions[field] = getattr(module, name)
     return functions

@@ -274,7 +274,7 @@ class CyclesPanel:
         factor, unit_suffix = unit_for(system, cycles.name, cycles.value)
         values = cycles.value / factor
         self.data.data = {"number": cycles.number, "value": values}
-        self.values.yaxis[0].axis_label = cycles.what + unit_suffix
+        self.values.yaxis[0].axis_label = cycles.quantity + unit_suffix
         # Initial large values should not compress the later ones.
         later = values[int(BEGINNING * values.size) :]
         low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)

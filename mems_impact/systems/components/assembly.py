@@ -137,9 +137,11 @@ class FlowWriter:
         for names, part, sides in self.contacts:
             for mode, force in part.law(names).items():
                 lines += [f"if {names.mode} == {mode}:", f"    force = {force}"]
-                lines.append(f"    d{sides.on} += force * (1.0 / {sides.mass})")
-                if sides.other is not None:
-                    lines.append(f"    d{sides.against} -= force * (1.0 / {sides.other})")
+                lines.append(f"    d{sides.velocity} += force * (1.0 / {sides.mass})")
+                if sides.other_mass is not None:
+                    lines.append(
+                        f"    d{sides.other_velocity} -= force * (1.0 / {sides.other_mass})"
+                    )
         lines += self.holding.field()
         results = [*(f"d{j}" for j in range(n)), *self.holding.forces()]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
@@ -293,7 +295,7 @@ class FlowWriter:
             conditions.append(f"(turn != 1 or together <= 1 or {slipped})")
         slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
         motion = [
-            f"if {sides.near}:\n    motion += abs({sides.relative('x[{}]')})".splitlines()
+            f"if {sides.zero_slip}:\n    motion += abs({sides.relative('x[{}]')})".splitlines()
             for _, _, sides in self.contacts
         ]
         search = [
@@ -480,10 +482,10 @@ def assemble(
     """
     check(parts, flow, states, masses, guards)
     text = FlowWriter(parts, states, parameters, masses, flow)
-    driven = {sides.on for _, _, sides in text.contacts}
+    driven = {sides.velocity for _, _, sides in text.contacts}
     for names, _, sides in text.contacts:
-        if sides.against in driven and sides.other is None:
-            velocity = states[sides.against]
+        if sides.other_velocity in driven and sides.other_mass is None:
+            velocity = states[sides.other_velocity]
             allowed = f"given for {velocity!r}, on which {names.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)

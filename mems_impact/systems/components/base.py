@@ -268,50 +268,54 @@ class ContactSides:
 
     Attributes
     ----------
-    on : int
+    velocity : int
         The velocity on which its force acts.
-    against : int or None
+    other_velocity : int or None
         The velocity on which the reaction acts, or a prescribed velocity; None for `speed`.
     speed : str
         Speed of the other side, as an expression.
-    mass, other : str or None
+    mass, other_mass : str or None
         Their masses; None if no force acts on the other side.
     """
 
-    on: int
-    against: int | None
+    velocity: int
+    other_velocity: int | None
     speed: str
     mass: str
-    other: str | None
+    other_mass: str | None
 
     @property
     def slip(self) -> str:
         """The relative speed."""
-        return f"y[{self.on}]" if self.speed == "0.0" else f"(y[{self.on}] - {self.speed})"
+        return (
+            f"y[{self.velocity}]" if self.speed == "0.0" else f"(y[{self.velocity}] - {self.speed})"
+        )
 
     @property
     def drift(self) -> str:
         """Rounding error of the relative acceleration."""
-        sizes = [f"abs(x[{body}])" for body in (self.on, self.against) if body is not None]
+        sizes = [
+            f"abs(x[{body}])" for body in (self.velocity, self.other_velocity) if body is not None
+        ]
         return f"{ZERO_FORCE_RATIO} * ({' + '.join(sizes)})"
 
     def relative(self, slope: str) -> str:
         """Return the relative acceleration for derivatives ``slope[j]``."""
-        if self.against is None:
-            return slope.format(self.on)
-        return f"({slope.format(self.on)} - {slope.format(self.against)})"
+        if self.other_velocity is None:
+            return slope.format(self.velocity)
+        return f"({slope.format(self.velocity)} - {slope.format(self.other_velocity)})"
 
     @property
     def share(self) -> str:
         """The relative acceleration per unit of force, as an expression."""
-        return f"(1.0 / {self.mass}{f' + 1.0 / {self.other}' if self.other else ''})"
+        return f"(1.0 / {self.mass}{f' + 1.0 / {self.other_mass}' if self.other_mass else ''})"
 
     @property
-    def near(self) -> str:
+    def zero_slip(self) -> str:
         """Whether the relative speed is zero to rounding."""
         if self.speed == "0.0":
-            return f"y[{self.on}] == 0.0"
-        size = f"(abs(y[{self.on}]) + abs({self.speed}))"
+            return f"y[{self.velocity}] == 0.0"
+        size = f"(abs(y[{self.velocity}]) + abs({self.speed}))"
         return f"abs({self.slip}) <= {ZERO_SPEED_RATIO} * {size}"
 
 
@@ -324,7 +328,7 @@ class Contact(Part):
 
     @property
     def force_sign(self) -> int:
-        """The sign of its force on ``on`` where it holds; 0 for either sign."""
+        """The sign of its force on its velocity where it holds; 0 for either sign."""
         return 0
 
     @abstractmethod
@@ -338,13 +342,15 @@ class Contact(Part):
     @property
     @abstractmethod
     def motion_signs(self) -> Mapping[int, int]:
-        """The sign of the relative motion of ``on`` that starts from rest, for each other mode."""
+        """The sign of the relative motion that starts from rest, for each other mode."""
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraint of zero relative speed where it holds."""
         sides = self.sides(names)
         slopes = (
-            {sides.on: "1.0"} if sides.against is None else {sides.on: "1.0", sides.against: "-1.0"}
+            {sides.velocity: "1.0"}
+            if sides.other_velocity is None
+            else {sides.velocity: "1.0", sides.other_velocity: "-1.0"}
         )
         return [Constraint(mode=self.holding_mode, value=sides.slip, slopes=slopes)]
 
@@ -353,16 +359,16 @@ class Contact(Part):
         """Return the limits of the force on ``on``, backward and forward; empty for zero."""
 
     def law(self, names: CodeNames) -> dict[int, str]:
-        """Return the forces on ``on`` in the other modes, if any."""
+        """Return the forces on its velocity in the other modes, if any."""
         return {}
 
 
-def sides(names: CodeNames, on: str, other: Quantity, field: str) -> ContactSides:
-    """Return the sides of a contact between the velocity `on` and another one, or a speed."""
-    index = names.index("velocity", on)
-    mass = names.mass(on)
+def sides(names: CodeNames, velocity: str, other: Quantity, field: str) -> ContactSides:
+    """Return the sides of a contact between a velocity and another one, or a speed."""
+    index = names.index("velocity", velocity)
+    mass = names.mass(velocity)
     if isinstance(other, str) and other in names.states:
-        against = names.index(field, other)
+        other_velocity = names.index(field, other)
         driven = names.mass(other) if other in names.masses else None
-        return ContactSides(index, against, f"y[{against}]", mass, driven)
+        return ContactSides(index, other_velocity, f"y[{other_velocity}]", mass, driven)
     return ContactSides(index, None, names.value(field, other), mass, None)

@@ -151,7 +151,7 @@ class Friction(Contact):
 
     def holding_condition(self, names: CodeNames) -> str:
         """Return whether the relative speed is zero."""
-        near = self.sides(names).near
+        near = self.sides(names).zero_slip
         return f"({near} or (jumped == 0 and {names.last} == {STUCK}))"
 
     def rounding(self, names: CodeNames) -> str:

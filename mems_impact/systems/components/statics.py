@@ -79,7 +79,7 @@ class Group:
 def groups(contacts: Sequence[ContactSides]) -> list[Group]:
     """Return the groups of bodies; only equal contacts depend on the order of contacts."""
     ends: dict[int, tuple[_Node, _Node]] = {
-        i: (sides.on, sides.against if sides.other is not None else None)
+        i: (sides.velocity, sides.other_velocity if sides.other_mass is not None else None)
         for i, sides in enumerate(contacts)
     }
     remaining = sorted({end for pair in ends.values() for end in pair if end is not None})
@@ -154,7 +154,7 @@ def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
     The ground and belts are one node, since a body at rest on two of them has equal speeds there; a
     body with a prescribed motion is a node of its own.
     """
-    ends = {i: (sides.on, sides.against) for i, sides in contacts.items()}
+    ends = {i: (sides.velocity, sides.other_velocity) for i, sides in contacts.items()}
     rings = []
     left = set(ends)
     for i, (on, against) in ends.items():
@@ -197,9 +197,9 @@ class Holding:
         self.force_index = {body: n + k for k, body in enumerate(bodies)}
         self.masses: dict[int, str] = {}
         for _, _, sides in contacts:
-            self.masses[sides.on] = sides.mass
-            if sides.against is not None and sides.other is not None:
-                self.masses[sides.against] = sides.other
+            self.masses[sides.velocity] = sides.mass
+            if sides.other_velocity is not None and sides.other_mass is not None:
+                self.masses[sides.other_velocity] = sides.other_mass
 
     def joined(self, group: Group, holds: dict[int, str]) -> list[str]:
         """Return the lines that label bodies: connected bodies have equal labels.
@@ -211,11 +211,14 @@ class Holding:
         once = []
         for i in group.contacts:
             sides = self.contacts[i][2]
-            if sides.other is None:
+            if sides.other_mass is None:
                 label = -1 - group.grounds.index(sides.speed)
-                once += [f"if holds{i}:", f"    label{sides.on} = min(label{sides.on}, {label})"]
+                once += [
+                    f"if holds{i}:",
+                    f"    label{sides.velocity} = min(label{sides.velocity}, {label})",
+                ]
             else:
-                pair = f"label{sides.on}", f"label{sides.against}"
+                pair = f"label{sides.velocity}", f"label{sides.other_velocity}"
                 once += [f"if holds{i}:", f"    {' = '.join(pair)} = min({', '.join(pair)})"]
         return lines + once * (len(group.bodies) if group.ring else 1)
 
@@ -256,9 +259,9 @@ class Holding:
                 lines.append(f"common{body} = free{body} + gain / mass")
             for i, speed in enumerate(group.grounds):
                 prescribed = next(
-                    sides.against
+                    sides.other_velocity
                     for _, _, sides in self.contacts
-                    if sides.other is None and sides.speed == speed
+                    if sides.other_mass is None and sides.speed == speed
                 )
                 lines.append(f"ground{i} = {'0.0' if prescribed is None else f'd{prescribed}'}")
             for body in group.bodies:
@@ -286,7 +289,7 @@ class Holding:
             for i, (names, part, sides) in self.contacts_of(group):
                 alike[i] = f"{names.mode} == {part.holding_mode} or fired == {names.number}"
                 if not part.force_sign:
-                    alike[i] += f" or {sides.near}"
+                    alike[i] += f" or {sides.zero_slip}"
             lines += self.joined(group, alike)
             for i, speed in enumerate(group.grounds):
                 lines.append(f"ground{i} = {speed}")

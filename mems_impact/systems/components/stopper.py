@@ -129,7 +129,7 @@ class Stopper(Contact):
         gap = self.inwards(f"(y[{position}] - {at})")
         touches = f"{gap} <= {TOUCHES} * ({size})"
         closed = f"({names.fired} or {names.last} == {HELD} or {touches})"
-        still = f"({sides.near} or (jumped == 0 and {names.last} == {HELD}))"
+        still = f"({sides.zero_slip} or (jumped == 0 and {names.last} == {HELD}))"
         return f"({still} and {closed})"
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
@@ -175,14 +175,17 @@ class Stopper(Contact):
         """Return positions and velocities after an impact."""
         sides = self.sides(names)
         position, at, _ = self.geometry(names)
-        if sides.against is None:
-            return {position: at, sides.on: f"-{restitution} * {sides.slip}"}
+        if sides.other_velocity is None:
+            return {position: at, sides.velocity: f"-{restitution} * {sides.slip}"}
         speed = sides.speed
-        if sides.other is not None:
+        if sides.other_mass is not None:
             # The other body's share of the impulse (1 + e) u/(1/m + 1/M).
-            share = f"(1.0 / {sides.other}) / {sides.share}"
+            share = f"(1.0 / {sides.other_mass}) / {sides.share}"
             speed = f"({speed} + (1.0 + {restitution}) * {sides.slip} * {share})"
-        changes = {sides.on: f"{speed} - {restitution} * {sides.slip}", sides.against: speed}
+        changes = {
+            sides.velocity: f"{speed} - {restitution} * {sides.slip}",
+            sides.other_velocity: speed,
+        }
         # Two positions are left unchanged, as either of them could be corrected.
-        two_positions = isinstance(self.against, tuple) and sides.other is not None
+        two_positions = isinstance(self.against, tuple) and sides.other_mass is not None
         return changes if two_positions else {position: at, **changes}

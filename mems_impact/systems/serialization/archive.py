@@ -131,7 +131,7 @@ def _check_header(source: str, header: Any) -> None:
 
 
 def check_format(
-    path: str | PathLike[str], number: int, read: int, version: str, again: str
+    path: str | PathLike[str], number: int, read: int, version: str, remedy: str
 ) -> None:
     """Raise InvalidFile for a format that this version does not read.
 
@@ -142,12 +142,12 @@ def check_format(
         The format of the file, and the format that this version reads.
     version : str
         The version of mems_impact that wrote it.
-    again : str
+    remedy : str
         What to do if its format is older.
     """
     if number != read:
         reason = f"has format {number} (mems_impact {version}); this version reads format {read}"
-        raise InvalidFile(path, reason, "update mems_impact" if number > read else again)
+        raise InvalidFile(path, reason, "update mems_impact" if number > read else remedy)
 
 
 def check_path(path: Any) -> None:

@@ -32,7 +32,7 @@ class CorruptFile(Exception):
 
 
 Parts = Callable[[Any], Mapping[str, Any]]
-Whole = Callable[..., Any]
+Constructor = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class StorableClass:
 
     name: str
     parts: Parts
-    whole: Callable[[dict[str, Any], Reader], Any]
+    constructor: Callable[[dict[str, Any], Reader], Any]
 
 
 _by_type: dict[type, StorableClass] = {}
@@ -53,7 +53,7 @@ def register(
     name: str = "",
     *,
     parts: Parts | None = None,
-    whole: Whole | None = None,
+    constructor: Constructor | None = None,
     reading: Callable[[dict[str, Any], Reader], Any] | None = None,
 ) -> None:
     """Register a class whose objects can be stored.
@@ -66,15 +66,15 @@ def register(
     parts : callable, optional
         ``parts(value)`` returns the stored values by name; by default the items of a named tuple,
         or the fields of a dataclass that its class takes as arguments.
-    whole : callable, optional
-        ``whole(**parts)`` restores the object; the class by default.
+    constructor : callable, optional
+        ``constructor(**parts)`` restores the object; the class by default.
     reading : callable, optional
         ``reading(parts, reader)`` restores an object that depends on the file.
     """
     if parts is None:
         names = getattr(kind, "_fields", None) or [each.name for each in fields(kind) if each.init]
         parts = lambda value: {each: getattr(value, each) for each in names}  # noqa: E731
-    make = whole or kind
+    make = constructor or kind
     entry = StorableClass(name or kind.__name__, parts, reading or (lambda found, _: make(**found)))
     _by_type[kind] = _by_name[entry.name] = entry
 
@@ -190,7 +190,7 @@ class Reader:
         if node["is"] not in _by_name:
             raise CorruptFile(f"it holds an object of unknown class {node['is']!r}")
         items = {name: self.value(part) for name, part in node.items() if name not in ("is", "#")}
-        value = _by_name[node["is"]].whole(items, self)
+        value = _by_name[node["is"]].constructor(items, self)
         if "#" in node:
             self._known[node["#"]] = value
         return value

@@ -92,7 +92,7 @@ def test_energy_of_a_closing(found):
     ends = 1.0 / (SWITCH.d - SWITCH.delta) - 1.0 / SWITCH.d
     given = SWITCH.alpha * 90.0**2 * ends
     stored = 0.5 * SWITCH.k * SWITCH.delta**2
-    assert found.energy.given == pytest.approx(given, rel=1e-6)
+    assert found.energy.input == pytest.approx(given, rel=1e-6)
     assert found.energy.lost == pytest.approx(given - stored, rel=1e-6)
 
 

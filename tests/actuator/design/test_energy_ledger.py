@@ -70,7 +70,7 @@ def test_the_balance_closes(name):
     run = simulated(*CASES[name])
     found = mi.energy(run, 0.1, run.periods - 0.2)
     assert len(run.impacts) >= 2
-    assert abs(found.imbalance) < 2e-8 * (abs(found.given) + found.lost)
+    assert abs(found.imbalance) < 2e-8 * (abs(found.input) + found.lost)
     assert (found.table["energy"][found.table["kind"] == "lost"] >= 0.0).all()
 
 
@@ -80,7 +80,7 @@ def test_the_balance_closes_with_terms_that_lose(name):
     run = simulated(ZHAO.adding(*LOSSY[name]), mi.Sine(amplitude=0.3, omega=0.5), 4)
     found = mi.energy(run, 0.0, 3.8)
     assert len(run.impacts) >= 1
-    assert abs(found.imbalance) < 2e-8 * (abs(found.given) + found.lost)
+    assert abs(found.imbalance) < 2e-8 * (abs(found.input) + found.lost)
     lost = found.table[found.table["kind"] == "lost"].set_index("account")["energy"]
     for term in ("series_resistance", "compliant_stopper", "squeeze_film"):
         assert term not in lost or lost[term] > 0.0
@@ -147,8 +147,8 @@ def test_an_orbit_against_a_load_does_work_on_it(run):
     loaded = ZHAO.adding(mi.FrameLoad(force=1.0))
     orbit = mi.find_orbit(loaded, DRIVE, guess=run.final, periods=1, options=FINE)
     found = mi.energy(orbit)
-    assert found.done == pytest.approx(orbit.step, rel=1e-10)
-    assert found.efficiency == pytest.approx(orbit.step / found.given, rel=1e-9)
+    assert found.load_work == pytest.approx(orbit.step, rel=1e-10)
+    assert found.efficiency == pytest.approx(orbit.step / found.input, rel=1e-9)
     assert abs(found.imbalance) < 1e-11
 
 
@@ -159,7 +159,7 @@ def test_in_si_it_is_the_same_in_joules():
     si, bare = (mi.energy(simulated(*each, 1.2)) for each in ((MITA, SI), (plain, same)))
     assert si.table.attrs["units"] == {"energy": "J", "energy per period": "J"}
     assert bare.table.attrs["units"] == {}
-    assert si.given == pytest.approx(bare.given * scales.unit("J"), rel=1e-6)
+    assert si.input == pytest.approx(bare.input * scales.unit("J"), rel=1e-6)
     assert si.lost == pytest.approx(bare.lost * scales.unit("J"), rel=1e-6)
 
 
@@ -173,7 +173,7 @@ def test_it_is_a_value(orbit, tmp_path):
     ):
         assert other == found
         assert other.table.equals(found.table)
-    assert found.summary()["given"] == found.given
+    assert found.summary()["input"] == found.input
 
 
 def test_what_it_does_not_take(run, orbit):

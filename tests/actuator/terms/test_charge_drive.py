@@ -43,7 +43,7 @@ def test_constant_charge_shifts_the_swing_without_softening():
     # A source of constant charge has no current, hence no input.
     energy = mi.energy(mi.simulate(device, dc, periods=1.3, initial=mi.State(x2=0.45),
                                    options=INTERPRETED, window=(0.0, 1.3)))  # fmt: skip
-    assert energy.given == pytest.approx(0.0, abs=1e-11)
+    assert energy.input == pytest.approx(0.0, abs=1e-11)
     assert energy.imbalance == pytest.approx(0.0, abs=1e-11)
 
 

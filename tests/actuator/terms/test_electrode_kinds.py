@@ -140,7 +140,7 @@ def test_the_energy_balance_closes(term, leads):
     )
     assert len(run.impacts) >= 2
     found = mi.energy(run, 0.1, 2.8)
-    assert abs(found.imbalance) < 1e-8 * (abs(found.given) + found.lost)
+    assert abs(found.imbalance) < 1e-8 * (abs(found.input) + found.lost)
 
 
 @cache

@@ -206,11 +206,11 @@ def test_impacts_under_a_limited_current_are_those_of_scipy():
         device, drive, periods=2, initial=mi.State(v2=0.6), window=(0.0, 2.0),
         options=mi.Options(engine="interpreted", method="dop853"),
     ))  # fmt: skip
-    assert energy.given > 0.01
+    assert energy.input > 0.01
     assert energy.imbalance == pytest.approx(0.0, abs=5e-9)
     charge = run.samples(2)["charge"].to_numpy()  # at the switches, where the voltage is 0.5 or 0
     given = 0.5 * (charge[1] - charge[0] + charge[3] - charge[2])
-    assert energy.given == pytest.approx(given, abs=1e-7)
+    assert energy.input == pytest.approx(given, abs=1e-7)
 
 
 def test_a_current_limit_that_tolerances_do_not_resolve_is_refused():
