@@ -42,7 +42,7 @@ pumped = bare.adding(mi.SqueezeFilm(pressure=5.0, **film))
 # 160 GPa. Its damping makes e = 0.8, the preset's, of 0.75 mm/s, the speed of the first impact in
 # air.
 
-leads = air.adding(mi.SeriesResistance(resistance=1e4, parasitic=3e-12))
+leads = air.adding(mi.SeriesResistance(resistance=1e4, parasitic_capacitance=3e-12))
 
 
 def mismatch(b, speed=7.5e-4, e=0.8):
@@ -230,7 +230,10 @@ print(pd.DataFrame(rows).round(2).to_string(index=False))
 
 ratios = []
 for ohms, farads in ((2e8, 3e-12), (2e6, 3e-10)):
-    changed = {"series_resistance.resistance": ohms, "series_resistance.parasitic": farads}
+    changed = {
+        "series_resistance.resistance": ohms,
+        "series_resistance.parasitic_capacitance": farads,
+    }
     filtered = settled(leads.changed(**changed), brisk, 20).statistics["mean speed"]
     lag = brisk.omega * ohms * (farads + 2 * mita.alpha / mita.d)
     weaker = brisk.replace(amplitude=brisk.amplitude / math.hypot(1.0, lag))

@@ -48,7 +48,7 @@ DEVICE_RANGES = {
 }
 TERM_RANGES = {
     "adhesion.force": FORCE,
-    "charge_drive.parasitic": CAPACITANCE,
+    "charge_drive.parasitic_capacitance": CAPACITANCE,
     "comb_drive.gap": LENGTH,
     "comb_drive.thickness": LENGTH,
     "comb_drive.overlap": LENGTH,
@@ -65,7 +65,7 @@ TERM_RANGES = {
     "power_law_restitution.speed": SPEED,
     "regularized_friction.width": SPEED,
     "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
-    "series_resistance.parasitic": CAPACITANCE,
+    "series_resistance.parasitic_capacitance": CAPACITANCE,
     "series_resistance.current_limit": Range(1e-15, 1e-6, 10.0),
     "slew_rate.rate": Range(1e-6, 1e5, 1e12),
     "squeeze_film.length": ELECTRODE_LENGTH,

@@ -594,7 +594,7 @@ def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
         if layout.series:
             text.let(f"{prefix}cap{s}", f"{prefix}capacitance({x})", indent=indent)
             trapped = f" + {prefix}cap{s}*{offset}" if offset else ""
-            total = f"({prefix}cap{s} + series_resistance_parasitic)"
+            total = f"({prefix}cap{s} + series_resistance_parasitic_capacitance)"
             node = f"({prefix}charge{s}{trapped})/{total}"
         if layout.series or layout.charging:
             text.let(f"{prefix}node{s}", node, indent=indent)
@@ -817,7 +817,7 @@ def add_ports(text: Text, layout: Layout) -> None:
             offset = f"{side.prefix}offset" if layout.charging else ""
             text.let(f"{side.prefix}cap_now", f"{side.prefix}capacitance({side.position('')})")
             trapped = f" + {side.prefix}cap_now*{offset}" if offset else ""
-            total = f"({side.prefix}cap_now + series_resistance_parasitic)"
+            total = f"({side.prefix}cap_now + series_resistance_parasitic_capacitance)"
             charge = f"({side.prefix}charge{trapped})/{total}"
             text.let(f"{side.prefix}node_now", charge)
             text.add(f"{branch} <+ {rate};")

@@ -15,7 +15,7 @@ TIGHT = RecurrenceOptions(tolerance=1e-9)
         ((), 0.24),
         ((mi.SeriesResistance(resistance=0.05),), 0.24),
         ((mi.SeriesResistance(resistance=0.05, current_limit=0.3), mi.SlewRate(rate=0.11)), 0.26),
-        ((mi.ChargeDrive(parasitic=0.5),), 0.68),
+        ((mi.ChargeDrive(parasitic_capacitance=0.5),), 0.68),
     ],
 )
 @pytest.mark.slow

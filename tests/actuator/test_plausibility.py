@@ -88,7 +88,10 @@ AIR["free_path_pressure"] = 6.7e-3
             mi.SqueezeFilm(**{**AIR, "free_path_pressure": 6.7e-8}),
             "6.7e-08 m, the mean free path alone\\?",
         ),
-        (mi.SeriesResistance(resistance=1e4, parasitic=3.0), "parasitic = 3 F, .*; 3 pF\\?"),
+        (
+            mi.SeriesResistance(resistance=1e4, parasitic_capacitance=3.0),
+            "parasitic_capacitance = 3 F, .*; 3 pF\\?",
+        ),
         (mi.Fringing(width=100.0), "fringing.width = 100 m, .*; 100 um\\?"),
         (mi.CompliantStopper(stiffness=2e13), "stiffness = 2e.13 N/m, outside the range"),
         (mi.DielectricCharging(share=0.3, time=1e12), "time = 1e.12 s, .*; 1e.12 ns\\?"),

@@ -43,7 +43,7 @@ TERMS = {
     "power_law_restitution": mi.PowerLawRestitution(speed=1e-3),
     "regularized_friction": mi.RegularizedFriction(width=1e-4),
     "series_resistance": mi.SeriesResistance(
-        resistance=1e10, parasitic=1e-14, current_limit=1e-9
+        resistance=1e10, parasitic_capacitance=1e-14, current_limit=1e-9
     ),
     "squeeze_film": mi.SqueezeFilm(
         length=2e-4, width=1e-4, pressure=2e3, viscosity=1.82e-5, free_path_pressure=6.7e-3

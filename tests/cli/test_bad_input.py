@@ -102,7 +102,8 @@ WORDED = [
     (["simulate", "cycle.py:cycle", "--drive", "sine"], "--drive: for devices", "--choice"),
     (["simulate", *ORBIT[:5], "--set", "regularized_friction.width=1e-14"],
      "take --atol 1e-17", "Options"),
-    (["simulate", *ORBIT[:5], "--set", "slew_rate.rate=1", "--set", "charge_drive.parasitic=1"],
+    (["simulate", *ORBIT[:5], "--set", "slew_rate.rate=1",
+      "--set", "charge_drive.parasitic_capacitance=1"],
      "slew_rate limits a voltage, and charge_drive sets none", "SlewRate"),
     (["datasheet", "zhao2004"], "give a device in SI", "to_si"),
     (["chart", "zhao2004", "--set", "slew_rate.rate=1"], "use mems-impact sweep", "sweep()"),
@@ -162,7 +163,7 @@ def test_a_warning_names_what_can_be_typed(cli):
 
 
 def test_the_pull_in_of_a_charge_drive(cli):
-    done = cli("pull-in", "mita2003", "--set", "charge_drive.parasitic=0")
+    done = cli("pull-in", "mita2003", "--set", "charge_drive.parasitic_capacitance=0")
     assert done.status == 0
     assert "pull-in charge [C]" in done.out
 

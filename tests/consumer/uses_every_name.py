@@ -36,7 +36,7 @@ WARNINGS: tuple[type[Warning], ...] = (
 def devices() -> tuple[mi.Actuator, mi.Drive]:
     terms: tuple[mi.Term, ...] = (
         mi.Adhesion(force=1e-6),
-        mi.ChargeDrive(parasitic=1e-13),
+        mi.ChargeDrive(parasitic_capacitance=1e-13),
         mi.CombDrive(fingers=100.0, gap=2e-6, thickness=2e-5, overlap=3e-5),
         mi.CompliantStopper(stiffness=1e3),
         mi.CubicStiffness(k3=1e9),

@@ -220,7 +220,7 @@ def test_what_watches_a_run_ends_it():
 
 @pytest.mark.slow
 def test_a_charge_drive_has_charges_in_its_headlines():
-    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic="10 fF"))
+    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic_capacitance="10 fF"))
     subject = subject_of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))
     setting = replace(first_setting(subject), length=2.0)
     (headline,) = (

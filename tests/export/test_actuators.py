@@ -24,7 +24,7 @@ BOTH = mi.TwoSided(
 TABLE = np.linspace(-2.6e-6, 2.6e-6, 13)
 TERMS = [
     mi.Adhesion(force=1e-6),
-    mi.ChargeDrive(parasitic=1e-14),
+    mi.ChargeDrive(parasitic_capacitance=1e-14),
     mi.CombDrive(fingers=100, gap=2e-6, thickness=20e-6, overlap=30e-6),
     mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
     mi.CubicStiffness(k3=1e9),
@@ -34,7 +34,7 @@ TERMS = [
     mi.Fringing(width=1e-3),
     mi.PowerLawRestitution(speed=1e-3),
     mi.RegularizedFriction(width=1e-4),
-    mi.SeriesResistance(resistance=1e9, parasitic=1e-12, current_limit=1e-9),
+    mi.SeriesResistance(resistance=1e9, parasitic_capacitance=1e-12, current_limit=1e-9),
     mi.SlewRate(rate=3e4),
     mi.SqueezeFilm(
         length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5, free_path_pressure=6.7e-3

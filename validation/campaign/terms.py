@@ -87,7 +87,7 @@ def _stopper(rng: Rng, p: Values) -> Values:
 def _resistance(rng: Rng, p: Values) -> Values:
     own = 2.0 * p["alpha"] / p["d"]
     parasitic = float(rng.choice([0.0, rng.uniform(0.0, 2.0)])) * own
-    return {"resistance": decades(rng, -1.3, 1.0) / own, "parasitic": parasitic}
+    return {"resistance": decades(rng, -1.3, 1.0) / own, "parasitic_capacitance": parasitic}
 
 
 def _fringing(rng: Rng, p: Values) -> Values:
@@ -158,7 +158,9 @@ DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     "frame_spring": lambda rng, p: {"k1": decades(rng, -2.0, 0.5)},
     "squeeze_film": _film,
     "series_resistance": _resistance,
-    "charge_drive": lambda rng, p: {"parasitic": _resistance(rng, p)["parasitic"]},
+    "charge_drive": lambda rng, p: {
+        "parasitic_capacitance": _resistance(rng, p)["parasitic_capacitance"]
+    },
     "fringing": _fringing,
     "dielectric_charging": lambda rng, p: {
         "share": rng.uniform(-0.5, 0.9),

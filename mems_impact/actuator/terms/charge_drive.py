@@ -24,7 +24,7 @@ class ChargeDrive(Term):
 
     Parameters
     ----------
-    parasitic : float, optional
+    parasitic_capacitance : float, optional
         Parasitic capacitance to ground, parallel to the electrode [F], >= 0. It takes a part of the
         charge.
 
@@ -42,27 +42,27 @@ class ChargeDrive(Term):
     -----
     The charge determines the voltage at the electrode,
 
-        charge = C(x) (node - offset) + parasitic node,
+        charge = C(x) (node - offset) + Cp node,
 
-    with the capacitance C(x) of the electrode and terms in its gap. Without a parasitic
-    capacitance, the force charge^2/(4 alpha) of parallel plates does not depend on the gap, so that
-    there is no pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d parasitic)), which
-    is beyond the gap if the parasitic capacitance is below half of that of the electrodes (J. I.
-    Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)).
+    with the capacitance C(x) of the electrode and terms in its gap, and the parasitic capacitance
+    Cp. Without the latter, the force charge^2/(4 alpha) of parallel plates does not depend on the
+    gap, so that there is no pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d Cp)),
+    which is beyond the gap if Cp is below half of the capacitance of the electrodes (J. I. Seeger,
+    B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)).
 
     Examples
     --------
     >>> import mems_impact as mi
-    >>> charged = mi.load_actuator("zhao2004").adding(mi.ChargeDrive(parasitic=0.5))
+    >>> charged = mi.load_actuator("zhao2004").adding(mi.ChargeDrive(parasitic_capacitance=0.5))
     >>> drive = mi.Sine(amplitude=0.6, omega=0.5)
     >>> run = mi.simulate(charged, drive, periods=20)
     >>> "node voltage" in run.samples()
     True
     """
 
-    parasitic: NonNegative = 0.0
+    parasitic_capacitance: NonNegative = 0.0
 
-    units = {"parasitic": "F"}  # noqa: RUF012 - ClassVar above
+    units = {"parasitic_capacitance": "F"}  # noqa: RUF012 - ClassVar above
     replaced_rule = "source"
     layer = 1
     in_series = True
@@ -78,11 +78,8 @@ class ChargeDrive(Term):
     @classmethod
     def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the voltage determined by the charge of the drive."""
-        capacitance, offset, parasitic = (
-            electrode.capacitance,
-            electrode.offset,
-            indices.p["parasitic"],
-        )
+        capacitance, offset = electrode.capacitance, electrode.offset
+        parasitic = indices.p["parasitic_capacitance"]
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
             gap_capacitance = capacitance(x, p)
@@ -95,4 +92,4 @@ class ChargeDrive(Term):
         cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
-        return field_energy(electrode, indices.p["parasitic"])
+        return field_energy(electrode, indices.p["parasitic_capacitance"])

@@ -35,7 +35,7 @@ class SeriesResistance(Term):
     ----------
     resistance : float
         Between drive and electrode [ohm], > 0.
-    parasitic : float, optional
+    parasitic_capacitance : float, optional
         Parasitic capacitance to ground, parallel to the electrode [F], >= 0.
     current_limit : float, optional
         Largest current of the source to each electrode, in either direction [A]; by default it is
@@ -54,14 +54,14 @@ class SeriesResistance(Term):
     -----
     The charge behind the resistance is a state, ``charge`` (and ``left_charge``), 0 by default:
 
-        charge = C(x) (node - offset) + parasitic node,    d charge/dt = (v - node)/resistance
+        charge = C(x) (node - offset) + Cp node,    d charge/dt = (v - node)/resistance
 
-    with the capacitance C(x) = 2 alpha/(d - x) of the electrode and terms in its gap, and the
-    voltage ``node`` at the electrode, which determines the force (S. D. Senturia, *Microsystem
-    Design*, 2001, Chapter 6). Slow charging prevents pull-in: at constant charge, without parasitic
-    capacitance, the attraction does not grow as the gap closes (J. I. Seeger, B. E. Boser, J.
-    Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the voltage: if the sign
-    alternates, the forcing period is that of the voltage, not of its square.
+    with the capacitance C(x) = 2 alpha/(d - x) of the electrode and terms in its gap, the parasitic
+    capacitance Cp, and the voltage ``node`` at the electrode, which determines the force (S. D.
+    Senturia, *Microsystem Design*, 2001, Chapter 6). Slow charging prevents pull-in: at constant
+    charge, without parasitic capacitance, the attraction does not grow as the gap closes (J. I.
+    Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the
+    voltage: if the sign alternates, the forcing period is that of the voltage, not of its square.
 
     A current (v - node)/resistance above the limit is replaced by the limit. The modes of the
     motion then have the suffix "source", for a current to the electrode, or "sink", and tables of
@@ -77,11 +77,11 @@ class SeriesResistance(Term):
     """
 
     resistance: Positive
-    parasitic: NonNegative = 0.0
+    parasitic_capacitance: NonNegative = 0.0
     current_limit: Positive | None = Field(default=None, description="a finite number > 0")
 
     units = {  # noqa: RUF012 - ClassVar above
-        "resistance": "ohm", "parasitic": "F", "current_limit": "A", "charge": "C",
+        "resistance": "ohm", "parasitic_capacitance": "F", "current_limit": "A", "charge": "C",
     }  # fmt: skip
     replaced_rule = "source"
     layer = 1
@@ -94,7 +94,7 @@ class SeriesResistance(Term):
         if self.current_limit is None:
             return
         scaled_term = self.scaled(scales)
-        capacitance += scaled_term.parasitic
+        capacitance += scaled_term.parasitic_capacitance
         assert scaled_term.current_limit is not None
         min_resistance = max(
             RESOLVED_TIME * math.sqrt(options.rtol) / capacitance,
@@ -117,7 +117,7 @@ class SeriesResistance(Term):
     def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the voltage determined by its charge."""
         capacitance, offset = electrode.capacitance, electrode.offset
-        charge, parasitic = indices.y["charge"], indices.p["parasitic"]
+        charge, parasitic = indices.y["charge"], indices.p["parasitic_capacitance"]
 
         def node(v, x, y, p):  # type: ignore[no-untyped-def]
             gap_capacitance = capacitance(x, p)
@@ -159,7 +159,7 @@ class SeriesResistance(Term):
         cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
-        return field_energy(electrode, indices.p["parasitic"])
+        return field_energy(electrode, indices.p["parasitic_capacitance"])
 
     @classmethod
     def electrode_dissipation(

@@ -35,13 +35,13 @@ CASES = {
 
 
 LOSSY = {
-    "leads": (mi.SeriesResistance(resistance=0.1, parasitic=0.2),),
+    "leads": (mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),),
     "stoppers that yield": (mi.CompliantStopper(stiffness=1e4, damping=0.3),),
     "all": (
         mi.SqueezeFilm(
             length=1.0, width=0.5, pressure=1.0, viscosity=1.0, free_path_pressure=0.0, sides="both"
         ),
-        mi.SeriesResistance(resistance=0.1, parasitic=0.2),
+        mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),
         mi.CompliantStopper(stiffness=1e4, damping=0.3),
         mi.StribeckFriction(speed=0.01, viscous=0.1),
         mi.Fringing(width=4.0),

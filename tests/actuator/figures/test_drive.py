@@ -39,7 +39,7 @@ def test_the_output_of_the_source_and_a_charge(tmp_path):
     np.testing.assert_allclose(source[1][ramp], 0.3 * source[0][ramp], atol=1e-12)
     np.testing.assert_allclose(below.lines[0].get_ydata(), source[1] ** 2, atol=1e-12)
     # The force of a charge q is q^2 alpha/(2 alpha + Cp d)^2 at x2 = 0.
-    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic=1e-14))
+    device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic_capacitance=1e-14))
     above, below = mi.plot_drive(mi.Sine(amplitude="2 pC", frequency=200.0), device)
     assert above.get_ylabel() == "charge [pC]"
     total = 2.0 * device.alpha + 1e-14 * device.d

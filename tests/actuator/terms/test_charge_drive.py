@@ -22,11 +22,11 @@ def test_pull_in_is_that_of_seeger_and_boser():
         place = (1.0 + 2.0 / parasitic) / 3.0
         assert place < 0.9
         charge = math.sqrt(place) * (2.0 + parasitic * (1.0 - place))
-        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic=parasitic)))
+        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic_capacitance=parasitic)))
         assert found == pytest.approx(charge, rel=1e-9)
     # Below half of C0 the block is stable in the whole gap, so that the stopper is the limit.
     for parasitic in (0.0, 0.9):
-        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic=parasitic)))
+        found = mi.pull_in_charge(wide.adding(mi.ChargeDrive(parasitic_capacitance=parasitic)))
         assert found == pytest.approx(math.sqrt(0.9) * (2.0 + 0.1 * parasitic), rel=1e-12)
 
 
@@ -48,7 +48,9 @@ def test_constant_charge_shifts_the_swing_without_softening():
 
 
 def test_motion_with_impacts_is_that_of_scipy():
-    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(mi.ChargeDrive(parasitic=0.5))
+    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
+        mi.ChargeDrive(parasitic_capacitance=0.5)
+    )
     drive = mi.Sine(amplitude=1.4, omega=0.6)
     run = mi.simulate(
         device, drive, periods=3, initial=mi.State(v2=0.75),
@@ -94,7 +96,7 @@ def test_motion_with_impacts_is_that_of_scipy():
 
 
 def test_charges_of_a_device_in_si():
-    device = MITA.adding(mi.ChargeDrive(parasitic="10 fF"))
+    device = MITA.adding(mi.ChargeDrive(parasitic_capacitance="10 fF"))
     drive = mi.Sine(amplitude="1.5 pC", omega=600.0)
     assert drive.amplitude == 1.5e-12
     system = device.under(drive)

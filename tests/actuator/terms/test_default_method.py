@@ -16,7 +16,7 @@ AIR = mi.SqueezeFilm(
 FILM = mi.SqueezeFilm(length=1.0, width=0.5, pressure=2.0, viscosity=1.0, free_path_pressure=0.1)
 STIFF = {
     "squeeze_film": AIR,
-    "series_resistance": mi.SeriesResistance(resistance=1e4, parasitic=1e-13),
+    "series_resistance": mi.SeriesResistance(resistance=1e4, parasitic_capacitance=1e-13),
     "regularized_friction": mi.RegularizedFriction(width=1e-7),
     "compliant_stopper": mi.CompliantStopper(stiffness=5e3, damping=50.0),
 }

@@ -59,7 +59,7 @@ def test_beside_a_resistance():
     share, time, resistance, volts = 0.4, 2.0, 0.7, 0.1
     device = ZHAO.replace(m2=1e12).adding(
         mi.DielectricCharging(share=share, time=time),
-        mi.SeriesResistance(resistance=resistance, parasitic=0.5),
+        mi.SeriesResistance(resistance=resistance, parasitic_capacitance=0.5),
     )
     dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts)
     run = mi.simulate(device, dc, periods=1, options=INTERPRETED)

@@ -128,7 +128,9 @@ def test_tabulated_plate_is_the_plate():
 
 
 @pytest.mark.parametrize("term", [PLATE, COMB, TILTED, HARDENING])
-@pytest.mark.parametrize("leads", [(), (mi.SeriesResistance(resistance=0.1, parasitic=0.2),)])
+@pytest.mark.parametrize(
+    "leads", [(), (mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),)]
+)
 def test_the_energy_balance_closes(term, leads):
     device = ZHAO.adding(term, *leads)
     run = mi.simulate(

@@ -18,7 +18,7 @@ STIFF = mi.Options(engine="interpreted", method="bdf")
 
 
 def test_charges_as_rc_circuits_do():
-    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3))
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic_capacitance=0.3))
     dc = mi.Sine(amplitude=0.0, omega=2.0 * math.pi, bias=0.1)
     samples = mi.simulate(device, dc, periods=3, options=INTERPRETED).samples(20)
     t = samples["t"]
@@ -27,7 +27,7 @@ def test_charges_as_rc_circuits_do():
 
 
 def test_is_a_low_pass():
-    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3))
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic_capacitance=0.3))
     rc, omega, amplitude = 0.5 * 2.3, 2.0, 0.1
     lag = math.atan(omega * rc)
     ratio = math.cos(lag)  # 1/sqrt(1 + (omega rc)^2)
@@ -57,7 +57,9 @@ def flow(resistance, parasitic, volts):
 
 def test_motion_and_multipliers_are_those_of_scipy():
     resistance, parasitic, omega = 0.4, 0.2, 0.9
-    device = FIRM.adding(mi.SeriesResistance(resistance=resistance, parasitic=parasitic))
+    device = FIRM.adding(
+        mi.SeriesResistance(resistance=resistance, parasitic_capacitance=parasitic)
+    )
     drive = mi.Sine(amplitude=0.2, omega=omega)
     orbit = mi.find_orbit(device, drive, options=INTERPRETED, transient=3, periods=1)
     rates = flow(resistance, parasitic, lambda t: 0.2 * math.cos(omega * t))
@@ -112,7 +114,9 @@ def test_tends_to_the_model_without_resistance():
 
 def test_a_limited_current_makes_a_ramp():
     # The current is 0.05 until the drop over 0.5 is 0.025, and then decays exponentially.
-    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3, current_limit=0.05))
+    device = HELD.adding(
+        mi.SeriesResistance(resistance=0.5, parasitic_capacitance=0.3, current_limit=0.05)
+    )
     dc = mi.Sine(amplitude=0.0, omega=2.0 * math.pi, bias=0.1)
     run = mi.simulate(device, dc, periods=5, options=INTERPRETED)
     end = 2.3 * 0.075 / 0.05
@@ -142,7 +146,7 @@ def limited_flow(resistance, limit, parasitic, volts):
 
 def test_orbit_with_a_limited_current_is_that_of_scipy():
     omega, turn = 0.9, 2.0 * math.pi / 0.9
-    term = mi.SeriesResistance(resistance=0.4, parasitic=0.2, current_limit=0.25)
+    term = mi.SeriesResistance(resistance=0.4, parasitic_capacitance=0.2, current_limit=0.25)
     drive = mi.Sine(amplitude=0.2, omega=omega)
     orbit = mi.find_orbit(FIRM.adding(term), drive, options=INTERPRETED, transient=3, periods=1)
     assert (orbit.events["event"] == "current limit").sum() == 4
@@ -166,7 +170,7 @@ def test_orbit_with_a_limited_current_is_that_of_scipy():
 
 def test_impacts_under_a_limited_current_are_those_of_scipy():
     device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
-        mi.SeriesResistance(resistance=0.3, parasitic=0.2, current_limit=0.3)
+        mi.SeriesResistance(resistance=0.3, parasitic_capacitance=0.2, current_limit=0.3)
     )
     drive = mi.Square(amplitude=0.5, omega=0.7)
     run = mi.simulate(
@@ -236,7 +240,7 @@ def test_a_current_limit_that_tolerances_do_not_resolve_is_refused():
 def test_energy_is_accounted_for():
     # Block against a heavy frame: kinetic energy is the block's, and impacts lose theirs.
     device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
-        mi.SeriesResistance(resistance=0.6, parasitic=0.1)
+        mi.SeriesResistance(resistance=0.6, parasitic_capacitance=0.1)
     )
     drive = mi.Sine(amplitude=0.8, omega=0.9)
     run = mi.simulate(device, drive, periods=2, initial=mi.State(v2=0.4), options=INTERPRETED)
@@ -283,10 +287,10 @@ def test_device_in_si_and_from_a_file(tmp_path):
     text = mi.load_actuator("mita2003")
     lines = [f"{name} = {value!r}" for name, value in text if name != "units"]
     path = tmp_path / "device.toml"
-    table = "[series_resistance]\nresistance = 2e12\nparasitic = 1e-14\n"
+    table = "[series_resistance]\nresistance = 2e12\nparasitic_capacitance = 1e-14\n"
     path.write_text('units = "SI"\n[parameters]\n' + "\n".join(lines) + "\n" + table)
     device = mi.load_actuator(path)
-    assert device == text.adding(mi.SeriesResistance(resistance=2e12, parasitic=1e-14))
+    assert device == text.adding(mi.SeriesResistance(resistance=2e12, parasitic_capacitance=1e-14))
     assert pickle.loads(pickle.dumps(device)) == device
     drive = mi.Sine(amplitude=30.0, omega=1500.0)
     scales = device.scales
@@ -312,7 +316,7 @@ def test_device_in_si_and_from_a_file(tmp_path):
     ("values", "field"),
     [
         ({"resistance": 0.0}, "resistance"),
-        ({"resistance": 1.0, "parasitic": -1e-15}, "parasitic"),
+        ({"resistance": 1.0, "parasitic_capacitance": -1e-15}, "parasitic_capacitance"),
     ],
 )
 def test_refuses_what_no_circuit_has(values, field):

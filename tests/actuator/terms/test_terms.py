@@ -57,7 +57,7 @@ def test_one_of_each_kind():
 
 
 def test_no_chart_of_what_it_is_not_made_for():
-    leads = mi.SeriesResistance(resistance=0.1, parasitic=0.0)
+    leads = mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.0)
     with pytest.raises(mi.InvalidParameter, match="no chart with SeriesResistance: every grazing"):
         mi.operating_chart(ZHAO.adding(leads))
     with pytest.raises(mi.InvalidParameter, match="no chart with CompliantStopper: without imp"):
