@@ -219,11 +219,11 @@ class _Tracking:
         return replace(one, mode=mode, y=y)
 
     def bisect(
-        self, one: HybridState, other: HybridState, closest: float
+        self, one: HybridState, other: HybridState, min_distance: float
     ) -> tuple[HybridState, HybridState]:
         """Return two states within a distance of each other that reach different attractors."""
         for _ in range(MAX_BISECTIONS):
-            if self.distance(one, other) <= closest:
+            if self.distance(one, other) <= min_distance:
                 break
             middle = self.between(one, other)
             side, attractor = self.reached(middle)
@@ -248,8 +248,8 @@ def edge_state(
     second: State | Mapping[str, float],
     *,
     returns: int = 500,
-    closest: float = 1e-8,
-    widest: float = 1e-5,
+    min_distance: float = 1e-8,
+    max_distance: float = 1e-5,
     tolerance: float = 1e-6,
     step: float | None = None,
     recurrence: RecurrenceOptions = RecurrenceOptions(exponents="none"),  # noqa: B008 - immutable
@@ -269,7 +269,7 @@ def edge_state(
     returns : int, optional
         Largest number of returns, which are forcing periods or, for an autonomous system, time
         steps.
-    closest, widest : float, optional
+    min_distance, max_distance : float, optional
         Distances of the two enclosing states after a bisection, and at which the next one begins;
         in the units of the integration.
     tolerance : float, optional
@@ -280,7 +280,7 @@ def edge_state(
     recurrence : RecurrenceOptions, optional
         Recognition of the attractor of a state.
     options : Options, optional
-        Options of the integration. Its errors must stay far below `closest`; otherwise both
+        Options of the integration. Its errors must stay far below `min_distance`; otherwise both
         enclosing states leave the boundary on one side.
 
     Returns
@@ -314,18 +314,20 @@ def edge_state(
     False
     """
     returns = whole("returns", returns, 1)
-    for name, value in (("closest", closest), ("widest", widest), ("tolerance", tolerance)):
+    bounds = {"min_distance": min_distance, "max_distance": max_distance}
+    for name, value in (*bounds.items(), ("tolerance", tolerance)):
         if not (is_number(value) and value > 0.0):
             raise InvalidParameter(name, value, "a finite number > 0")
-    if widest <= closest:
-        raise InvalidParameter("widest", widest, f"above closest = {closest:g}")
+    if max_distance <= min_distance:
+        allowed = f"above min_distance = {min_distance:g}"
+        raise InvalidParameter("max_distance", max_distance, allowed)
     if step is not None and (system.forced or not (is_number(step) and step > 0.0)):
         allowed = "None: the system has a forcing period" if system.forced else "a number > 0"
         raise InvalidParameter("step", step, allowed)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    # The states are bisected and followed by the same numerics: errors of the one above `closest`
-    # would move its boundary away from the states that the other follows.
+    # The states are bisected and followed by the same numerics: errors of the one above
+    # `min_distance` would move its boundary away from the states that the other follows.
     problem = system.problem(options)
     length = 1.0
     if not system.forced:
@@ -340,7 +342,9 @@ def edge_state(
         raise InvalidParameter(
             "second", second, "", problem="it reaches the same attractor as first"
         )
-    rows, distances, settled = _track(tracking, one, other, returns, closest, widest, tolerance)
+    rows, distances, settled = _track(
+        tracking, one, other, returns, min_distance, max_distance, tolerance
+    )
     last = rows[-1]
     columns = dict(zip(system.states, np.array([each.y for each in rows]).T, strict=True))
     series = {"return": np.arange(len(rows)), "distance": np.array(distances)}
@@ -359,12 +363,12 @@ def _track(
     one: HybridState,
     other: HybridState,
     returns: int,
-    closest: float,
-    widest: float,
+    min_distance: float,
+    max_distance: float,
     tolerance: float,
 ) -> tuple[list[HybridState], list[float], int]:
     """Return states on the boundary, their distances, and the returns of its period, 0 without."""
-    one, other = tracking.bisect(one, other, closest)
+    one, other = tracking.bisect(one, other, min_distance)
     rows, distances = [tracking.between(one, other)], [tracking.distance(one, other)]
     for _ in range(returns):
         try:
@@ -373,8 +377,8 @@ def _track(
             raise OrbitError(
                 f"a run along the boundary fails: {error}", "take other initial states"
             ) from error
-        if tracking.distance(one, other) > widest:
-            one, other = tracking.bisect(one, other, closest)
+        if tracking.distance(one, other) > max_distance:
+            one, other = tracking.bisect(one, other, min_distance)
         rows.append(tracking.between(one, other))
         distances.append(tracking.distance(one, other))
         period = _period(tracking, rows, tolerance, distances[-1])
@@ -385,8 +389,8 @@ def _track(
     if tracking.on_attractor(rows, period):
         raise OrbitError(
             f"the motion has left the boundary after {len(rows)} returns, since integration errors "
-            f"exceed the distance {closest:g} of the enclosing states",
-            "lower rtol and atol of options, or raise closest",
+            f"exceed the distance {min_distance:g} of the enclosing states",
+            "lower rtol and atol of options, or raise min_distance",
         )
     return rows, distances, period
 

@@ -74,7 +74,7 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
-    drive = drive_from(usual="step")
+    drive = drive_from(default_kind="step")
     with output("closing") as files:
         closing = mi.closing(
             actuator,

@@ -562,7 +562,7 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
 # --- Options of the drive
 
 KEY = "mems_impact.drive"
-USUAL_KIND = "sine"
+DEFAULT_KIND = "sine"
 
 # Options can describe a waveform whose parameters are all among these; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
@@ -631,7 +631,7 @@ def _number(name: str) -> Decorator:
     )
 
 
-def _drive_options(usual: str) -> Decorator:
+def _drive_options(default_kind: str) -> Decorator:
     """Return the options of a drive, of a kind if neither an option nor a file names one."""
     return apply_decorators(
         click.option(
@@ -640,7 +640,7 @@ def _drive_options(usual: str) -> Decorator:
             metavar="KIND|FILE",
             callback=_collect,
             expose_value=False,
-            show_default=f"the table [drive] of the device's file, else a {usual}",
+            show_default=f"the table [drive] of the device's file, else a {default_kind}",
             help=f"Waveform of the voltage: a kind ({', '.join(WAVEFORMS)}), described by the "
             "numbers below, or a file: TOML with a table [drive], or a measured voltage as CSV. "
             "Numbers given beside a file replace those in it.",
@@ -658,12 +658,14 @@ def _drive_options(usual: str) -> Decorator:
     )
 
 
-drive_options = _drive_options(USUAL_KIND)
+drive_options = _drive_options(DEFAULT_KIND)
 step_options = _drive_options("step")
 pulse_and_hold_options = _drive_options("pulse-and-hold")
 
 
-def drive_from(varied: Mapping[str, float] | None = None, *, usual: str = USUAL_KIND) -> Drive:
+def drive_from(
+    varied: Mapping[str, float] | None = None, *, default_kind: str = DEFAULT_KIND
+) -> Drive:
     """Return the drive that the options of the running command describe.
 
     Parameters
@@ -671,12 +673,12 @@ def drive_from(varied: Mapping[str, float] | None = None, *, usual: str = USUAL_
     varied : mapping of str to float, optional
         Parameters that the command varies, and their first values. Parameters that the drive lacks
         are ignored.
-    usual : str, optional
+    default_kind : str, optional
         Kind of the drive if neither an option nor the file of the device names one.
     """
     values = dict(click.get_current_context().meta.get(KEY, {}))
     values.pop("choice", None)
-    choice = drive_choice(usual)
+    choice = drive_choice(default_kind)
     allow_code = values.pop("allow_code", False)
     for name in varied or {}:
         if name in values:
@@ -689,7 +691,7 @@ def drive_from(varied: Mapping[str, float] | None = None, *, usual: str = USUAL_
     return _of_file(choice, values, varied or {}, allow_code)
 
 
-def drive_choice(usual: str = USUAL_KIND) -> str:
+def drive_choice(default_kind: str = DEFAULT_KIND) -> str:
     """Return the kind or file of the drive; for a device file with a drive, that file."""
     from mems_impact.actuator.drives.files import holds_drive
 
@@ -698,7 +700,7 @@ def drive_choice(usual: str = USUAL_KIND) -> str:
     if chosen is not None:
         return chosen
     device = context.params.get("device")
-    return device if isinstance(device, str) and holds_drive(device) else usual
+    return device if isinstance(device, str) and holds_drive(device) else default_kind
 
 
 def drive_source() -> str:

@@ -61,7 +61,7 @@ def command(
     actuator = actuator_from(device, changes)
     drive_options = ctx.meta.get(KEY, {})
     low = {name: bounds[0] for name, bounds in over.items()}
-    drive = drive_from(low, usual=KIND) if any(drive_options.values()) else None
+    drive = drive_from(low, default_kind=KIND) if any(drive_options.values()) else None
     if drive is not None and not isinstance(drive, mi.PulseAndHold):
         chosen = drive_choice(KIND)
         if chosen == device:

@@ -123,8 +123,8 @@ def test_the_edge_state_of_a_bilinear_oscillator():
 def test_arguments_of_the_edge_state():
     with pytest.raises(mi.InvalidParameter, match="the same attractor as first"):
         mi.edge_state(CUBIC, {"x": 0.7}, {"x": 0.8})
-    with pytest.raises(mi.InvalidParameter, match="above closest"):
-        mi.edge_state(CUBIC, {"x": 0.7}, {"x": -0.8}, widest=1e-9)
+    with pytest.raises(mi.InvalidParameter, match="above min_distance"):
+        mi.edge_state(CUBIC, {"x": 0.7}, {"x": -0.8}, max_distance=1e-9)
     with pytest.raises(mi.InvalidParameter, match="the system has a forcing period"):
         mi.edge_state(CUBIC, {"x": 0.7}, {"x": -0.8}, step=0.1)
 
