@@ -78,7 +78,7 @@ def test_energy_that_is_given_by_its_ledger(orbit):
     name = "energy given per period"
     by_ledger = mi.sensitivity(orbit, ["amplitude", "mu_d"], [name]).gradient(name)
     for parameter, value in by_ledger.items():
-        expected = by_differences(orbit, parameter, lambda other: {name: mi.energy(other).given})
+        expected = by_differences(orbit, parameter, lambda other: {name: mi.energy(other).input})
         assert value == pytest.approx(expected[name], rel=1e-5)
 
 

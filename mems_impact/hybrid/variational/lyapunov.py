@@ -107,10 +107,10 @@ class LyapunovIntegrator:
         self._records = np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64)
         self._initialize(problem, start)
         binding = self._run
-        places, _ = binding.kernel_addresses(self._memory.clock, None, n, 0)
+        addresses, _ = binding.kernel_addresses(self._memory.clock, None, n, 0)
         numbers = {
             "extended": self._extended.handle_address,
-            "advance": places.get("advance", 0),
+            "advance": addresses.get("advance", 0),
         }
         self._work = binding.record(STRETCHING, {}, numbers)
 
