@@ -57,7 +57,7 @@ class Bound:
         Whether the number is below the bound.
     excluded : bool
         Whether the bound itself is not allowed.
-    what : str
+    meaning : str
         What the bound is.
     """
 
@@ -65,7 +65,7 @@ class Bound:
     value: Callable[[Any], float]
     upper: bool = False
     excluded: bool = True
-    what: str
+    meaning: str
 
     @property
     def sign(self) -> str:

@@ -90,12 +90,12 @@ def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
 
     starts = list(accumulate((kind.length for kind in kinds), initial=eq.DRIVE))
     terms = tuple(
-        kind.at(start, add_states(kind.term.states(kind.shape)))
+        kind.indices(start, add_states(kind.term.states(kind.shape)))
         for kind, start in zip(kinds, starts, strict=False)
     )
     electrode_indices = tuple(
         tuple(
-            kind.at(start, add_states(kind.term.electrode_states(kind.shape), prefix))
+            kind.indices(start, add_states(kind.term.electrode_states(kind.shape), prefix))
             for kind, start in zip(kinds, starts, strict=False)
         )
         for prefix in ("", "left_")[:electrodes]

@@ -312,7 +312,7 @@ class ActuatorNumerics(HybridSystem):
             inner = self._scales.into(value, unit) if unit else value
             device[PARAMETER_NAMES.index(name)] = inner
         for name, value in of_terms.items():
-            device[self._term_places[name]] = self.into(name, value)
+            device[self._term_indices[name]] = self.into(name, value)
         if self.source is self.drive:
             q, period, switches, scale = self.drive.numbers(of_drive, self._drive_scales)
         else:
@@ -349,12 +349,12 @@ class ActuatorNumerics(HybridSystem):
         return SCRATCH_ARRAYS * len(self.states)
 
     @cached_property
-    def _term_places(self) -> dict[str, int]:
+    def _term_indices(self) -> dict[str, int]:
         """Indices of the parameters of terms in the parameter array."""
         places: dict[str, int] = {}
         first = len(PARAMETER_NAMES)
         for kind in self._kinds:
-            at = kind.at(first)
+            at = kind.indices(first)
             places |= {f"{kind.term.name()}.{name}": place for name, place in at.p.items()}
             first += kind.length
         return places
@@ -505,7 +505,7 @@ class ActuatorSystem(ActuatorNumerics):
         """The bounds of numbers of the device by others."""
         found, first = list(ORDERED), len(PARAMETER_NAMES)
         for kind in self._kinds:
-            found += kind.term.bounds(kind.at(first), kind.shape, self._yields)
+            found += kind.term.bounds(kind.indices(first), kind.shape, self._yields)
             first += kind.length
         return tuple(found)
 
@@ -544,9 +544,9 @@ class ActuatorSystem(ActuatorNumerics):
         return system
 
     @property
-    def parameter_places(self) -> Mapping[str, int]:
+    def parameter_indices(self) -> Mapping[str, int]:
         """Indices in the parameter array of the numbers that occur in it as they stand."""
-        places = {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_places}
+        places = {**{name: i for i, name in enumerate(PARAMETER_NAMES)}, **self._term_indices}
         if isinstance(self.source, Sine):
             first = len(self._device)
             places |= {"amplitude": first, "phase": first + 3}
@@ -882,8 +882,8 @@ def _static_friction(p: Any) -> Any:
 
 
 ORDERED = (
-    Bound(name="delta", value=_gap, upper=True, what="the gap d"),
-    Bound(name="mu_d", value=_static_friction, upper=True, excluded=False, what="which is mu_s"),
+    Bound(name="delta", value=_gap, upper=True, meaning="the gap d"),
+    Bound(name="mu_d", value=_static_friction, upper=True, excluded=False, meaning="which is mu_s"),
 )
 """Bounds of parameters by others."""
 
@@ -919,7 +919,7 @@ class ImportedSystem(ActuatorSystem):
                 index=first + index,
                 rate_index=first + rate,
             )
-            for name, (index, rate, value) in self.drive.places.items()
+            for name, (index, rate, value) in self.drive.inputs.items()
         )
         own = tuple(number for number in model.numbers if number.name not in self._drive_names)
         return replace(

@@ -191,7 +191,7 @@ def limit_tables(model: ExportedModel) -> list[str]:
         )
         + " };",
         texts("BOUND_SIGNS", [bound.sign for bound in model.bounds]),
-        texts("BOUND_MEANINGS", [bound.what for bound in model.bounds]),
+        texts("BOUND_MEANINGS", [bound.meaning for bound in model.bounds]),
     ]
 
 

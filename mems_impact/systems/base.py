@@ -679,7 +679,7 @@ class HybridSystem(Result, ABC):
             raise InvalidParameter("inputs", inputs, "a sequence of names: ('force',)")
         problem = self.problem(replace(chosen, method="dop853"))
         start = self.hybrid_state(initial, problem)
-        indices = self.parameter_places
+        indices = self.parameter_indices
         numbers = tuple(
             ExportedNumber(
                 name=name,
@@ -716,7 +716,7 @@ class HybridSystem(Result, ABC):
         return UNLIMITED
 
     @property
-    def parameter_places(self) -> Mapping[str, int]:
+    def parameter_indices(self) -> Mapping[str, int]:
         """Indices in the parameter array of the parameters that occur in it as they stand."""
         return {}
 

@@ -420,7 +420,7 @@ class System(HybridSystem):
         )
 
     @property
-    def parameter_places(self) -> Mapping[str, int]:
+    def parameter_indices(self) -> Mapping[str, int]:
         """Indices of the parameters in the parameter array."""
         return {name: i for i, name in enumerate(self._parameters)}
 

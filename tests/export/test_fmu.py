@@ -306,8 +306,8 @@ def test_tables_of_a_device_are_no_parameters(tmp_path):
     positions = np.linspace(-3e-6, 3e-6, 7)
     spring = mi.TabulatedSpring(positions=tuple(positions), forces=tuple(MITA.k * positions))
     system = MITA.adding(spring).under(mi.Square(amplitude=60.0, frequency=100.0))
-    assert "k" in system.parameter_places
-    assert not any(name.startswith("tabulated") for name in system.parameter_places)
+    assert "k" in system.parameter_indices
+    assert not any(name.startswith("tabulated") for name in system.parameter_indices)
     assert problems_of(system.to_fmu(tmp_path / "device.fmu")) == []
 
 
@@ -521,11 +521,11 @@ def test_a_parameter_of_the_forcing_period_is_no_input(tmp_path):
 
 def test_numbers_that_do_not_occur_as_they_stand_are_constants(tmp_path):
     sine = mi.Sine(amplitude="60 V", frequency="100 Hz")
-    places = MITA.adding(mi.Tilt(angle=0.1)).under(sine).parameter_places
+    places = MITA.adding(mi.Tilt(angle=0.1)).under(sine).parameter_indices
     assert {"amplitude", "phase", "e", "k", "tilt.angle"} <= set(places)
     assert {"frequency", "bias"}.isdisjoint(places)
     slewed = MITA.adding(mi.SlewRate(rate=1e6))
-    assert {"amplitude", "slew_rate.rate"}.isdisjoint(slewed.under(sine).parameter_places)
+    assert {"amplitude", "slew_rate.rate"}.isdisjoint(slewed.under(sine).parameter_indices)
     with pytest.raises(mi.InvalidParameter, match="limits the rate of its drive"):
         slewed.to_fmu(tmp_path / "device.fmu", sine, inputs=["voltage"])
 

@@ -68,7 +68,7 @@ class ImportedVoltage(Drive):
         return np.array([self.level, 0.0, self.left_level, 0.0])
 
     @property
-    def places(self) -> dict[str, tuple[int, int, float]]:
+    def inputs(self) -> dict[str, tuple[int, int, float]]:
         """Indices in the parameters of a voltage and its rate, and its initial value, by input."""
         return {"voltage": (RIGHT, RIGHT_RATE, self.level)}
 
@@ -87,6 +87,6 @@ class ImportedVoltages(ImportedVoltage):
         return _left_rate
 
     @property
-    def places(self) -> dict[str, tuple[int, int, float]]:
+    def inputs(self) -> dict[str, tuple[int, int, float]]:
         """The same for both electrodes."""
-        return {**super().places, "left_voltage": (LEFT, LEFT_RATE, self.left_level)}
+        return {**super().inputs, "left_voltage": (LEFT, LEFT_RATE, self.left_level)}

@@ -224,13 +224,13 @@ class TermKind(NamedTuple):
         """Count of numbers of the term in ``p``."""
         return sum(self.lengths.values())
 
-    def at(self, first: int, states: Mapping[str, int] | None = None) -> ParameterIndices:
+    def indices(self, first: int, states: Mapping[str, int] | None = None) -> ParameterIndices:
         """Return the indices of the term, whose numbers start at `first`."""
-        indices = {}
+        parameters = {}
         for name, length in self.lengths.items():
-            indices[name] = first
+            parameters[name] = first
             first += length
-        return ParameterIndices(indices, states or {})
+        return ParameterIndices(parameters, states or {})
 
 
 class Term(Checked, ABC):
@@ -375,14 +375,14 @@ class Term(Checked, ABC):
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
-        bounds = self.bounds(self.kind.at(eq.DRIVE), self.shape, is_compliant(actuator))
+        bounds = self.bounds(self.kind.indices(eq.DRIVE), self.shape, is_compliant(actuator))
         p = (*actuator.to_array(), *self.numbers(DIMENSIONLESS)) if bounds else ()
         for bound in bounds:
             number = getattr(self, bound.name.removeprefix(f"{self.name()}."))
             if not bound.holds(number, p):
                 si_unit = self.units.get(bound.name.rpartition(".")[2], "")
                 unit = f" {si_unit}" if si_unit and actuator.units == "SI" else ""
-                allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.what}"
+                allowed = f"{bound.sign} {shown(float(bound.value(p)))}{unit}, {bound.meaning}"
                 raise InvalidParameter(bound.name, number, allowed)
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:

@@ -91,8 +91,8 @@ class CombDrive(Term):
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return that of the overlap, which lasts over the whole travel."""
-        what = "the largest deflection of the block"
-        return (Bound(name="comb_drive.overlap", value=reach_function(compliant), what=what),)
+        meaning = "the largest deflection of the block"
+        return (Bound(name="comb_drive.overlap", value=reach_function(compliant), meaning=meaning),)
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if it does not fit, or is in other units."""

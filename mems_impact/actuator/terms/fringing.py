@@ -64,9 +64,9 @@ class Fringing(Term):
         def min_size(p):  # type: ignore[no-untyped-def]
             return 2.0 * (p[eq.D] + p[eq.DELTA])
 
-        what = "twice the widest gap d + delta"
+        meaning = "twice the widest gap d + delta"
         return tuple(
-            Bound(name=f"{cls.name()}.{size}", value=min_size, excluded=False, what=what)
+            Bound(name=f"{cls.name()}.{size}", value=min_size, excluded=False, meaning=meaning)
             for size in indices.p
         )
 

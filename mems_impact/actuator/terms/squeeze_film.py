@@ -126,7 +126,9 @@ class SqueezeFilm(Term):
         def max_width(p):  # type: ignore[no-untyped-def]
             return p[length]
 
-        return (Bound(name=name, value=max_width, upper=True, excluded=False, what="the length"),)
+        return (
+            Bound(name=name, value=max_width, upper=True, excluded=False, meaning="the length"),
+        )
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:

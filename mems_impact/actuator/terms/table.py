@@ -177,10 +177,10 @@ class TableTerm(Term):
         def halfway(p):  # type: ignore[no-untyped-def]
             return 2.0 * end(p) - p[eq.D]
 
-        what = f"where the table of {cls.name()} ends"
-        what += ", halfway from stopper to electrode" if compliant else ""
+        meaning = f"where the table of {cls.name()} ends"
+        meaning += ", halfway from stopper to electrode" if compliant else ""
         bound = halfway if compliant else end
-        return (Bound(name="delta", value=bound, upper=True, excluded=False, what=what),)
+        return (Bound(name="delta", value=bound, upper=True, excluded=False, meaning=meaning),)
 
     def check_on(self, actuator: Device) -> None:
         """Raise InvalidParameter if the table does not cover the travel of the block."""

@@ -86,11 +86,11 @@ class TabulatedSpring(TableTerm):
         def max_stiffness(p):  # type: ignore[no-untyped-def]
             return (1.0 + STIFFNESS_RTOL) * stiffness(p)
 
-        what = "the stiffness of the table at x2 = 0"
+        meaning = "the stiffness of the table at x2 = 0"
         return (
             *super().bounds(indices, shape, compliant),
-            Bound(name="k", value=min_stiffness, excluded=False, what=what),
-            Bound(name="k", value=max_stiffness, upper=True, excluded=False, what=what),
+            Bound(name="k", value=min_stiffness, excluded=False, meaning=meaning),
+            Bound(name="k", value=max_stiffness, upper=True, excluded=False, meaning=meaning),
         )
 
     def check_on(self, actuator: Device) -> None:

@@ -80,10 +80,10 @@ class TiltedPlate(Term):
             return -max_angle(p)
 
         location = "in a contact with the compliant stopper" if compliant else "before the stopper"
-        what = f"where an edge reaches the electrode {location}"
+        meaning = f"where an edge reaches the electrode {location}"
         return (
-            Bound(name="tilted_plate.angle", value=max_angle, upper=True, what=what),
-            Bound(name="tilted_plate.angle", value=min_angle, what=what),
+            Bound(name="tilted_plate.angle", value=max_angle, upper=True, meaning=meaning),
+            Bound(name="tilted_plate.angle", value=min_angle, meaning=meaning),
         )
 
     @classmethod
