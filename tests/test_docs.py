@@ -171,6 +171,6 @@ def test_signatures_show_what_a_verb_takes_and_no_defaults_of_options():
     assert of_device.startswith("(actuator, drive, *, x, y, ")
     assert "options=Options(method='auto')," in of_system
     assert module.signatures(mi.continue_orbit) == [
-        "(orbit, parameter, stop, *, back=None, steps=StepControl(largest=0.02), "
+        "(orbit, parameter, stop, *, back=None, steps=StepControl(max_step=0.02), "
         "through_grazing=True, events=None, stop_at=(), progress=False)"
     ]

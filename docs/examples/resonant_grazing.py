@@ -57,7 +57,7 @@ for branch in (below, above):
 
 grazing, fold = below.special_points
 doubling = above.special_points[1]
-steps = mi.StepControl(largest=0.01)
+steps = mi.StepControl(max_step=0.01)
 curves = [
     mi.continue_curve(special, "omega", stop, steps=steps)
     for special, stop in ((grazing, 2.03), (fold, 2.03), (doubling, 1.93))

@@ -88,7 +88,7 @@ __all__ = [
 # --- Branches of periodic orbits
 
 MIN_EXTRAPOLATED = 3  # cycles from which the homoclinic value is extrapolated
-BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
+BRANCH_STEPS = StepControl(max_step=0.02)  # so that a branch is smooth to the eye
 
 
 class ContinuationResult(Result):
@@ -585,8 +585,8 @@ def _both_sides(
     if outward.ended.endswith(CLOSED):
         return outward
     # One step passes the branch point: an error of the equations separates the branches there.
-    initial = max(steps.initial, PASSING_RATIO * first.distance)
-    return joined_branch(outward, followed(-first.side, replace(steps, initial=initial)))
+    initial = max(steps.initial_step, PASSING_RATIO * first.distance)
+    return joined_branch(outward, followed(-first.side, replace(steps, initial_step=initial)))
 
 
 def joined_branch(outward: B, inward: B) -> B:
@@ -1082,7 +1082,7 @@ def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curv
 
 # --- Branches of equilibria
 
-EQUILIBRIUM_STEPS = StepControl(largest=0.2)
+EQUILIBRIUM_STEPS = StepControl(max_step=0.2)
 PASSING_RATIO = 2.5  # of the step past a branch point, to the distance of its start
 
 

@@ -43,7 +43,7 @@ class HomoclinicEnd(Result):
     ...     return -x + 2 * y + x**2, (2 - p.a) * x - y - 3 * x**2 + 1.5 * x * y
     >>> system = mi.System(states=("x", "y"), flow=flow, parameters={"a": 0.2})
     >>> cycle = mi.find_orbit(system, guess={"x": 0.7, "y": 0.1}, transient=100.0)
-    >>> steps = mi.StepControl(largest=0.2)
+    >>> steps = mi.StepControl(max_step=0.2)
     >>> branch = mi.continue_orbit(cycle, "a", stop=-0.2, steps=steps)
     >>> end = branch.homoclinic
     >>> abs(end.value) < 1e-6, round(end.saddle_quantity, 4), end.cycles

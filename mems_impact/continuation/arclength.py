@@ -48,8 +48,8 @@ class StepControl:
 
     Attributes
     ----------
-    initial, smallest, largest : float
-    most : int
+    initial_step, min_step, max_step : float
+    max_points : int
         Maximum number of points of a branch.
 
     See Also
@@ -62,15 +62,15 @@ class StepControl:
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.2, steps=mi.StepControl(most=3))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.2, steps=mi.StepControl(max_points=3))
     >>> branch.ended.split(";")[0]
     'the budget of 3 points is used up'
     """
 
-    initial: float = 1e-3
-    smallest: float = 1e-7
-    largest: float = 0.05
-    most: int = 2000
+    initial_step: float = 1e-3
+    min_step: float = 1e-7
+    max_step: float = 0.05
+    max_points: int = 2000
 
     def within(
         self, low: float, high: float, point: Linearized, direction: Floats, length: float
@@ -80,7 +80,7 @@ class StepControl:
         bound = high if direction[-1] > 0.0 else low
         if low <= ahead <= high:
             return length
-        return max(1.001 * (bound - point.values[-1]) / direction[-1], self.smallest)
+        return max(1.001 * (bound - point.values[-1]) / direction[-1], self.min_step)
 
 
 def tangent(point: Linearized, direction: Floats | None = None) -> Floats:
@@ -386,8 +386,8 @@ def budget_message(
     steps: StepControl, length: float, reason: str, parameter: str, part: float
 ) -> str:
     """Return the message of an exhausted budget of points, with the limit of the last steps."""
-    message = f"the budget of {steps.most} points is used up"
-    if reason and length < SHORT_STEP_RATIO * steps.largest:
+    message = f"the budget of {steps.max_points} points is used up"
+    if reason and length < SHORT_STEP_RATIO * steps.max_step:
         return f"{message}; steps are down to a length of {length:.2g}: {reason}"
     return (
         f"{message}; a step of length {length:.2g} changes {parameter} by a fraction of {part:.1g}"
@@ -597,7 +597,7 @@ class Continuation(Generic[P, R, E]):
         self.problem, self.low, self.high, self.steps = problem, low, high, steps
         self._stop_at = stop_at
         self._reduction_reason = ""  # reason of the last step reduction
-        self._restart(Restart(point, direction, steps.initial))
+        self._restart(Restart(point, direction, steps.initial_step))
 
     def __iter__(self) -> Iterator[R]:
         """Yield the recorded points until the branch ends."""
@@ -609,7 +609,7 @@ class Continuation(Generic[P, R, E]):
                 yield branch.points[yielded - 1]
             if branch.ended:
                 return
-            if len(branch.points) < self.steps.most:
+            if len(branch.points) < self.steps.max_points:
                 self._advance()
             else:
                 problem.stalled()
@@ -648,7 +648,7 @@ class Continuation(Generic[P, R, E]):
         except CONTINUATION_ERRORS as error:
             self._length /= 2.0
             self._reduction_reason = reason_of(error, problem.family)
-            if self._length < self.steps.smallest:
+            if self._length < self.steps.min_step:
                 problem.stalled()
                 problem.branch.ended = problem.no_step(point, error)
             return
@@ -716,7 +716,7 @@ class Continuation(Generic[P, R, E]):
     def _adapt(self, iterations: int) -> None:
         """Adapt the step length to the Newton iterations of the last step."""
         if iterations <= FAST_ITERATIONS:
-            self._length = min(1.5 * self._length, self.steps.largest)
+            self._length = min(1.5 * self._length, self.steps.max_step)
         elif iterations >= SLOW_ITERATIONS:
             self._length /= 1.5
             self._reduction_reason = f"a correction takes {iterations} Newton steps"

@@ -224,7 +224,7 @@ class _EquilibriumBranchProblem(EquilibriumProblem[EquilibriumEvent]):
             equations,
             IMAGINARY_AXIS,
             lambda balance: balance.jacobian,
-            UNEXPLAINED_STEP_RATIO * steps.largest,
+            UNEXPLAINED_STEP_RATIO * steps.max_step,
         )
 
     def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:

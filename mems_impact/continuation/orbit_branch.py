@@ -371,7 +371,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting
         self.piece = 0
-        self.budget = steps.most  # of changes of the order of events
+        self.budget = steps.max_points  # of changes of the order of events
         self.bifurcations: Bifurcations[ShootingEvaluation] | None = None  # of the last signature
 
     def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
@@ -433,14 +433,14 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if not passing:
             self.piece += 1
             self.record(point, direction)
-            return Restart(point, direction, self.steps.initial)
+            return Restart(point, direction, self.steps.initial_step)
         self._reclassify_coincident(loss, before, self.shooting, point, direction)
         self.budget -= 1
         if self.budget == 0:
             self.stalled()
             swapped = OrbitError("events exchange their order repeatedly", "take shorter steps")
             return self.no_step(point, swapped)
-        return Restart(point, direction, max(length / 2.0, self.steps.initial))
+        return Restart(point, direction, max(length / 2.0, self.steps.initial_step))
 
     def restarted_cycle(
         self, point: ShootingEvaluation, direction: Floats
@@ -691,7 +691,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     ) -> list[tuple[float, BranchEvent]]:
         """Return folds, branch points and changes of stability, with their positions."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
-            short = UNEXPLAINED_STEP_RATIO * self.steps.largest
+            short = UNEXPLAINED_STEP_RATIO * self.steps.max_step
             self.bifurcations = Bifurcations(
                 shooting, CIRCLE, partial(reduced_monodromy, shooting), short
             )

@@ -779,7 +779,9 @@ class DiagramBuilder:
         steps = self.steps or BRANCH_STEPS
         try:
             probe: Any = switch_branch(
-                special, bounds=bounds, steps=replace(steps, most=min(steps.most, PROBE_POINTS))
+                special,
+                bounds=bounds,
+                steps=replace(steps, max_points=min(steps.max_points, PROBE_POINTS)),
             )
             child = self._known_probe(probe)
             if child is not None:

@@ -466,7 +466,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     branch, last = OrbitBranch(name), value
     low, high = min(value, end), max(value, end)
     sign = math.copysign(1.0, end - value)
-    steps = StepControl(largest=0.02)
+    steps = StepControl(max_step=0.02)
     for point in points_of(branch, orbit.found, low=low, high=high, direction=sign, steps=steps):
         for each in branch.special_points:
             if each.label in BIFURCATION_LABELS:

@@ -92,7 +92,7 @@ def test_orbits_that_lie_side_by_side_are_reported():
     """A rattler that touches neither stop may swing about any place between them."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.01), periods=300))
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-9
-    branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.StepControl(largest=0.05, most=20))
+    branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.StepControl(max_step=0.05, max_points=20))
     assert len(branch)
     assert "form a continuum" in branch.ended
 

@@ -214,7 +214,7 @@ def test_results_are_values(tmp_path):
 
 def test_figure_of_a_branch():
     (first,) = mi.find_equilibria(LORENZ)
-    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(largest=0.5))
+    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(max_step=0.5))
     ax = mi.plot_branch(branch)
     assert {text.get_text() for text in ax.texts} == {"H"}
     assert [line.get_label() for line in ax.get_lines()[:2]] == [

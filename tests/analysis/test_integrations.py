@@ -38,7 +38,7 @@ def forced():
 
 def cycle():
     orbit = mi.find_orbit(van_der_pol(), guess={"x": 2.0})
-    return mi.continue_orbit(orbit, "mu", 1.1, steps=mi.StepControl(most=5))
+    return mi.continue_orbit(orbit, "mu", 1.1, steps=mi.StepControl(max_points=5))
 
 
 @pytest.mark.parametrize("followed", [forced, cycle])

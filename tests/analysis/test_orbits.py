@@ -155,7 +155,7 @@ def test_where_the_system_is_stiff_bdf_takes_over_and_says_so(orbit):
     x = found.state.x2
     assert x * (1.0 - x) ** 2 == pytest.approx(0.5 * drive.amplitude**2, rel=1e-5)
     # The branch goes on as the orbit does.
-    branch = mi.continue_orbit(found, "amplitude", 0.11, steps=mi.StepControl(most=2))
+    branch = mi.continue_orbit(found, "amplitude", 0.11, steps=mi.StepControl(max_points=2))
     assert {each.options.method for each in branch.orbits} == {"bdf"}
 
 

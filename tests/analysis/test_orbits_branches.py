@@ -72,7 +72,9 @@ SQUARE = mi.Square(amplitude=0.6106797744688056, omega=0.8738705532393327, duty=
 @pytest.fixture(scope="module")
 def switched():
     orbit = mi.find_orbit(SWITCHED, SQUARE, guess=mi.kicked_state(SWITCHED), transient=300)
-    return mi.continue_orbit(orbit, "delta", 0.144, steps=mi.StepControl(largest=0.02, most=60))
+    return mi.continue_orbit(
+        orbit, "delta", 0.144, steps=mi.StepControl(max_step=0.02, max_points=60)
+    )
 
 
 @pytest.mark.slow
@@ -204,7 +206,7 @@ def test_switching_to_twice_the_period(doubling):
 
 def test_a_parameter_of_the_device_up_to_the_end_of_its_range(branch):
     orbit = branch.orbits[0]
-    more = mi.continue_orbit(orbit, "c", 0.0, steps=mi.StepControl(most=60))
+    more = mi.continue_orbit(orbit, "c", 0.0, steps=mi.StepControl(max_points=60))
     assert more.table["c"].iloc[0] == ZHAO.c
     assert more.ended
 
@@ -252,7 +254,7 @@ def test_more_wrong_arguments(branch):
 
 def test_a_branch_that_cannot_go_on_says_so(branch):
     orbit = branch.orbits[0]
-    few = mi.continue_orbit(orbit, "amplitude", 0.16, steps=mi.StepControl(most=5))
+    few = mi.continue_orbit(orbit, "amplitude", 0.16, steps=mi.StepControl(max_points=5))
     assert len(few) == 5
     assert "budget" in few.ended
     assert len(few.table) == 5

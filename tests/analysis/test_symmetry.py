@@ -37,7 +37,7 @@ def test_equilibria_and_their_partners():
 
 
 def test_the_halves_of_a_pitchfork_are_partners():
-    states, steps = ("x", "y", "z"), mi.StepControl(largest=2.0)
+    states, steps = ("x", "y", "z"), mi.StepControl(max_step=2.0)
     rest = equilibrium(lorenz, states, {"x": 0.0}, r=0.5)
     branch = mi.continue_equilibrium(rest, "r", 20.0, steps=steps)
     halves = mi.switch_branch(branch.special_points[0], steps=steps)
@@ -128,7 +128,7 @@ def test_cycles_of_the_lorenz_system():
     cycle = mi.find_orbit(system, transient=40.0)
     (mirror,) = mi.symmetries(cycle)
     assert mirror.keeps(cycle)
-    steps = mi.StepControl(initial=0.1, largest=8.0)
+    steps = mi.StepControl(initial_step=0.1, max_step=8.0)
     (fork,) = mi.continue_orbit(cycle, "r", 305.0, steps=steps).special_points
     halves = mi.switch_branch(fork, bounds=(305.0, 330.0), steps=steps)
     assert halves.symmetry == mirror

@@ -131,7 +131,7 @@ def crossing_of(transition):
     )
     options = mi.Options(method="dop853")
     rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, w=0.0))
-    steps = mi.StepControl(largest=0.1)
+    steps = mi.StepControl(max_step=0.1)
     (crossing,) = mi.continue_orbit(rest, "a", 0.3, steps=steps).special_points
     return crossing
 
@@ -140,7 +140,7 @@ def crossing_of(transition):
 def test_curves_of_branch_points_of_maps():
     """With a symmetry a = c^2 at the branch point; the other multiplier is 0.3 + c."""
     fork = crossing_of(symmetric_map)
-    steps = mi.StepControl(initial=0.1, largest=1.0)
+    steps = mi.StepControl(initial_step=0.1, max_step=1.0)
     curve = mi.continue_curve(fork, "c", -1.5, back=0.2, steps=steps)
     a, c = (curve.table[name].to_numpy() for name in ("a", "c"))
     assert a == pytest.approx(c**2, abs=1e-10)
@@ -158,7 +158,7 @@ def test_curves_of_branch_points_of_maps():
 @pytest.mark.slow
 def test_a_curve_of_transcritical_points_on_an_invariant_line():
     crossing = crossing_of(invariant_map)
-    steps = mi.StepControl(initial=0.1, largest=1.0)
+    steps = mi.StepControl(initial_step=0.1, max_step=1.0)
     curve = mi.continue_curve(crossing, "c", 0.5, steps=steps)
     assert curve.table["a"].to_numpy() == pytest.approx(curve.table["c"].to_numpy(), abs=1e-10)
     assert len(curve) > 2

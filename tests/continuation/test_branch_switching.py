@@ -17,7 +17,7 @@ def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
     """Return the branch points of the equilibrium zero."""
     system = mi.System(states=states, flow=flow, parameters={"a": start, **values})
     rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
-    steps = mi.StepControl(largest=longest)
+    steps = mi.StepControl(max_step=longest)
     return mi.continue_equilibrium(rest, "a", stop, steps=steps).special_points
 
 
@@ -73,7 +73,7 @@ def test_the_pitchfork_of_the_lorenz_system():
 
     (fork,) = forks(lorenz, start=0.5, stop=28.0, states=("x", "y", "z"), longest=2.0)
     assert fork.value == pytest.approx(1.0, abs=1e-10)
-    halves = mi.switch_branch(fork, steps=mi.StepControl(largest=2.0))
+    halves = mi.switch_branch(fork, steps=mi.StepControl(max_step=2.0))
     hopf = 10.0 * (10.0 + 8.0 / 3.0 + 3.0) / (10.0 - 8.0 / 3.0 - 1.0)
     assert [special.label for special in halves.special_points] == ["H", "BP", "H"]
     found = [halves.special_points[i].value for i in (0, 2)]
@@ -111,7 +111,7 @@ def test_cycles_begin_small_at_a_hopf_point():
     system = mi.System(states=("x", "v"), flow=flow, parameters={"a": 99.0})
     rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
     (hopf,) = mi.continue_equilibrium(rest, "a", 101.0).special_points
-    cycles = mi.switch_branch(hopf, bounds=(99.0, 101.0), steps=mi.StepControl(most=2)).orbits
+    cycles = mi.switch_branch(hopf, bounds=(99.0, 101.0), steps=mi.StepControl(max_points=2)).orbits
     radii = np.array([math.hypot(cycle.state.x, cycle.state.v) for cycle in cycles])
     values = np.array([cycle.system.parameters["a"] for cycle in cycles])
     assert values - 100.0 == pytest.approx(radii**2, abs=1e-9)
@@ -133,7 +133,7 @@ def test_the_pitchfork_of_a_map():
         parameters={"a": -0.3},
     )
     start = mi.find_orbit(system, periods=1, options=INTERPRETED, guess=mi.State(x=0.0, w=0.0))
-    steps = mi.StepControl(largest=0.1)
+    steps = mi.StepControl(max_step=0.1)
     (fork,) = mi.continue_orbit(start, "a", 0.4, steps=steps).special_points
     assert abs(fork.value) < 1e-11
     halves = mi.switch_branch(fork, steps=steps)
@@ -286,7 +286,7 @@ def test_symmetry_breaking_of_a_driven_duffing_oscillator():
     """Beyond the branch point the square of the asymmetry grows from zero."""
     system = mi.System(states=("x", "v"), flow=ueda, period=2.0 * math.pi, parameters={"A": 1.5})
     orbit = mi.find_orbit(system, transient=200)
-    steps = mi.StepControl(largest=0.1)
+    steps = mi.StepControl(max_step=0.1)
     branch = mi.continue_orbit(orbit, "A", 2.6, steps=steps)
     (fork,) = branch.special_points
     assert fork.criticality == "supercritical"

@@ -121,7 +121,7 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
 @pytest.mark.slow
 def test_branch_of_orbits_with_rest_and_chatter():
     orbit = find_periodic_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
-    branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=StepControl(most=6))
+    branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=StepControl(max_points=6))
     assert len(branch.points) > 2
     assert branch.ended
     for point in branch.points:
@@ -155,7 +155,7 @@ def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
 
 def test_budget_of_points():
     branch = follow(
-        silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=StepControl(most=5)
+        silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=StepControl(max_points=5)
     )
     assert len(branch.points) == 5
     assert "budget" in branch.ended
@@ -163,7 +163,7 @@ def test_budget_of_points():
 
 
 def test_a_branch_that_is_held_back_says_by_what():
-    steps = StepControl(initial=3.0, largest=3.0, most=2)
+    steps = StepControl(initial_step=3.0, max_step=3.0, max_points=2)
     branch = follow(silent_orbit(0.2355, 0.45), "amplitude", low=0.1, high=0.3, steps=steps)
     assert "steps are down to a length of" in branch.ended
     assert "too sharply" in branch.ended
@@ -187,7 +187,7 @@ def test_an_orbit_and_its_double_cover_take_the_same_steps():
     twice = make_orbit(shooting, solve(shooting, shooting.pack(guess), np.zeros(0)))
     assert len(twice.segments) == 2 * len(once.segments)
     first, second = (
-        follow(orbit, "amplitude", low=0.2, high=0.3, steps=StepControl(most=12))
+        follow(orbit, "amplitude", low=0.2, high=0.3, steps=StepControl(max_points=12))
         for orbit in (once, twice)
     )
     steps = [np.diff([point.value for point in branch.points]) for branch in (first, second)]
@@ -197,15 +197,15 @@ def test_an_orbit_and_its_double_cover_take_the_same_steps():
 
 
 @pytest.mark.parametrize(
-    "steps", [StepControl(), StepControl(initial=0.3, largest=1.0)], ids=["short", "long"]
+    "steps", [StepControl(), StepControl(initial_step=0.3, max_step=1.0)], ids=["short", "long"]
 )
 def test_a_branch_begins_with_its_first_step_and_never_turns_sharply(steps):
     branch = follow(silent_orbit(0.23, 0.45), "amplitude", low=0.2, high=0.3, steps=steps)
     free = [point for point in branch.points if point.piece == 0]
     assert len(free) >= 3
     apart = [distance(a, b) for a, b in pairwise(free)]
-    assert apart[0] <= 1.01 * steps.initial
-    assert max(apart) <= 1.1 * steps.largest
+    assert apart[0] <= 1.01 * steps.initial_step
+    assert max(apart) <= 1.1 * steps.max_step
     assert min(a.direction @ b.direction for a, b in pairwise(free)) >= 0.9
 
 
@@ -221,7 +221,7 @@ def test_noise_of_the_integration_counts_as_no_difficulty():
 
 def test_a_fold_next_to_a_grazing_is_listed():
     """The two meet at omega = 0.480271; at 0.4801 they are 5e-3 apart on the branch."""
-    start, steps = silent_orbit(0.177, 0.4801), StepControl(initial=0.03, most=3)
+    start, steps = silent_orbit(0.177, 0.4801), StepControl(initial_step=0.03, max_points=3)
     branch = follow(start, "amplitude", low=0.1, high=0.3, steps=steps)
     assert [s.kind for s in branch.special_points][:2] == ["fold", "grazing"]
     fold, grazing = branch.special_points[:2]
@@ -320,7 +320,7 @@ def test_unknown_parameter_is_named():
 
 def test_a_bound_far_beyond_the_orbits_ends_by_name():
     """Towards pull-in the free block has no orbit; whatever happens, it is said."""
-    start, steps = silent_orbit(0.16, 0.485), StepControl(most=40, largest=0.2)
+    start, steps = silent_orbit(0.16, 0.485), StepControl(max_points=40, max_step=0.2)
     branch = follow(start, "amplitude", low=0.1, high=0.9, reconnecting=False, steps=steps)
     assert branch.ended
     assert len(branch.points) > 5

@@ -27,7 +27,7 @@ def test_multipliers_are_those_of_the_divergence_and_nothing_bifurcates():
     (rest,) = mi.find_equilibria(system)
     (hopf,) = mi.continue_equilibrium(rest, "a", stop=0.9).special_points
     assert hopf.criticality == "supercritical"
-    steps = mi.StepControl(largest=0.4, most=45)
+    steps = mi.StepControl(max_step=0.4, max_points=45)
     branch = mi.switch_branch(hopf, bounds=(0.5, 1.1), steps=steps)
     assert branch.special_points == ()
     assert all(cycle.stable for cycle in branch.orbits)

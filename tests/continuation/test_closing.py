@@ -22,7 +22,7 @@ def stands(mode, t, y, p):
     return (p.size * p.size - (y.x - 2.0) ** 2 - p.m * p.m,)
 
 
-@pytest.mark.parametrize("steps", [mi.StepControl(largest=0.2), mi.StepControl(largest=1.0)])
+@pytest.mark.parametrize("steps", [mi.StepControl(max_step=0.2), mi.StepControl(max_step=1.0)])
 @pytest.mark.parametrize("stop", [1.0, -1.0])
 def test_equilibria(steps, stop):
     parameters = {"m": 0.1, "size": 0.5}
@@ -76,7 +76,7 @@ def test_limit_cycles(guards):
         initial={"x": 2.5},
     )
     cycle = mi.find_orbit(system)
-    for stop, steps in ((1.0, mi.StepControl(largest=0.1)), (-1.0, mi.StepControl(largest=0.2))):
+    for stop, steps in ((1.0, mi.StepControl(max_step=0.1)), (-1.0, mi.StepControl(max_step=0.2))):
         branch = mi.continue_orbit(cycle, "m", stop=stop, back=-stop, steps=steps)
         assert branch.ended == "the branch closed upon itself"
         assert [s.label for s in branch.special_points] == ["CF", "CF"]
@@ -115,7 +115,7 @@ def test_orbits_that_come_back_in_another_of_their_periods():
     is the first that is left out, so that where the orbit begins decides whether it is shifted.
     """
     shifts = []
-    for shift, steps in ((0, mi.StepControl(largest=0.1)), (1, mi.StepControl(largest=0.2))):
+    for shift, steps in ((0, mi.StepControl(max_step=0.1)), (1, mi.StepControl(max_step=0.2))):
         orbit = mi.find_orbit(OSCILLATOR, transient=300 + shift, periods=5)
         branch = mi.continue_orbit(orbit, "A", stop=27.0, back=20.0, steps=steps)
         assert branch.ended == "the branch closed upon itself"
@@ -136,7 +136,7 @@ def test_orbits_that_come_back_in_another_of_their_periods():
 def test_a_curve_of_grazings():
     silent = mi.find_orbit(OSCILLATOR.changed(A=21.0, B=3.0), transient=100)
     (grazing, *_) = mi.continue_orbit(silent, "A", stop=23.0).special_points
-    curve = mi.continue_curve(grazing, "B", 30.0, back=-30.0, steps=mi.StepControl(largest=2.0))
+    curve = mi.continue_curve(grazing, "B", 30.0, back=-30.0, steps=mi.StepControl(max_step=2.0))
     assert curve.ended == "the curve closed upon itself"
     radii = np.hypot(curve.table["A"], curve.table["B"]).to_numpy()
     assert radii == pytest.approx(GRAZING, rel=1e-9)

@@ -12,7 +12,7 @@ import pytest
 import mems_impact as mi
 
 PRECISE = mi.Options(method="dop853", rtol=1e-10, atol=1e-12)
-STEPS = mi.StepControl(largest=0.2)
+STEPS = mi.StepControl(max_step=0.2)
 
 
 def at_rest(mode, t, y, p):

@@ -87,7 +87,7 @@ class Circle(ContinuationProblem):
 
 def continued(problem, low=-2.0, high=2.0, **steps):
     first = evaluate(np.array([1.0]), np.array([0.0]))
-    control = StepControl(**{"initial": 0.1, "largest": 0.2, **steps})
+    control = StepControl(**{"initial_step": 0.1, "max_step": 0.2, **steps})
     return Continuation(problem, first, tangent(first), low=low, high=high, steps=control)
 
 
@@ -117,7 +117,7 @@ def test_points_come_as_they_are_asked_for():
 
 
 def test_steps_that_turn_too_sharply_are_halved():
-    points = [*continued(Circle(), initial=0.8, largest=0.8, most=10)]
+    points = [*continued(Circle(), initial_step=0.8, max_step=0.8, max_points=10)]
     angles = np.arctan2(*np.transpose(points)[::-1])
     assert np.cos(np.diff(angles)).min() >= 0.9
 
@@ -130,7 +130,7 @@ def test_what_cannot_be_passed_is_reported():
 
 def test_points_are_used_up():
     problem = Circle()
-    assert len([*continued(problem, most=5)]) == 5
+    assert len([*continued(problem, max_points=5)]) == 5
     assert problem.branch.ended.startswith("the budget of 5 points is used up; a step of length")
     assert problem.where == problem.branch.points[-1]
 

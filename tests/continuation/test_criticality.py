@@ -146,7 +146,7 @@ def test_a_parametrically_excited_pendulum(turn, criticality):
     orbit = mi.find_orbit(system, guess={"q": 0.0, "w": 0.0})
     (doubling,) = mi.continue_orbit(orbit, "depth", 0.5).special_points
     assert (doubling.label, doubling.criticality) == ("PD", criticality)
-    few = mi.StepControl(most=8)
+    few = mi.StepControl(max_points=8)
     table = mi.switch_branch(doubling, bounds=(0.0, 1.0), steps=few).table.iloc[1:]
     above = criticality == ABOVE
     assert ((table["depth"] > doubling.value) == above).all()
@@ -164,7 +164,7 @@ def test_symmetric_cycles_of_the_lorenz_system():
     fork = mi.continue_orbit(cycle, "r", 305.0, stop_at="BP").special_points[-1]
     assert (fork.label, fork.criticality) == ("BP", ABOVE)
     assert fork.value == pytest.approx(313.0, abs=0.05)
-    pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(most=8)).table
+    pair = mi.switch_branch(fork, bounds=(300.0, 320.0), steps=mi.StepControl(max_points=8)).table
     # Beside the point its error, from the integration, exceeds the distance in r.
     assert pair["r"].max() < fork.value + 1e-4
     assert pair["r"].iloc[0] < fork.value - 5e-4

@@ -85,19 +85,19 @@ def test_grazing_curve_towards_larger_frequencies(at_half):
 def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
     """As often as it must be, and no more often."""
     (start,) = special(at_half, "grazing")
-    steps = StepControl(initial=0.16, largest=0.8)
+    steps = StepControl(initial_step=0.16, max_step=0.8)
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
     assert curve.ended == "omega reached its bound"
     assert len(curve.points) < 8
     first, second = (np.append(p.orbit.point.unknowns, p.values) for p in curve.points[:2])
-    halvings = np.log2(steps.initial / np.linalg.norm(second - first))
+    halvings = np.log2(steps.initial_step / np.linalg.norm(second - first))
     assert halvings > 0.98
     assert halvings == pytest.approx(round(halvings), abs=0.02)
 
 
 def test_steps_of_a_curve_grow_by_a_half(at_half):
     (start,) = special(at_half, "grazing")
-    steps = StepControl(initial=1e-3, largest=0.8, most=4)
+    steps = StepControl(initial_step=1e-3, max_step=0.8, max_points=4)
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
     points = [np.append(p.orbit.point.unknowns, p.values) for p in curve.points]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)

@@ -11,7 +11,7 @@ import pytest
 
 import mems_impact as mi
 
-STEPS = mi.StepControl(initial=0.02, largest=0.3)
+STEPS = mi.StepControl(initial_step=0.02, max_step=0.3)
 
 
 def special_point(system, guess, parameter, stop, label, **bounds):
@@ -174,7 +174,9 @@ def test_hopf_curve_of_a_relief_valve():
     """The characteristic polynomial gives the curve (Hos and Champneys, Physica D 241, 2012)."""
     hopf = special_point(VALVE, {"x": 2.5, "p": 12.5}, "q", 5.0, "H")
     assert abs(hopf.value - 8.4911176352) < 1e-9  # BifurcationKit.jl
-    curve = mi.continue_curve(hopf, "kappa", 1.0, steps=mi.StepControl(initial=0.1, largest=0.3))
+    curve = mi.continue_curve(
+        hopf, "kappa", 1.0, steps=mi.StepControl(initial_step=0.1, max_step=0.3)
+    )
     x, q, kappa = (curve.table[name].to_numpy() for name in ("x", "q", "kappa"))
     c = x + 10.0
     a = 20.0 * x / (2.0 * np.sqrt(c))

@@ -14,7 +14,7 @@ from mems_impact.continuation.homoclinic import (
     slow_passage,
 )
 
-STEPS = mi.StepControl(largest=0.2)
+STEPS = mi.StepControl(max_step=0.2)
 
 
 def well(mode, t, y, p):
@@ -58,7 +58,7 @@ def test_the_period_is_in_the_table():
     system = mi.System(states=("x", "y"), flow=circle, parameters={"m": 1.5}, initial={"x": 1.0})
     options = mi.Options(method="dop853", engine="interpreted")
     orbit = mi.find_orbit(system, transient=20.0, options=options)
-    branch = mi.continue_orbit(orbit, "m", 1.2, steps=mi.StepControl(most=3))
+    branch = mi.continue_orbit(orbit, "m", 1.2, steps=mi.StepControl(max_points=3))
     table = branch.table
     expected = 2.0 * math.pi / np.sqrt(table["m"].to_numpy() ** 2 - 1.0)
     assert table["period"].to_numpy() == pytest.approx(expected, rel=1e-8)
@@ -80,7 +80,7 @@ def test_slow_relaxation_is_not_taken_for_it():
 def test_a_cycle_on_which_two_equilibria_are_about_to_be_born():
     # Its last periods are 700 times the first, and hardly anything moves in most of them.
     options = mi.Options(method="bdf", rtol=1e-10, atol=1e-12)
-    branch = followed(circle, 1.0, 1.5, 0.5, 50.0, options, mi.StepControl(largest=1.0))
+    branch = followed(circle, 1.0, 1.5, 0.5, 50.0, options, mi.StepControl(max_step=1.0))
     assert "beyond bounds" in branch.ended
     assert "saddle-node of equilibria" in branch.ended
     table = branch.table[branch.table["m"] > 1.001]
@@ -142,7 +142,7 @@ def test_the_homoclinic_orbit_of_the_lorenz_system():
     system = mi.System(states=("x", "y", "z"), flow=lorenz, parameters={"r": 20.0})
     guess = {"x": 7.1, "y": 7.1, "z": 19.0}
     steady = mi.find_equilibria(system, guess=guess)[0]
-    steps = mi.StepControl(largest=2.0)
+    steps = mi.StepControl(max_step=2.0)
     (hopf,) = mi.continue_equilibrium(steady, "r", stop=30.0, steps=steps).special_points
     cycles = mi.switch_branch(hopf, bounds=(10.0, 30.0), steps=steps)
     end = cycles.homoclinic
@@ -190,7 +190,7 @@ def test_a_symmetric_cycle_approaches_a_pair_of_homoclinic_orbits():
         states=("x", "v"), flow=figure_eight, parameters={"a": 1.2}, initial={"x": 2.0}
     )
     cycle = mi.find_orbit(system, transient=100.0)
-    branch = mi.continue_orbit(cycle, "a", stop=0.3, steps=mi.StepControl(largest=0.2))
+    branch = mi.continue_orbit(cycle, "a", stop=0.3, steps=mi.StepControl(max_step=0.2))
     (fold,) = branch.special_points
     assert fold.label == "CF"
     end = branch.homoclinic

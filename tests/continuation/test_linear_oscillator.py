@@ -123,7 +123,12 @@ def test_closed_branch():
     orbit = impacting(exact, exact.orbit(exact.speeds(1.0)[1]))
     for direction in (-1.0, 1.0):
         branch = follow(
-            orbit, "omega", low=1.9, high=3.2, direction=direction, steps=StepControl(most=150)
+            orbit,
+            "omega",
+            low=1.9,
+            high=3.2,
+            direction=direction,
+            steps=StepControl(max_points=150),
         )
         found = values(branch, "fold")
         np.testing.assert_allclose(sorted(set(np.round(found, 8))), np.round(expected, 8))

@@ -26,7 +26,7 @@ def fixed_point(a, side):
 
 @pytest.mark.slow
 def test_orbits_within_a_step_across_a_fold():
-    steps = mi.StepControl(initial=0.1, largest=0.4)
+    steps = mi.StepControl(initial_step=0.1, max_step=0.4)
     whole = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps)
     assert [special.label for special in whole.special_points] == ["CF"]
     reached = whole.table["a"].min()

@@ -237,7 +237,7 @@ def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     rng = np.random.default_rng(seed)
     orbit = mi.find_orbit(random_system(kind, rng), transient=300)
     value = orbit.system.parameters["A"]
-    steps = mi.StepControl(most=200)
+    steps = mi.StepControl(max_points=200)
     branch = mi.continue_orbit(orbit, "A", stop=value * float(rng.uniform(0.3, 1.8)), steps=steps)
     assert branch.table.admissible.all()
     assert all(point.orbit.admissible for point in branch.special_points)

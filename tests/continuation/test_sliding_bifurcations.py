@@ -205,7 +205,7 @@ POINTS = {
     ),
 }  # fmt: skip
 """Path, condition and guess of each point at A = 1.7, in their order along the branch."""
-STEPS = mi.StepControl(most=400)
+STEPS = mi.StepControl(max_points=400)
 
 
 @pytest.fixture(scope="module")

@@ -74,9 +74,9 @@ def test_a_neimark_sacker_point_has_a_pair_on_the_circle(monkeypatch, angle, siz
 
 
 def test_what_is_said_where_the_points_are_used_up():
-    steps = StepControl(most=7)
+    steps = StepControl(max_points=7)
     assert "steps are down to a length of 1e-05: it turns" in budget_message(
         steps, 1e-5, "it turns", "A", 0.1
     )
-    for length, held in ((steps.largest, "it turns"), (1e-5, "")):
+    for length, held in ((steps.max_step, "it turns"), (1e-5, "")):
         assert "changes A by a fraction of 0.1" in budget_message(steps, length, held, "A", 0.1)

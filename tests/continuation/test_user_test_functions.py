@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 
-LONG = mi.StepControl(initial=0.05, largest=0.2)
+LONG = mi.StepControl(initial_step=0.05, max_step=0.2)
 PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13)
 
 

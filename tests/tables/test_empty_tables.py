@@ -68,7 +68,7 @@ def test_special_points_of_equilibria_and_of_a_curve():
     through = mi.continue_equilibrium(first, "b", 1.0)
     assert len(through.special_points) == 2
     check(mi.continue_equilibrium(first, "b", -0.9).special_table, through.special_table)
-    steps = mi.StepControl(initial=0.02, largest=0.3)
+    steps = mi.StepControl(initial_step=0.02, max_step=0.3)
     fold = through.special_points[0]
     cusp = mi.continue_curve(fold, "a", -1.0, back=1.5, steps=steps)
     check(mi.continue_curve(fold, "a", 1.1, steps=steps).special_table, cusp.special_table)

@@ -49,7 +49,7 @@ def cycles(quick: bool) -> Iterator[Row]:
         initial=mi.State(x=0.0, v=0.1, mode="slip"),
     )
     orbit = mi.find_orbit(belt)
-    steps = mi.StepControl(largest=0.02, most=POINTS)
+    steps = mi.StepControl(max_step=0.02, max_points=POINTS)
     count = len(mi.continue_orbit(orbit, "v", 10.0, steps=steps))
     jobs = {
         "run": lambda: mi.simulate(belt, duration=PERIODS * orbit.period, initial=orbit.state),

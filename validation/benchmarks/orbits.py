@@ -21,7 +21,7 @@ def orbits(quick: bool) -> Iterator[Row]:
     actuator = mi.load_actuator("zhao2004")
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     start = mi.simulate(actuator, drive, 300).final
-    steps = mi.StepControl(initial=1e-3, largest=2.5e-3, most=POINTS)
+    steps = mi.StepControl(initial_step=1e-3, max_step=2.5e-3, max_points=POINTS)
     options = {method: replace(ORBIT_OPTIONS, method=method) for method in METHODS}
     charts: dict[str, mi.OperatingChart] = {}
 
