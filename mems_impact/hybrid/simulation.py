@@ -6,11 +6,13 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     FunctionError,
@@ -446,6 +448,25 @@ def resample(problem: Problem, start: HybridState, end: HybridState, per_period:
     return simulation.samples
 
 
+class Position(NamedTuple):
+    """How far a run has come.
+
+    Attributes
+    ----------
+    final : HybridState
+    steps, arcs, implicit_arcs : int
+        As in `Trajectory`.
+    events : int
+        Recorded events that have not been handed over.
+    """
+
+    final: HybridState
+    steps: int
+    arcs: int
+    implicit_arcs: int
+    events: int
+
+
 class Simulation:
     """A run in progress: the loop's memory and the events drained from its buffers."""
 
@@ -486,6 +507,7 @@ class Simulation:
         self.memory.put(start.y)
         self.clock, self.events = self.memory.clock, self.memory.events
         self.last_rows = self.events[:0]  # the last events, even if `consume` takes them
+        self.reached = self._position()
 
     def go(self) -> Trajectory:
         """Call the loop until the end, and drain its events between calls."""
@@ -496,20 +518,20 @@ class Simulation:
                 status = self.binding.quota.call(self.binding.call, loop.run_steps, self.clock)
                 # A pause depends on the speed of the machine, chunks of events must not: the
                 # rounding errors of statistics depend on them.
-                if status != workspace.PAUSED:
-                    self._drain()
+                self._note_progress(drain=status != workspace.PAUSED)
                 collapse = self.memory.take_step_collapse()
                 if collapse is not None and check is not None and check(*collapse):
                     check = None  # at most one warning per run
                 if self.progress is not None:
                     self.progress(self._elapsed_periods())
         except KeyboardInterrupt:
-            # Python raises this only between two calls of the loop, so clock and buffers are
-            # consistent.
-            self._drain()
+            # Interpreted code may be anywhere: what follows the last return is discarded.
+            self.clock["events_written"] = self.reached.events
+            with deferring_ctrl_c():
+                self._drain()
             raise RunInterrupted(self._trajectory(), self._elapsed_periods()) from None
         except FunctionError as error:
-            self._drain()
+            self._note_progress(drain=True)
             raise self._run_error(error.reason, error.remedy) from error
         finally:
             if self.binding.engine.is_stiff() and not self.quiet:
@@ -528,8 +550,8 @@ class Simulation:
 
     def _elapsed_periods(self) -> float:
         """Return the completed periods."""
-        elapsed = self.clock["t"] / self.problem.period - self.start.cycle
-        return float(self.clock["cycle"] + elapsed)
+        final = self.reached.final
+        return float(final.cycle + (final.time / self.problem.period - self.start.cycle))
 
     def _drain(self) -> None:
         rows = self.events[: self.clock["events_written"]]
@@ -540,31 +562,49 @@ class Simulation:
             self.chunks.append(rows.copy())
         self.clock["events_written"] = 0
 
-    def _trajectory(self, *, ended: bool = False) -> Trajectory:
-        width = self.events.shape[1]
-        rows = np.concatenate(self.chunks) if self.chunks else np.zeros((0, width))
+    def _note_progress(self, *, drain: bool) -> None:
+        """Note how far the run has come; with `drain`, hand over the recorded events first."""
+        with deferring_ctrl_c():  # which would count events twice
+            if drain:
+                self._drain()
+            self.reached = self._position()
+
+    def _position(self) -> Position:
         clock, period = self.clock, self.problem.period
         cycle, phase = int(clock["cycle"]), float(clock["t"])
         if phase == (clock["end_cycle"] - cycle) * period + clock["end_phase"]:
             # Dividing k periods by the period may round to just below k.
             cycle, phase = int(clock["end_cycle"]), float(clock["end_phase"])
         carry = math.floor(phase / period)
+        final = HybridState(
+            cycle + carry,
+            phase - carry * period,
+            int(clock["mode"]),
+            self.memory.state,
+            self.binding.engine.export_memory(),
+            bool(clock["switched"]),
+        )
+        return Position(
+            final,
+            int(clock["steps"]),
+            int(clock["arcs"]),
+            self.binding.engine.implicit_arcs,
+            int(clock["events_written"]),
+        )
+
+    def _trajectory(self, *, ended: bool = False) -> Trajectory:
+        width = self.events.shape[1]
+        rows = np.concatenate(self.chunks) if self.chunks else np.zeros((0, width))
+        final, steps, arcs, implicit_arcs, _ = self.reached
         return Trajectory(
             problem=self.problem,
             start=self.start,
-            final=HybridState(
-                cycle + carry,
-                phase - carry * period,
-                int(clock["mode"]),
-                self.memory.state,
-                self.binding.engine.export_memory(),
-                bool(clock["switched"]),
-            ),
+            final=final,
             events=Events.from_rows(rows),
-            steps=int(clock["steps"]),
-            arcs=int(clock["arcs"]),
+            steps=steps,
+            arcs=arcs,
             ended=ended,
-            implicit_arcs=self.binding.engine.implicit_arcs,
+            implicit_arcs=implicit_arcs,
         )
 
     def _name_of(self, code: int) -> str:

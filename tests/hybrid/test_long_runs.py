@@ -1,6 +1,7 @@
 """The millionth period is as exact as the first."""
 
 import math
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from mems_impact.errors import RunInterrupted
 from mems_impact.hybrid import problem, simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
+from mems_impact.integrators import interface
 from tests.hybrid import systems
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, simulate, stop
 
@@ -175,3 +177,52 @@ def test_chunks_of_events_do_not_depend_on_the_speed_of_the_machine(monkeypatch,
         lengths.append([len(chunk) for chunk in chunks])
     assert lengths[0] == lengths[1]
     assert sum(lengths[0]) > 20
+
+
+@pytest.fixture
+def python_hears_ctrl_c():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
+    calls, last, read_state = 0, 0, interface.state
+
+    def state(*arguments):
+        nonlocal calls
+        calls += 1
+        if calls == last:
+            raise KeyboardInterrupt  # the time is that of the end of the step, the state is not yet
+        read_state(*arguments)
+
+    monkeypatch.setattr(interface, "state", state)
+    setup = systems.problem(STOP, stop(amplitude=0.3, c=0.1), engine="interpreted")
+    whole = simulation.run(setup, at([0.2, 1.5]), 3.0)
+    for number in range(1, calls, 5):
+        calls, last = 0, number
+        with pytest.raises(RunInterrupted) as caught:
+            simulation.run(setup, at([0.2, 1.5]), 3.0)
+        last, reached = 0, caught.value.trajectory
+        rest = simulation.run(setup, reached.final, 3.0 - caught.value.periods)
+        assert rest.final.y == pytest.approx(whole.final.y, abs=1e-6)
+        assert np.concatenate(
+            [systems.times(part, workspace.TRANSITION) for part in (reached, rest)]
+        ) == pytest.approx(systems.times(whole, workspace.TRANSITION), abs=1e-6)
+
+
+@pytest.mark.usefixtures("python_hears_ctrl_c")
+def test_ctrl_c_while_events_are_handed_over_repeats_none():
+    handed_over = []
+
+    def consume(events):
+        handed_over.append(len(events))
+        if len(handed_over) == 1:
+            signal.raise_signal(signal.SIGINT)
+        handed_over.append("complete")
+
+    with pytest.raises(RunInterrupted):
+        simulation.run(systems.problem(STOP, stop()), at([0.2, 1.5]), 1e6, consume=consume)
+    assert handed_over[0] > 0
+    assert handed_over[1] == "complete"
+    assert sum(each for each in handed_over[2:] if each != "complete") == 0
