@@ -136,7 +136,7 @@ def test_closed_branch():
             assert np.abs(np.array(expected) - value).min() < 1e-9
         assert branch.ended == "the branch closed upon itself"
         ends = [np.append(p.orbit.point.unknowns, p.value) for p in branch.points]
-        assert np.linalg.norm(ends[-1] - ends[0]) <= StepControl().largest
+        assert np.linalg.norm(ends[-1] - ends[0]) <= StepControl().max_step
         assert len(found) == 2
 
 
