@@ -11,6 +11,7 @@ from mems_impact.errors import RunInterrupted
 from mems_impact.hybrid import problem, simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
+from mems_impact.hybrid.variational import lyapunov
 from mems_impact.integrators import interface
 from tests.hybrid import systems
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, simulate, stop
@@ -158,6 +159,25 @@ def test_calls_that_end_at_a_collapsed_step_let_no_later_one_take_more_steps(mon
     trajectory = simulation.run(setup, at([0.2, 0.0]), 50.0)
     assert len(collapses) >= 4
     assert quota.steps <= 2 * trajectory.steps
+
+
+def test_each_collapsed_step_of_a_run_with_perturbations_is_reported(monkeypatch):
+    found = []
+    for steps in (1, 1_000_000):
+        collapses = []
+
+        def bound(of, steps=steps):
+            return replace(problem.create_engine(of), quota=problem.StepQuota(steps))
+
+        monkeypatch.setattr(lyapunov, "create_engine", bound)
+        setup = replace(
+            systems.problem(JUMP, (), method="dop853"),
+            discontinuity_check=lambda at, _, found=collapses: bool(found.append(at.y.tolist())),
+        )
+        lyapunov.LyapunovIntegrator(setup, at([0.2, 0.0]), chunk=4).advance_exponents(4)
+        found.append(collapses)
+    assert found[0] == found[1]
+    assert len(found[0]) >= 4
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -982,7 +982,7 @@ def stretch(engine: Any, s: Any, w: Any, state: Any, problem: Any, lengths: Any,
             if quota <= 0:
                 return PAUSED
             status = run_loop(engine, s, w)
-            quota -= 1
+            quota = 0 if s.collapse_length > 0.0 else quota - 1  # report it before the next one
             for i in range(s.events_written):
                 if not propagate_to_event(engine, column_engine, event_at(s, i), state, problem):
                     w.lost = 1
