@@ -13,7 +13,11 @@ __all__ = ["deferring_ctrl_c"]
 
 @contextmanager
 def deferring_ctrl_c() -> Iterator[None]:
-    """Let Ctrl-C interrupt after the block only, which has to be short."""
+    """Let Ctrl-C interrupt after the block only, which has to be short.
+
+    Within `concurrent.futures`, for instance, it could leave a lock acquired, for which a worker
+    would wait forever, or become a RuntimeError.
+    """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield

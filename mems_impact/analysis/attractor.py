@@ -386,7 +386,7 @@ class _Classifier:
     numbers : sequence of int, optional
         Numbers of the points in a study.
     watch : callable, optional
-        Called before each exponent; it may raise.
+        Called several times a second during an exponent; it may raise.
     """
 
     def __init__(
@@ -451,11 +451,9 @@ class _Classifier:
             if recurrence.exponents == "all" or (
                 recurrence.exponents == "unsettled" and motion == UNSETTLED
             ):
-                if self._watch is not None:
-                    self._watch(0.0)  # exponents take long: the user may interrupt here
                 with self._at_point(i):
                     exponent, error, length = self._exponents.largest(
-                        self._batch[i][1], instant, exponent_periods
+                        self._batch[i][1], instant, exponent_periods, self._progress
                     )
                 if motion == UNSETTLED:
                     motion = self._by_exponent(exponent, error, length, states, bool(quiet[k]))
@@ -473,6 +471,11 @@ class _Classifier:
                 )
             )
         return result
+
+    def _progress(self, _: float) -> None:
+        """Let the user interrupt an exponent, which takes long."""
+        if self._watch is not None:
+            self._watch(0.0)
 
     def _at_point(self, i: int) -> AbstractContextManager[object]:
         """Return the context of warnings of a point."""
@@ -539,11 +542,15 @@ class _Exponents:
         self._stretching: LyapunovIntegrator | None = None
 
     def largest(
-        self, problem: Problem, start: HybridState, periods: int
+        self,
+        problem: Problem,
+        start: HybridState,
+        periods: int,
+        progress: Callable[[float], None],
     ) -> tuple[float, float, int]:
         """Return the largest exponent per period, its error and the periods it took.
 
-        NaN if the run fails.
+        NaN if the run fails. `progress` is called several times a second; it may raise.
         """
         try:
             if self._stretching is None:
@@ -553,7 +560,11 @@ class _Exponents:
             else:
                 self._stretching.restart(problem, start)
             return largest(
-                self._stretching, tolerance=ZERO_EXPONENT, sure=SIGNIFICANCE, periods=periods
+                self._stretching,
+                tolerance=ZERO_EXPONENT,
+                sure=SIGNIFICANCE,
+                periods=periods,
+                progress=progress,
             )
         except (RunError, FunctionError):
             return math.nan, math.nan, 0

@@ -258,7 +258,7 @@ class AttractorEvaluator:
         """Compile the code that points need, once in a process."""
         problem = self.system.problem(self.options)
         brief = replace(self.recurrence, transient=0.0, periods=1.0)
-        if problem.unavailable_reason == "":
+        if problem.unavailable_reason == "" and (self.threaded or self.gpu):
             map_attractors([InitialCondition(self.system)], brief, self.options, gpu=self.gpu)
 
 

@@ -11,6 +11,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
+from mems_impact.hybrid import problem as problem_module
 from mems_impact.hybrid.attractors import mapper
 from mems_impact.hybrid.attractors import recurrence as returns
 from mems_impact.hybrid.problem import StepQuota, create_engine
@@ -623,3 +624,15 @@ def test_run_error_of_an_autonomous_system_has_the_time():
     with pytest.raises(mi.RunError, match=r"\(time 0\.\d+, mode ") as caught:
         mi.simulate(DECAYING, duration=50, options=mi.Options(max_steps=20, engine="interpreted"))
     assert caught.value.phase_time + caught.value.cycle * caught.value.period < 50.0
+
+
+def test_an_exponent_can_be_interrupted(monkeypatch):
+    monkeypatch.setattr(problem_module, "CALL_SECONDS", 1e-3)
+    case, calls = [InitialCondition(device(0.24, 0.45))], {}
+    for exponents in ("none", "unsettled"):
+        done = calls[exponents] = []
+        recurrence = RecurrenceOptions(
+            transient=20, periods=5, chaos_persistence=1.0, exponents=exponents
+        )
+        map_attractors(case, recurrence, FAST, watch=done.append)
+    assert len(calls["unsettled"]) > len(calls["none"]) + 5

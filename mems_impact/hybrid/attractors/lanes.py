@@ -460,7 +460,7 @@ def unload_lane(vector: Any, lane: int, place: Any, complete: int) -> None:
 # --- Interface
 
 PLACES = 8 * LANES  # places of a group
-FIRST_QUOTA = 20_000  # steps
+FIRST_QUOTA = 1_000  # steps
 
 
 def lane_mappers(mapper: AttractorMapper) -> list[LaneMapper]:

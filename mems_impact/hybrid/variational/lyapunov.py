@@ -322,7 +322,12 @@ class LyapunovIntegrator:
 
 
 def largest(
-    stretching: LyapunovIntegrator, *, tolerance: float, sure: float, periods: int
+    stretching: LyapunovIntegrator,
+    *,
+    tolerance: float,
+    sure: float,
+    periods: int,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[float, float, int]:
     """Return the largest exponent per period, its standard error, and the number of periods.
 
@@ -339,16 +344,18 @@ def largest(
         Stop when the exponent differs from zero by so many errors, and by `tolerance`.
     periods : int
         Stop after this number of periods.
+    progress : callable, optional
+        Called several times a second; it may raise.
 
     Raises
     ------
     RunError
         If the run cannot continue.
     """
-    stretching.align()
+    stretching.align(progress)
     chunk, count = stretching.chunk, MIN_CHUNKS
     while True:
-        stretching.advance_exponents(count)
+        stretching.advance_exponents(count, progress)
         (exponent,), (error,), total = stretching.result
         is_decided = abs(exponent) > max(sure * error, tolerance)
         if error <= tolerance or is_decided or total + chunk > periods:

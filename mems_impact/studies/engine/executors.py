@@ -27,11 +27,12 @@ from concurrent.futures import (
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, cached_property, lru_cache
 from itertools import count
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Self
 
 import cloudpickle
 
+from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import CollectedWarning, collected_warnings
 from mems_impact.errors import InvalidParameter
@@ -42,7 +43,6 @@ __all__ = [
     "Result",
     "WorkerPool",
     "cores",
-    "deferring_ctrl_c",
     "ignoring_ctrl_c",
     "killed_by_its_chunk",
     "stoppable_threads",
@@ -300,27 +300,6 @@ def _end(executor: Executor, *, at_once: bool) -> None:
         executor.shutdown(cancel_futures=True)
     else:
         executor.shutdown(wait=not at_once)
-
-
-@contextmanager
-def deferring_ctrl_c() -> Iterator[None]:
-    """Let Ctrl-C interrupt after the block only.
-
-    Within `concurrent.futures` it could leave a lock acquired, for which a worker would wait
-    forever, or become a RuntimeError.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield
-        return
-    received: list[tuple[int, FrameType | None]] = []
-    try:
-        signal.signal(signal.SIGINT, lambda *arguments: received.append(arguments))
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if received:
-            before(*received[0])
 
 
 @contextmanager

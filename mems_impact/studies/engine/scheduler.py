@@ -17,6 +17,7 @@ from concurrent.futures import (
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
+from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.progress import Progress, Report, progress_bar
 from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
 from mems_impact.errors import InvalidParameter, StartWarning, StudyInterrupted, WorkersLost
@@ -25,7 +26,6 @@ from mems_impact.studies.engine.executors import (
     Result,
     WorkerPool,
     cores,
-    deferring_ctrl_c,
     killed_by_its_chunk,
 )
 from mems_impact.studies.engine.store import ChunkStore, MemoryStore
