@@ -206,6 +206,7 @@ def python_hears_ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
     calls, last, read_state = 0, 0, interface.state
 
@@ -232,6 +233,7 @@ def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
 
 
 @pytest.mark.usefixtures("python_hears_ctrl_c")
+@pytest.mark.slow
 def test_ctrl_c_while_events_are_handed_over_repeats_none():
     handed_over = []
 
