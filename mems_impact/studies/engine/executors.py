@@ -211,10 +211,14 @@ class WorkerPool:
         The pool watches the workers that it had at its last submission or result. A study whose
         parts are all submitted would wait for a newer one forever.
         """
-        processes = getattr(self._executor, "_processes", None)
-        if isinstance(processes, dict) and not all(p.is_alive() for p in [*processes.values()]):
-            with suppress(RuntimeError, OSError):
-                self._executor.submit(int)
+        pool = self._executor
+        if not isinstance(pool, ProcessPoolExecutor) or not pool._processes:
+            return
+        wakeup = pool._executor_manager_thread_wakeup
+        if wakeup is not None and not all(p.is_alive() for p in [*pool._processes.values()]):
+            # A submission would start a worker, for whose end a pool that ends could wait forever.
+            with suppress(OSError), pool._shutdown_lock:
+                wakeup.wakeup()
 
     def warn_of_missing_workers(self) -> None:
         """Report once, after a while, that a cluster has no workers."""
