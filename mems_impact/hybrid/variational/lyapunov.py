@@ -298,8 +298,8 @@ class LyapunovIntegrator:
             column[:] = 0.0
             column[j] = 1.0
             jacobian[:, j] = self._slopes()[1]
-        balanced = self._propagation.scale * np.nan_to_num(jacobian)
-        _, (scales, _) = matrix_balance(balanced, permute=False, separate=True)
+        finite = np.nan_to_num(jacobian, posinf=0.0, neginf=0.0)
+        _, (scales, _) = matrix_balance(finite, permute=False, separate=True)
         exponents = -np.log2(scales)
         return 16.0 ** np.round((exponents - exponents.mean()) / 4.0)
 
