@@ -187,7 +187,6 @@ def map_attractors(
     options: Options = STUDY_OPTIONS,
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
-    gpu: bool = False,
 ) -> list[Attractor]:
     """Compute the attractors of many initial conditions.
 
@@ -203,9 +202,6 @@ def map_attractors(
     numbers : sequence of int, optional
         Numbers of the cases in a study, used in warnings about a start beyond a guard or a
         discontinuous flow.
-    gpu : bool, optional
-        Whether a GPU maps the points that it can complete. The processor maps the others, computes
-        exponents, and follows points that are not periodic further.
 
     Returns
     -------
@@ -219,7 +215,7 @@ def map_attractors(
         if batch:
             first = len(results)
             chunk = None if numbers is None else numbers[first : first + len(batch)]
-            results.extend(_followed(batch, recurrence, options, watch, first, chunk, gpu))
+            results.extend(_followed(batch, recurrence, options, watch, first, chunk))
             batch.clear()
 
     for case in cases:
@@ -259,13 +255,12 @@ def _followed(
     watch: Callable[[float], None] | None,
     before: int,
     numbers: Sequence[int] | None,
-    gpu: bool,
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
     return_kind, return_index = _return_of(system)
 
-    def mapper_of(longest: int, problem: Problem = problem) -> AttractorMapper:
+    def mapper_of(longest: int) -> AttractorMapper:
         return AttractorMapper(
             problem,
             longest=longest,
@@ -297,21 +292,14 @@ def _followed(
     def lanes_of(mapper: AttractorMapper, count: int) -> Sequence[PointMapper]:
         """Return the mapper of some points in lanes, if they are enough."""
         few = len(batch) < LEAST_LANE_POINTS or count < LEAST_LATER_POINTS
-        if gpu or few or not is_compiled(problem.options):
+        if few or not is_compiled(problem.options):
             return ()
         from mems_impact.hybrid.attractors.lanes import lane_mappers
 
         return lane_mappers(mapper)
 
     with closing(mapper_of(recurrence.longest)) as mapper:
-        devices: Sequence[PointMapper] = lanes_of(mapper, len(batch))
-        if gpu:
-            from mems_impact.hybrid.attractors.cuda import GpuMapper
-
-            gpu_options = replace(problem.options, engine="interpreted", method="dop853")
-            devices = [
-                GpuMapper(mapper_of(recurrence.longest, replace(problem, options=gpu_options)))
-            ]
+        devices = lanes_of(mapper, len(batch))
         points = [(each.numbers, start) for _, each, start in batch]
         settled = mapper.follow(points, transient, length, report, falls, devices)
         results = classifier.attractors(range(len(batch)), settled, recurrence)

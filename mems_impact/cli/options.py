@@ -31,7 +31,7 @@ Decorator = Callable[[Any], Any]
 
 # Of modules that are slow to import: `mems_impact.studies.engine.config`,
 # `mems_impact.analysis.attractor`.
-EXECUTORS = ("threads", "processes", "cuda")
+EXECUTORS = ("threads", "processes")
 SAMPLING_NAMES = ("sobol", "lhs", "random")
 EXPONENTS = ("unsettled", "all", "none")
 
@@ -440,7 +440,7 @@ study_options = apply_decorators(
         "--executor",
         type=click.Choice(EXECUTORS),
         show_default=EXECUTORS[0],
-        help="Compute in threads, in processes, or on a GPU.",
+        help="Compute in threads or in processes.",
     ),
     workers_option("Number of threads or processes.", show_default="number of cores"),
 )

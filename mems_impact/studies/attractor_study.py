@@ -137,7 +137,6 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
 # --- Evaluation of attractors
 
 CHUNK_POINTS = 512  # of fewer, the last ones leave too many lanes empty
-GPU_POINTS = 65_536  # points of a launch: several threads for each unit of a large GPU
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
@@ -163,14 +162,11 @@ class AttractorEvaluator:
     system : System
     recurrence : RecurrenceOptions
     options : Options
-    gpu : bool
-        Whether a GPU maps points.
     """
 
     system: HybridSystem
     recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
-    gpu: bool = False
 
     @cached_property
     def threaded(self) -> bool:
@@ -188,7 +184,6 @@ class AttractorEvaluator:
             **identity(self.system),
             **asdict(self.recurrence),
             "options": identity_of_options(self.system.problem(self.options).options),
-            **({"executor": "cuda"} if self.gpu else {}),  # a GPU rounds differently
         }
 
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
@@ -209,7 +204,7 @@ class AttractorEvaluator:
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
         """Return the attractors of many points."""
-        return map_attractors(cases, self.recurrence, self.options, watch, numbers, self.gpu)
+        return map_attractors(cases, self.recurrence, self.options, watch, numbers)
 
     def follow_numbered(
         self,
@@ -258,8 +253,8 @@ class AttractorEvaluator:
         """Compile the code that points need, once in a process."""
         problem = self.system.problem(self.options)
         brief = replace(self.recurrence, transient=0.0, periods=1.0)
-        if problem.unavailable_reason == "" and (self.threaded or self.gpu):
-            map_attractors([InitialCondition(self.system)], brief, self.options, gpu=self.gpu)
+        if problem.unavailable_reason == "" and self.threaded:
+            map_attractors([InitialCondition(self.system)], brief, self.options)
 
 
 def _text_column(texts: Sequence[str]) -> Any:
@@ -275,18 +270,7 @@ class AttractorStudy(Study):
     @property
     def chunk(self) -> int:
         """Number of points computed together: a second of work or less."""
-        return GPU_POINTS if self.measuring.gpu else CHUNK_POINTS
-
-    def on_gpu(self) -> AttractorStudy:
-        """Return the same study with points on a GPU."""
-        measuring = self.measuring
-        method = measuring.system.problem(measuring.options).options.method
-        if method not in ("auto", "dop853"):
-            raise InvalidParameter("method", method, "'auto' or 'dop853' for executor 'cuda'")
-        from mems_impact.integrators.jit import numba_support
-
-        numba_support.check_cuda()
-        return replace(self, measuring=replace(measuring, gpu=True))
+        return CHUNK_POINTS
 
     @property
     def threaded(self) -> bool:

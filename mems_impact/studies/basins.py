@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -323,7 +323,7 @@ def basins(
     distance: float = 1e-3,
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
-    executor: Executor | Callable[[], Executor] | Literal["cuda"] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> Basins:
@@ -362,9 +362,8 @@ def basins(
     store : str or os.PathLike, optional
         Directory in which finished chunks of points are stored; an interrupted or killed study
         resumes from it.
-    executor : concurrent.futures.Executor, callable or "cuda", optional
-        Threads by default; processes, a cluster's executor, or a function that creates one; "cuda"
-        for a GPU.
+    executor : concurrent.futures.Executor or callable, optional
+        Threads by default; processes, a cluster's executor, or a function that creates one.
     workers : int, optional
         Number of threads. Results do not depend on it.
     progress : bool or callable, optional

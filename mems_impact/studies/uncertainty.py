@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -340,7 +340,7 @@ def tolerance_analysis(
     recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
-    executor: Executor | Callable[[], Executor] | Literal["cuda"] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> ToleranceAnalysis:
@@ -383,9 +383,8 @@ def tolerance_analysis(
     store : str or os.PathLike, optional
         Directory in which finished chunks of points are stored; an interrupted or killed study
         resumes from it.
-    executor : concurrent.futures.Executor, callable or "cuda", optional
-        Threads by default; processes, a cluster's executor, or a function that creates one; "cuda"
-        for a GPU.
+    executor : concurrent.futures.Executor or callable, optional
+        Threads by default; processes, a cluster's executor, or a function that creates one.
     workers : int, optional
         Number of threads. Results do not depend on it.
     progress : bool or callable, optional

@@ -25,11 +25,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "return FOLD if multiplier.real > 1.0 else PERIOD_DOUBLING",
     ): "a multiplier passes 1 where the branch turns, which names a fold before",
     (
-        "mems_impact/hybrid/attractors/cuda.py",
-        "if len(function.__code__.co_code) < LARGE:",
-        "if (len(function.__code__.co_code) <= LARGE):",
-    ): "a function of just this length may be compiled either way",
-    (
         "mems_impact/hybrid/diagnostics/failures.py",
         'named_tuple("Parameters", definition.parameters)(*[0.0] * len(definition.parameters))',
         'named_tuple("Parameters", definition.parameters)(*[1.0] * len(definition.parameters))',

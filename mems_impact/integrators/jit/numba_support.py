@@ -95,23 +95,6 @@ def check_numba() -> None:
         raise EngineUnavailable("NUMBA_DISABLE_JIT disables numba", remedy)
 
 
-def check_cuda() -> None:
-    """Raise EngineUnavailable if no GPU can be used."""
-    try:
-        from numba import cuda
-    except ImportError:  # numba's own version of the package is deprecated
-        available = False
-    else:
-        package = getattr(cuda, "implementation", "") == "NVIDIA" or config.ENABLE_CUDASIM
-        available = package and cuda.is_available()
-    if not available:
-        raise EngineUnavailable(
-            "executor 'cuda' finds no NVIDIA GPU with driver and toolkit",
-            "install NVIDIA's driver, and the toolkit by pip install -e '.[cuda]' in the clone, or "
-            "leave executor out",
-        )
-
-
 WORD = 8  # bytes of a double
 
 

@@ -143,7 +143,7 @@ STUDY_KINDS = {
 }
 """Verbs by the kind of study."""
 
-EXECUTORS = ("threads", "processes", "cuda")
+EXECUTORS = ("threads", "processes")
 
 _AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
 
@@ -212,8 +212,6 @@ def executor_named(name: str, workers: int | None) -> Any:
         raise InvalidParameter("executor", name, f"one of {', '.join(EXECUTORS)}")
     if name == "threads":
         return None
-    if name == "cuda":
-        return "cuda"
     return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
 
 

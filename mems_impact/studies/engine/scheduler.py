@@ -15,12 +15,12 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.progress import Progress, Report, progress_bar
 from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
-from mems_impact.errors import InvalidParameter, StartWarning, StudyInterrupted, WorkersLost
+from mems_impact.errors import StartWarning, StudyInterrupted, WorkersLost
 from mems_impact.studies.engine.executors import (
     ExecutorLost,
     Result,
@@ -47,7 +47,7 @@ def run_study(
     study: Study,
     *,
     store: str | os.PathLike[str] | None = None,
-    executor: Executor | Callable[[], Executor] | Literal["cuda"] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
     progress: Progress = False,
     chunk: int | None = None,
@@ -60,9 +60,8 @@ def run_study(
     store : str or os.PathLike, optional
         A directory for completed chunks, from which a study that was interrupted or killed
         continues. It requires pyarrow.
-    executor : concurrent.futures.Executor, callable or "cuda", optional
+    executor : concurrent.futures.Executor or callable, optional
         Threads by default. A function that makes an executor is called again if its workers die.
-        "cuda" computes points on a GPU, from threads.
     workers : int, optional
         Number of threads; with an executor, its number of workers, if it does not provide it.
     progress : bool or callable, optional
@@ -93,12 +92,6 @@ def run_study(
     deaths of workers its points become failed rows. Any other exception of a point is raised
     unchanged, with the completed table as its attribute ``table``.
     """
-    if isinstance(executor, str):
-        if executor != "cuda":
-            allowed = "an Executor, a function that makes one, or 'cuda'"
-            raise InvalidParameter("executor", executor, allowed)
-        study, executor = study.on_gpu(), None
-        chunk = study.chunk if chunk is None else chunk
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
     with _keeping(study, store, size) as chunks:

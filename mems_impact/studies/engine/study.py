@@ -69,12 +69,6 @@ class Study(ABC):
         """
         return ()
 
-    def on_gpu(self) -> Study:
-        """Return the same study with points on a GPU; InvalidParameter if they cannot run there."""
-        raise InvalidParameter(
-            "executor", "cuda", f"threads or processes: {self.kind} computes no points on a GPU"
-        )
-
     @abstractmethod
     def identity(self) -> Mapping[str, Any]:
         """Return all inputs of its numbers by name, as values that JSON represents exactly.
