@@ -239,7 +239,6 @@ def actuator_automaton(
             a2 = eq.block_acceleration(direction, load, p)
             rate = eq.load_rate(y[V2], a2, force_rate, p)
             g[BREAK_AWAY] = eq.static_limit(p) - abs(load)
-            # Without a branch, so that the function compiles for lanes.
             r[BREAK_AWAY] = -math.copysign(1.0, load) * rate
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]

@@ -16,8 +16,8 @@ from mems_impact.analysis.lyapunov import SIGNIFICANCE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
-from mems_impact.hybrid.attractors.mapper import AttractorMapper, PointMapper, RecurrenceColumns
-from mems_impact.hybrid.problem import Problem, is_compiled
+from mems_impact.hybrid.attractors.mapper import AttractorMapper, RecurrenceColumns
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator, largest
 from mems_impact.integrators.options import Options
@@ -50,9 +50,6 @@ LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
 MAX_PERIOD_FACTOR = 4  # of `longest`: the longest period of a motion unsettled otherwise
-# Fewest points for which functions are compiled for lanes, which takes as long as 500 points; and
-# fewest that are mapped in lanes then.
-LEAST_LANE_POINTS, LEAST_LATER_POINTS = 128, 16
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -237,17 +234,6 @@ def map_attractors(
     return results
 
 
-def maps_in_lanes(system: HybridSystem) -> bool:
-    """Return whether many points of a system are mapped in lanes, by vector instructions."""
-    if not system.forced or not is_compiled(STUDY_OPTIONS):
-        return False
-    from mems_impact.integrators.jit.lane_kernels import lane_kernels
-
-    automaton = system.automaton
-    n, m = len(automaton.states), len(automaton.guards)
-    return lane_kernels(automaton.flow, automaton.margins, n, m) is not None
-
-
 def _followed(
     batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
     recurrence: RecurrenceOptions,
@@ -289,19 +275,9 @@ def _followed(
             with at_study_point(numbers[i]):
                 jumps = check(at, length)
 
-    def lanes_of(mapper: AttractorMapper, count: int) -> Sequence[PointMapper]:
-        """Return the mapper of some points in lanes, if they are enough."""
-        few = len(batch) < LEAST_LANE_POINTS or count < LEAST_LATER_POINTS
-        if few or not is_compiled(problem.options):
-            return ()
-        from mems_impact.hybrid.attractors.lanes import lane_mappers
-
-        return lane_mappers(mapper)
-
     with closing(mapper_of(recurrence.longest)) as mapper:
-        devices = lanes_of(mapper, len(batch))
         points = [(each.numbers, start) for _, each, start in batch]
-        settled = mapper.follow(points, transient, length, report, falls, devices)
+        settled = mapper.follow(points, transient, length, report, falls)
         results = classifier.attractors(range(len(batch)), settled, recurrence)
 
         def continued(
@@ -309,8 +285,7 @@ def _followed(
         ) -> RecurrenceColumns:
             """Follow some points from their last states; all at once, in compiled code."""
             ends = [(points[i][0], settled.final(i)) for i in chosen]
-            devices = lanes_of(mapper, len(chosen))
-            return mapper.follow(ends, transient, length, on, devices=devices)
+            return mapper.follow(ends, transient, length, on)
 
         def follow_to_orbit(
             mapper: AttractorMapper, chosen: Sequence[int], transient: float

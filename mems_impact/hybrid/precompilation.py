@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.hybrid.attractors.lanes import lane_mappers
 from mems_impact.hybrid.attractors.mapper import AttractorMapper
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
@@ -74,10 +73,7 @@ def compile_runs() -> None:
 def compile_studies() -> None:
     """Compile the loops of attractors, of orbits and of exponents."""
     problem = decay("auto")
-    mapper = AttractorMapper(problem, longest=1, tolerance=1e-6)
-    point = problem.numbers, START
-    mapper.follow([point], 1.0, 1.0)
-    mapper.follow([point], 1.0, 1.0, devices=lane_mappers(mapper))
+    AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
     times, segments = np.array([[0.0, 1.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
     Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
     exponents = LyapunovIntegrator(problem, START)

@@ -136,8 +136,6 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 # --- Evaluation of attractors
 
-CHUNK_POINTS = 512  # of fewer, the last ones leave too many lanes empty
-
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
 
@@ -269,8 +267,8 @@ class AttractorStudy(Study):
 
     @property
     def chunk(self) -> int:
-        """Number of points computed together: a second of work or less."""
-        return CHUNK_POINTS
+        """Number of points computed together: about a second of work."""
+        return 256
 
     @property
     def threaded(self) -> bool:

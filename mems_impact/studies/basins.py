@@ -16,7 +16,6 @@ from mems_impact.analysis.attractor import (
     Attractor,
     InitialCondition,
     RecurrenceOptions,
-    maps_in_lanes,
 )
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
@@ -152,11 +151,6 @@ class Basins(Result):
     table: pd.DataFrame = field(repr=False)
     attractors: pd.DataFrame = field(repr=False)
     returns: pd.DataFrame = field(repr=False)
-
-    @property
-    def lanes(self) -> bool:
-        """Whether many points of the system are mapped in lanes, by vector instructions."""
-        return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
         names = ", ".join(self.starts.names)

@@ -15,7 +15,6 @@ from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
     InitialCondition,
     RecurrenceOptions,
-    maps_in_lanes,
 )
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.integrators.options import Options
@@ -136,11 +135,6 @@ class OperatingMap(Result):
     x: Axis = field(repr=False)
     y: Axis = field(repr=False)
     table: pd.DataFrame = field(repr=False)
-
-    @property
-    def lanes(self) -> bool:
-        """Whether many points of the system are mapped in lanes, by vector instructions."""
-        return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
         size = f"{len(self.x.values)} x {len(self.y.values)}"

@@ -17,7 +17,6 @@ from mems_impact.analysis.attractor import (
     STUDY_OPTIONS,
     InitialCondition,
     RecurrenceOptions,
-    maps_in_lanes,
 )
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
@@ -302,11 +301,6 @@ class ToleranceAnalysis(Spread, Result):
     """
 
     system: HybridSystem = field(repr=False)
-
-    @property
-    def lanes(self) -> bool:
-        """Whether many points of the system are mapped in lanes, by vector instructions."""
-        return maps_in_lanes(self.system)
 
     def __repr__(self) -> str:
         names, counted = ", ".join(self.drawn), self._counted()

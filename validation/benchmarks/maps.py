@@ -15,7 +15,6 @@ import numpy as np
 from dask.distributed import Client, LocalCluster
 
 import mems_impact as mi
-from mems_impact.analysis import attractor
 from validation.benchmarks.timing import Row, Spread, in_turn, ratio, scaled
 
 TOPIC = "maps"
@@ -27,7 +26,6 @@ EQUAL = mi.RecurrenceOptions(
 )  # as the loop, which has none either
 BRIEF = mi.RecurrenceOptions(chaos_persistence=1)
 FASTER, POINTS, SHARE = 3, 250, 0.975
-GAIN = 3  # of lanes
 WORKERS = 2
 
 
@@ -75,7 +73,6 @@ def _loop(size: int) -> None:
 def maps(quick: bool) -> Iterator[Row]:
     """The map that the documentation shows, on a coarser grid."""
     yield from _beside_a_loop(*((8, 3) if quick else (16, 7)))
-    yield from _in_lanes(*((24, 3) if quick else (32, 7)))
     yield from _on_workers(*((24, 3) if quick else (48, 7)))
 
 
@@ -100,31 +97,6 @@ def _beside_a_loop(size: int, rounds: int) -> Iterator[Row]:
     unit = f"points of {TRANSIENT} periods/s and core"
     note = f"{followed / points:.0f} periods a point"
     yield Row(TOPIC, CASE, "map, by periods followed", worth, unit, f">= {POINTS}", note)
-
-
-def _in_lanes(size: int, rounds: int) -> Iterator[Row]:
-    """CPU seconds on one core of points in vectors of eight, and one by one."""
-
-    def alone(recurrence: mi.RecurrenceOptions) -> None:
-        least, attractor.LEAST_LANE_POINTS = attractor.LEAST_LANE_POINTS, size * size
-        try:
-            _map(size, recurrence, workers=1)
-        finally:
-            attractor.LEAST_LANE_POINTS = least
-
-    for name, recurrence in {"map": EQUAL, "map with exponents": BRIEF}.items():
-        jobs: dict[str, Callable[[], object]] = {
-            "in lanes": partial(_map, size, recurrence, workers=1),
-            "one by one": partial(alone, recurrence),
-        }
-        seconds = in_turn(jobs, rounds, time.process_time)
-        points = size * size
-        for kind, times in seconds.items():
-            each = Spread.of([points / value for value in times])
-            yield Row(TOPIC, CASE, f"{name}, {points} points {kind}", each, "points/s and core")
-        gain = ratio(seconds["one by one"], seconds["in lanes"])
-        target = f">= {GAIN}" if recurrence is EQUAL else ""
-        yield Row(TOPIC, CASE, f"{name}, gain of lanes", gain, "", target)
 
 
 def _alone(_: int, size: int) -> None:

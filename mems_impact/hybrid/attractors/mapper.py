@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,23 +226,6 @@ class RecurrenceColumns:
         return self.visited[i, is_known]
 
 
-class PointMapper(Protocol):
-    """Maps many points at once, of those that an `AttractorMapper` maps one by one."""
-
-    def follow(
-        self,
-        inputs: Floats,
-        results: Floats,
-        transient: float,
-        length: float,
-        watch: Callable[[float], None] | None,
-    ) -> None:
-        """Write rows of results of `recurrence`, except those that are left to single runs.
-
-        The other parameters are those of `AttractorMapper.follow`.
-        """
-
-
 class AttractorMapper:
     """Maps initial states to attractors, for points of one automaton.
 
@@ -260,13 +243,6 @@ class AttractorMapper:
         The direction of the section, or the guard.
     observed : CompiledObservables, optional
         Observables beside counts and times.
-
-    Attributes
-    ----------
-    problem, observed
-        As given.
-    records : tuple
-        Engine, state of the event loop and WORK of `recurrence`.
     """
 
     def __init__(
@@ -281,17 +257,16 @@ class AttractorMapper:
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
-        self.observed = observed or NO_OBSERVABLES
-        gains, marks = len(self.observed.gains), len(self.observed.marks)
+        self._observed = observed or NO_OBSERVABLES
+        gains, marks = len(self._observed.gains), len(self._observed.marks)
         is_forced = return_kind == recurrence.STROBOSCOPIC
         if is_forced and problem.section is not None:
             problem = replace(problem, section=None)  # only other returns need its crossings
-        self.problem = problem
         self._binding = binding = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        self.loop = LoopMemory(problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced))
-        clock = self.loop.clock
-        observe = self.observed.function if gains + marks else None
+        self._loop = LoopMemory(problem, binding, MAX_PERIOD_STARTS, per_period=int(is_forced))
+        self._clock = clock = self._loop.clock
+        observe = self._observed.function if gains + marks else None
         addresses, self._kernels = binding.kernel_addresses(clock, observe, n, gains + marks)
         self._work = binding.record(
             recurrence.WORK,
@@ -308,8 +283,7 @@ class AttractorMapper:
                 "marks": marks,
             },
         )
-        self.records = binding.engine, clock, self._work
-        self._clock, self._longest = clock, longest
+        self._longest = longest
         widths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
         widths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
         widths = {"y": n, **widths, "states": longest * n}
@@ -317,8 +291,8 @@ class AttractorMapper:
         self._slices = {
             name: slice(*pair) for name, pair in zip(widths, pairwise(ends), strict=True)
         }
-        self.memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
-        self._set_array("memory", "memory_width", self.memory)
+        self._memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
+        self._set_array("memory", "memory_width", self._memory)
 
     def follow(
         self,
@@ -327,7 +301,6 @@ class AttractorMapper:
         length: float,
         watch: Callable[[float], None] | None = None,
         discontinuity_check: Callable[[int, HybridState, float], None] | None = None,
-        devices: Sequence[PointMapper] = (),
     ) -> RecurrenceColumns:
         """Compute the attractors of points.
 
@@ -342,8 +315,6 @@ class AttractorMapper:
             Called several times a second with the number of completed points; it may raise.
         discontinuity_check : callable, optional
             As `Problem.discontinuity_check`, with the number of the point as first argument.
-        devices : sequence of PointMapper, optional
-            Map the points that they can, one device after another.
 
         Returns
         -------
@@ -354,19 +325,10 @@ class AttractorMapper:
         n, m, modes, _, _ = self._sizes
         width = recurrence.result_width(n, m, modes, self._work)
         results = np.zeros((len(points), width))
-        results[:, OUTCOME] = math.nan  # of points that are not completed
-        remaining = np.arange(len(points))
-        for device in devices:
-            if len(remaining) > 0:
-                rows = results[remaining]
-                device.follow(inputs[remaining], rows, transient, length, watch)
-                results[remaining] = rows
-                remaining = remaining[np.isnan(rows[:, OUTCOME])]
-        inputs, rows = inputs[remaining], results[remaining]
         work = self._work
         self._set_array("inputs", "input_width", inputs)
-        self._set_array("results", "result_width", rows)
-        work["points"], work["point"], work["begun"] = len(remaining), 0, 0
+        self._set_array("results", "result_width", results)
+        work["points"], work["point"], work["begun"] = len(points), 0, 0
         work["transient"], work["length"] = transient, length
         status = workspace.PAUSED
         while status != workspace.DONE:
@@ -376,12 +338,11 @@ class AttractorMapper:
                 )
             except FunctionError:  # an ordinary run of the point reports it
                 status = workspace.PAUSED
-            collapse = self.loop.take_step_collapse()
+            collapse = self._loop.take_step_collapse()
             if collapse is not None and discontinuity_check is not None:
-                discontinuity_check(int(remaining[work["point"]]), *collapse)
+                discontinuity_check(int(work["point"]), *collapse)
             if watch is not None:
-                watch(float(len(points) - len(remaining) + work["point"]))
-        results[remaining] = rows
+                watch(float(work["point"]))
         return self._columns(results)
 
     def _set_array(self, name: str, width: str, rows: Floats) -> None:
@@ -394,7 +355,7 @@ class AttractorMapper:
         self._binding.engine.close()
 
     def _columns(self, results: Floats) -> RecurrenceColumns:
-        points, slices, observed = len(results), self._slices, self.observed
+        points, slices, observed = len(results), self._slices, self._observed
         head, measured = results[:, slices["head"]], results[:, MEASURED]
         squares = (
             results[:, slices["squares"]] / np.where(measured > 0.0, measured, math.nan)[:, None]

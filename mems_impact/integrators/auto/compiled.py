@@ -66,14 +66,14 @@ class CompiledAuto(CompiledEngine):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         width = max(equations.n, equations.modes)
         super().__init__(HANDLE, equations, {"rows": ROWS * width}, functions())
-        self.explicit = onestep.CompiledDop853(
+        self._explicit = onestep.CompiledDop853(
             equations, replace(options, method="dop853"), max_step
         )
         self._implicit = cvode.CompiledCvode(equations, replace(options, method="bdf"), max_step)
         handle = self.handle
-        for one in (self.explicit, self._implicit):
+        for one in (self._explicit, self._implicit):
             one.handle["parameters"], one.handle["bias"] = handle["parameters"], handle["bias"]
-        handle["explicit"], handle["implicit"] = self.explicit.address, self._implicit.address
+        handle["explicit"], handle["implicit"] = self._explicit.address, self._implicit.address
         handle["width"], handle["rtol"], handle["atol"] = width, options.rtol, options.atol
         handle["modes"] = equations.modes
         first = int(handle["rows"] - self.memory.ctypes.data) // WORD + MEMORY * width

@@ -15,7 +15,6 @@ from numba import from_dtype, types
 from numba.extending import overload
 
 from mems_impact.integrators.dop853 import stepper
-from mems_impact.integrators.dop853 import stepper as method
 from mems_impact.integrators.dop853.stepper import ENGINE_NUMBERS, LOW, ROWS, STATE
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import mark_overloaded, sources, take_snapshot
@@ -46,7 +45,7 @@ _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_
 HANDLE = np.dtype(
     [
         *ENGINE_FIELDS,
-        *((name, np.int64) for name in ("stages", "dense", "begin", *_WORDS, *_COUNTS)),
+        *((name, np.int64) for name in ("stages", "dense", *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
     ],
     align=True,
@@ -61,7 +60,6 @@ SIGNATURES = {
     **METHOD_SIGNATURES,
     "stages": _real(_word, _real, _real),
     "dense": types.void(_word, _real, _real),
-    "begin": _word(_word),
 }
 
 
@@ -97,7 +95,7 @@ class CompiledDop853(CompiledEngine):
 
 def end_margins(engine: Any, out: Any) -> None:
     """Write margins and rates at the present time into `out`."""
-    low = method.row(engine, LOW)
+    low = stepper.row(engine, LOW)
     for i in range(2 * engine.m):
         out[i] = low[i]
 
@@ -114,8 +112,8 @@ def method_memory(engine: Any, mode: int) -> int:
 @cache
 def functions() -> dict[str, Any]:
     """Compile the stepper to C functions over a HANDLE, or load them from the cache."""
-    run_stages, run_dense, run_begin, run_step, run_interpolate = take_snapshot(
-        method.stages, method.dense, stepper.begin, stepper.step, stepper.interpolate
+    run_stages, run_dense, run_step, run_interpolate = take_snapshot(
+        stepper.stages, stepper.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
     run_end_margins, run_restart, run_sharpen, run_reset, run_method_memory = take_snapshot(
         end_margins, stepper.restart, sharpen, stepper.reset, method_memory
@@ -127,10 +125,7 @@ def functions() -> dict[str, Any]:
     def dense(engine, t, h):  # type: ignore[no-untyped-def]
         run_dense(_handle(engine), t, h)
 
-    def begin(engine):  # type: ignore[no-untyped-def]
-        return run_begin(_handle(engine))
-
-    entries: list[Callable[..., Any]] = [stages, dense, begin]
+    entries: list[Callable[..., Any]] = [stages, dense]
     entries += method_entries(
         "dop853",
         _handle,
@@ -144,7 +139,7 @@ def functions() -> dict[str, Any]:
             run_method_memory,
         ),
     )
-    contracted = {"stages", "dense", "begin", "step", "interpolate"}
+    contracted = {"stages", "dense", "step", "interpolate"}
     return {
         function.__name__: compile_callback(
             function,
@@ -161,28 +156,28 @@ def _is_onestep(kind: Any) -> bool:
 
 
 mark_overloaded(
-    method.row,
-    method.component,
-    method.records_approaches,
-    method.set_fired,
-    method.try_step,
-    method.make_dense,
+    stepper.row,
+    stepper.component,
+    stepper.records_approaches,
+    stepper.set_fired,
+    stepper.try_step,
+    stepper.make_dense,
 )
 
 
-@overload(method.row, jit_options={**JIT, **INNER})
+@overload(stepper.row, jit_options={**JIT, **INNER})
 def _row(engine, i):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
 
 
-@overload(method.component, jit_options={**JIT, **INNER})
+@overload(stepper.component, jit_options={**JIT, **INNER})
 def _component(engine, j):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, j: pointer(engine.components + WORD * ENGINE_NUMBERS * j)
 
 
-@overload(method.records_approaches, jit_options={**JIT, **INNER})
+@overload(stepper.records_approaches, jit_options={**JIT, **INNER})
 def _records_approaches(engine, i):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, i: (
@@ -190,7 +185,7 @@ def _records_approaches(engine, i):  # type: ignore[no-untyped-def]
         )
 
 
-@overload(method.set_fired, jit_options={**JIT, **INNER})
+@overload(stepper.set_fired, jit_options={**JIT, **INNER})
 def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
 
@@ -203,30 +198,15 @@ def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
 # Calls of the compiled functions by their addresses in the handle.
 _call_stages = caller(SIGNATURES["stages"])
 _call_dense = caller(SIGNATURES["dense"])
-_call_begin = caller(SIGNATURES["begin"])
 
 
-@overload(method.try_step, jit_options={**JIT, **INNER})
+@overload(stepper.try_step, jit_options={**JIT, **INNER})
 def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, t, h: _call_stages(engine.stages, (address(engine), t, h))
 
 
-@overload(method.make_dense, jit_options={**JIT, **INNER})
+@overload(stepper.make_dense, jit_options={**JIT, **INNER})
 def _make_dense(engine, t, h):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
         return lambda engine, t, h: _call_dense(engine.dense, (address(engine), t, h))
-
-
-def begin(engine: Any) -> int:
-    """Begin an arc by the compiled function."""
-    return stepper.begin(engine)
-
-
-mark_overloaded(begin)
-
-
-@overload(begin, jit_options={**JIT, **INNER})
-def _begin(engine):  # type: ignore[no-untyped-def]
-    if _is_onestep(engine):
-        return lambda engine: _call_begin(engine.begin, (address(engine),))

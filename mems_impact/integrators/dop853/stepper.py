@@ -736,15 +736,6 @@ def take_step(engine: Any) -> int:
         rejected = True
         if h < smallest:
             return failure
-    accept_step(engine, t, ahead, planned, error, rejected)
-    return interface.STEPPED
-
-
-def accept_step(
-    engine: Any, t: float, ahead: float, planned: float, error: float, rejected: bool
-) -> None:
-    """Record a step from `t` to `ahead` that passes the error test, and choose the next one."""
-    h = ahead - t
     leave_section(engine, row(engine, HIGH), 0)
     engine.steps += 1
     engine.t_start = t
@@ -755,6 +746,7 @@ def accept_step(
     # A step shortened by the stop does not limit the next one.
     engine.h_next = max(longer, planned) if h < planned else longer
     check_stability(engine, h)
+    return interface.STEPPED
 
 
 def check_stability(engine: Any, h: float) -> None:

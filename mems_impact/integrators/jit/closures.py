@@ -89,10 +89,7 @@ class Snapshot:
         once per process, even if its dependencies change. Snapshots with the same function, with
         the same dependencies, share its copy, so that numba compiles it once.
         """
-        return self.frozen_by(ProcessorCopier(**options))
-
-    def frozen_by(self, copier: Copier) -> list[Any]:
-        """Return the same copies by a copier."""
+        copier = _Copier(**options)
         with _registration_lock:
             return [copier.function(function) for function in self.functions]
 
@@ -353,62 +350,50 @@ def forget_copies() -> None:
         _copies.clear()
 
 
-class Copier:
+class _Copier:
     """Copies functions with all functions that they call, so that later changes do not affect them.
 
-    Subclasses replace values, and prepare the copies for a compiler.
+    numba distinguishes symbols by function numbers within a process, and the numbers of two
+    processes coincide. A process that loads the compiled code of both from the cache on disk would
+    silently confuse them. So the name of each copy contains a digest of its dependencies.
     """
 
-    def __init__(self) -> None:
-        self._copies: dict[FunctionType, Any] = {}
+    def __init__(self, **options: Any) -> None:
+        self._options = {**JIT, **INNER, **options}
+        self._label = repr(sorted(options.items()))
+        self._copied: dict[FunctionType, FunctionType] = {}
         self._modules: dict[tuple[ModuleType, tuple[str, ...]], ModuleType] = {}
 
-    def is_external(self, function: FunctionType) -> bool:
-        """Return whether the compiler has its own implementation of a function."""
-        return _is_library(function.__module__)
+    def function(self, function: FunctionType) -> FunctionType:
+        """Return the copy of a function."""
+        if _is_external(function):
+            return function
+        if function not in self._copied:
+            reader = _Reader()
+            reader.put(sources(), self._label)
+            reader.value(function)
+            name = reader.name()
+            if name not in _copies:
+                _copies[name] = self._copy(function, name), reader.objects
+            self._copied[function] = _copies[name][0]
+        return self._copied[function]
 
-    def substitute(self, value: Any) -> Any:
-        """Return what stands for `value` in compiled code."""
-        return value
-
-    def part(self, value: Any) -> Any:
-        """Return what stands for a copied value in a tuple."""
-        return value
-
-    def prepare(self, copy: FunctionType, function: FunctionType) -> Any:
-        """Return the copy of `function`, ready to be called by compiled code."""
-        return copy
-
-    def name(self, function: FunctionType) -> tuple[str, list[Any]]:
-        """Return a digest of a function, and objects that keep it unique."""
-        reader = _Reader()
-        reader.value(function)
-        return reader.name(), reader.objects
-
-    def value(self, value: Any, names: tuple[str, ...]) -> Any:
+    def _value(self, value: Any, names: tuple[str, ...]) -> Any:
         """Return a value with copies of all functions in it."""
-        value = self.substitute(_python_function(value))
+        value = substitute(_python_function(value))
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType) and not _is_library(value.__name__):
             return self._module(value, names)
         if type(value) is tuple:
-            return tuple(self.part(self.value(part, names)) for part in value)
+            parts = (self._value(part, names) for part in value)
+            # numba calls functions in a tuple only if they are compiled.
+            return tuple(
+                njit(**JIT)(part) if isinstance(part, FunctionType) else part for part in parts
+            )
         return value
 
-    def function(self, function: FunctionType) -> Any:
-        """Return the copy of a function."""
-        if self.is_external(function):
-            return function
-        if function not in self._copies:
-            self._copies[function] = self.copy(function, *self.name(function))
-        return self._copies[function]
-
-    def copy(self, function: FunctionType, name: str, objects: list[Any]) -> Any:
-        """Return a copy of a function with its `name`."""
-        return self._copy(function, name)
-
-    def _copy(self, function: FunctionType, name: str) -> Any:
+    def _copy(self, function: FunctionType, name: str) -> FunctionType:
         names = _names(function.__code__)
         cells = tuple(CellType() for _ in function.__closure__ or ())
         # numba imports the module of a function when it loads it from the cache.
@@ -417,59 +402,21 @@ class Copier:
         copy = FunctionType(code, space, function.__name__, defaults, cells)
         copy.__module__ = __name__
         copy.__qualname__ = f"{function.__qualname__}_{name}"
-        self._copies[function] = copy  # before its dependencies, since it may be recursive
+        self._copied[function] = copy  # before its dependencies, since it may be recursive
         for cell, (_, value) in zip(cells, _contents(function), strict=True):
-            cell.cell_contents = self.value(value, names)
+            cell.cell_contents = self._value(value, names)
         for name, value in _globals(function):
-            space[name] = self.value(value, names)
-        return self.prepare(copy, function)
+            space[name] = self._value(value, names)
+        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
+        return copy
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:
         key = (module, names)
         if key not in self._modules:
             self._modules[key] = copy = ModuleType(module.__name__)
             for name, value in _attributes(module, names):
-                setattr(copy, name, self.value(value, names))
+                setattr(copy, name, self._value(value, names))
         return self._modules[key]
-
-
-class ProcessorCopier(Copier):
-    """Copies functions for the processor.
-
-    numba distinguishes symbols by function numbers within a process, and the numbers of two
-    processes coincide. A process that loads the compiled code of both from the cache on disk would
-    silently confuse them. So the name of each copy contains a digest of its dependencies.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__()
-        self._options = {**JIT, **INNER, **options}
-        self._label = repr((type(self).__name__, sorted(options.items())))
-
-    def is_external(self, function: FunctionType) -> bool:
-        return _is_external(function)
-
-    def substitute(self, value: Any) -> Any:
-        return substitute(value)
-
-    def part(self, value: Any) -> Any:
-        # numba calls functions in a tuple only if they are compiled.
-        return njit(**JIT)(value) if isinstance(value, FunctionType) else value
-
-    def prepare(self, copy: FunctionType, function: FunctionType) -> FunctionType:
-        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
-        return copy
-
-    def name(self, function: FunctionType) -> tuple[str, list[Any]]:
-        reader = _Reader()
-        reader.put(sources(), self._label)
-        reader.value(function)
-        return reader.name(), reader.objects
-
-    def copy(self, function: FunctionType, name: str, objects: list[Any]) -> FunctionType:
-        if name not in _copies:
-            _copies[name] = self._copy(function, name), objects
-        return _copies[name][0]
 
 
 def _without_keyword_only(function: FunctionType) -> tuple[CodeType, tuple[Any, ...] | None]:

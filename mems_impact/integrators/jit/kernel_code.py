@@ -44,13 +44,9 @@ class KernelCode:
 
     Attributes
     ----------
-    kind : LLVM type
-        That of the C function.
     mode, code, t, y, parameters, size, out : LLVM values
         The arguments.
     """
-
-    kind = KERNEL
 
     def __init__(self, builder: ir.IRBuilder, function: Any) -> None:
         self._builder, self._function = builder, function
@@ -152,8 +148,7 @@ def compile_kernel(
     body: Callable[[KernelCode], Any],
     name: str,
     lasting: bool,
-    code: type[KernelCode] = KernelCode,
-    **options: Any,
+    boundscheck: bool,
 ) -> Kernel:
     """Compile a function of an automaton to a C function, or load it from the cache.
 
@@ -170,16 +165,15 @@ def compile_kernel(
         The symbol; identifies the function, its dependencies and `body`.
     lasting : bool
         Whether the name is valid in other processes, so that the code can be kept on disk.
-    code : type of KernelCode, optional
-    options
-        Additional options of numba.
+    boundscheck : bool
+        Whether the function checks the bounds of arrays.
     """
     with global_compiler_lock, pause_collection():
         cache = library_cache(name, lasting)
         library = cache.load_overload(name, cpu_target.target_context)
         if library is None:
             try:
-                library = _link(function(), tuple(arguments), body, name, code, options)
+                library = _link(function(), tuple(arguments), body, name, boundscheck)
             except Exception:
                 forget_copies()
                 raise
@@ -188,10 +182,10 @@ def compile_kernel(
 
 
 @lru_cache(maxsize=64)
-def _inline_function(function: Callable[..., Any], options: tuple[tuple[str, Any], ...]) -> Any:
+def _inline_function(function: Callable[..., Any], boundscheck: bool) -> Any:
     """Return the numba function, one for all sizes: its translation takes most of the time."""
     # The calling convention of an array is a quarter of the time of a small function.
-    return njit(**{**JIT, **INNER, "forceinline": True, **dict(options)})(function)
+    return njit(**JIT, **INNER, forceinline=True, boundscheck=boundscheck)(function)
 
 
 def _link(
@@ -199,17 +193,16 @@ def _link(
     arguments: tuple[Any, ...],
     body: Callable[[KernelCode], Any],
     name: str,
-    code: type[KernelCode],
-    options: dict[str, Any],
+    boundscheck: bool,
 ) -> Any:
-    compiled = _inline_function(function, tuple(options.items()))
+    compiled = _inline_function(function, boundscheck)
     compiled.compile(arguments)
     result = compiled.overloads[arguments]
     library = cpu_target.target_context.codegen().create_library(name)
     library.enable_object_caching()
     module = library.create_ir_module(name)
-    builder = ir.IRBuilder(ir.Function(module, code.kind, name).append_basic_block())
-    builder.ret(body(code(builder, result)))
+    builder = ir.IRBuilder(ir.Function(module, KERNEL, name).append_basic_block())
+    builder.ret(body(KernelCode(builder, result)))
     library.add_linking_library(result.library)
     library.add_ir_module(module)
     library.finalize()

@@ -20,13 +20,7 @@ from numba.extending import intrinsic, overload
 
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations, SingleMethodEngine
-from mems_impact.integrators.jit.closures import (
-    Copier,
-    ProcessorCopier,
-    Snapshot,
-    mark_overloaded,
-    take_snapshot,
-)
+from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
 from mems_impact.integrators.jit.kernel_code import KERNEL, Kernel, KernelCode, compile_kernel
 from mems_impact.integrators.jit.numba_support import (
     INNER,
@@ -155,9 +149,8 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
     )
 
 
-def flow_body(n: int, bounds: bool) -> Callable[[KernelCode], Any]:
-    """Return the body of the C function of a flow."""
-
+@cache
+def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
     def body(code: KernelCode) -> Any:
         if bounds:
             code.fill(code.out, n, math.nan)  # reveals unwritten components
@@ -168,12 +161,12 @@ def flow_body(n: int, bounds: bool) -> Callable[[KernelCode], Any]:
             code.fill(code.out, n, math.nan)
         return code.mode
 
-    return body
+    kinds = (_word, _real, VECTOR, VECTOR, VECTOR)
+    return compile_role("flow", snapshot, kinds, body, (n, bounds), bounds)
 
 
-def margins_body(n: int, m: int) -> Callable[[KernelCode], Any]:
-    """Return the body of the C function of margins."""
-
+@cache
+def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
     def body(code: KernelCode) -> Any:
         code.fill(code.out, 2 * m, 1.0)
         state, parameters = (
@@ -187,19 +180,8 @@ def margins_body(n: int, m: int) -> Callable[[KernelCode], Any]:
             code.fill(code.out, m, math.nan)
         return code.mode
 
-    return body
-
-
-@cache
-def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
-    kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR), flow_body(n, bounds)
-    return compile_role("flow", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
-
-
-@cache
-def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
-    kinds, body = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR), margins_body(n, m)
-    return compile_role("margins", snapshot, kinds, body, (n, m, bounds), boundscheck=bounds)
+    kinds = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR)
+    return compile_role("margins", snapshot, kinds, body, (n, m, bounds), bounds)
 
 
 @cache
@@ -221,7 +203,7 @@ def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
         return code.result(if_failed=NO_MODE)
 
     kinds = (_word, _word, _real, VECTOR, VECTOR)
-    return compile_role("transition", snapshot, kinds, body, (n, bounds), boundscheck=bounds)
+    return compile_role("transition", snapshot, kinds, body, (n, bounds), bounds)
 
 
 def jacobian_of(jacobian: Callable[..., Any], n: int) -> Kernel:
@@ -243,7 +225,7 @@ def _jacobian_kernel(snapshot: Snapshot, n: int) -> Kernel:
         return code.mode
 
     kinds = (_word, _real, VECTOR, VECTOR, MATRIX)
-    return compile_role("jacobian", snapshot, kinds, body, (n,), boundscheck=True)
+    return compile_role("jacobian", snapshot, kinds, body, (n,), True)
 
 
 def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
@@ -269,7 +251,7 @@ def _observables_kernel(snapshot: Snapshot, n: int, count: int) -> Kernel:
         return code.either(if_failed=1, if_successful=0)
 
     kinds = (_word, _word, _real, VECTOR, VECTOR, VECTOR)
-    return compile_role("observables", snapshot, kinds, body, (n, count), boundscheck=True)
+    return compile_role("observables", snapshot, kinds, body, (n, count), True)
 
 
 def compile_role(
@@ -278,19 +260,16 @@ def compile_role(
     kinds: tuple[Any, ...],
     body: Callable[[KernelCode], Any],
     sizes: tuple[int, ...],
-    *,
-    copier: Callable[..., Copier] = ProcessorCopier,
-    code: type[KernelCode] = KernelCode,
-    **options: Any,
+    boundscheck: bool,
 ) -> Kernel:
     """Compile the function of an automaton with a role; see `compile_kernel`."""
     # Symbols of compiled code contain this name, which keeps automata of a process apart.
     name = "_".join([f"{role}_kernel", snapshot.name, *(f"{size:d}" for size in sizes)])
 
     def function() -> Any:
-        return snapshot.frozen_by(copier(**options))[0]
+        return snapshot.frozen(boundscheck=boundscheck)[0]
 
-    return compile_kernel(function, kinds, body, name, snapshot.lasting, code, **options)
+    return compile_kernel(function, kinds, body, name, snapshot.lasting, boundscheck)
 
 
 # --- Compiled engines

@@ -154,16 +154,6 @@ def integers(_typing: Any, address: Any) -> Any:
     return types.CPointer(types.int32)(types.int64), codegen
 
 
-@intrinsic
-def words(_typing: Any, address: Any) -> Any:
-    """Convert an address to a pointer to int64."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], ir.IntType(64).as_pointer())
-
-    return types.CPointer(types.int64)(types.int64), codegen
-
-
 def caller(signature: Any) -> Any:
     """Return an intrinsic that calls a C function by address, with a tuple of arguments.
 

@@ -63,17 +63,13 @@ class Reduction:
     quadrant : LLVM value
     """
 
-    real, word, bit = DOUBLE, WORD, ir.IntType(1)
-    suffix = "f64"  # of LLVM's intrinsics
-
     def __init__(self, builder: Any, x: Any) -> None:
-        kind = ir.FunctionType(self.real, [self.real] * 3)
-        name = f"llvm.fma.{self.suffix}"
-        self._fma = cgutils.get_or_insert_function(builder.module, kind, name)
+        kind = ir.FunctionType(DOUBLE, [DOUBLE] * 3)
+        self._fma = cgutils.get_or_insert_function(builder.module, kind, "llvm.fma.f64")
         self._builder = builder
-        rounded = self.fma(x, self.constant(2.0 / math.pi), self.constant(SHIFTER))
-        count = builder.fsub(rounded, self.constant(SHIFTER))
-        first, second, third = (self.constant(-part) for part in HALF_PI)
+        rounded = self.fma(x, DOUBLE(2.0 / math.pi), DOUBLE(SHIFTER))
+        count = builder.fsub(rounded, DOUBLE(SHIFTER))
+        first, second, third = (DOUBLE(-part) for part in HALF_PI)
         remainder = self.fma(count, first, x)  # exact
         product = builder.fmul(count, second)
         self.angle = builder.fadd(remainder, product)
@@ -85,12 +81,8 @@ class Reduction:
         )
         error = builder.fadd(error, self.fma(count, second, builder.fneg(product)))
         self.tail = self.fma(count, third, error)
-        self.quadrant = builder.bitcast(rounded, self.word)
+        self.quadrant = builder.bitcast(rounded, WORD)
         self.square = builder.fmul(self.angle, self.angle)
-
-    def constant(self, value: float) -> Any:
-        """Return a real constant."""
-        return constant(self.real, value)
 
     def fma(self, a: Any, b: Any, c: Any) -> Any:
         return self._builder.call(self._fma, [a, b, c])
@@ -98,33 +90,26 @@ class Reduction:
     def polynomial(self, c: tuple[float, ...], fourth: Any) -> Any:
         """Return a polynomial of degree five in the square, by Estrin's scheme."""
         low, middle, high = (
-            self.fma(self.constant(c[i + 1]), self.square, self.constant(c[i])) for i in (0, 2, 4)
+            self.fma(DOUBLE(c[i + 1]), self.square, DOUBLE(c[i])) for i in (0, 2, 4)
         )
         return self.fma(fourth, self.fma(fourth, high, middle), low)
 
     def value(self, quarter_turns: int) -> Any:
         """Return the sine of the argument advanced by quarter turns."""
         b, r, tail, z = self._builder, self.angle, self.tail, self.square
-        fourth, half = b.fmul(z, z), b.fmul(z, self.constant(0.5))
+        fourth, half = b.fmul(z, z), b.fmul(z, DOUBLE(0.5))
         # sin(r + tail) = r + (r z S(z) + tail (1 - z/2))
-        weight = b.fsub(self.constant(1.0), half)
+        weight = b.fsub(DOUBLE(1.0), half)
         cubic = b.fmul(b.fmul(r, z), self.polynomial(SINE, fourth))
         sine = b.fadd(r, self.fma(tail, weight, cubic))
         # cos(r + tail) = weight + (error of weight + z z C(z) - r tail)
-        error = b.fsub(b.fsub(self.constant(1.0), weight), half)
+        error = b.fsub(b.fsub(DOUBLE(1.0), weight), half)
         error = self.fma(b.fneg(r), tail, error)
         cosine = b.fadd(weight, self.fma(fourth, self.polynomial(COSINE, fourth), error))
-        word = self.word
-        turns = b.add(self.quadrant, constant(word, quarter_turns))
-        result = b.select(b.trunc(turns, self.bit), cosine, sine)
-        sign = b.shl(b.and_(turns, constant(word, 2)), constant(word, 62))
-        return b.bitcast(b.xor(b.bitcast(result, word), sign), self.real)
-
-
-def constant(kind: Any, value: float) -> Any:
-    """Return a constant; a vector has it in all lanes."""
-    vector = isinstance(kind, ir.VectorType)
-    return ir.Constant(kind, [value] * kind.count if vector else value)
+        turns = b.add(self.quadrant, WORD(quarter_turns))
+        result = b.select(b.trunc(turns, ir.IntType(1)), cosine, sine)
+        sign = b.shl(b.and_(turns, WORD(2)), WORD(62))
+        return b.bitcast(b.xor(b.bitcast(result, WORD), sign), DOUBLE)
 
 
 def _advanced_sine(quarter_turns: int) -> Any:

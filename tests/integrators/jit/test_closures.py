@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from mems_impact.hybrid.attractors import lanes, recurrence
+from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.problem import Problem
@@ -180,7 +180,7 @@ def test_the_definition_of_an_intrinsic_is_in_the_name():
 
 
 LOOPS = (
-    loop.run_steps, recurrence.map_points, lanes.map_lanes, saltation.propagate_segments,
+    loop.run_steps, recurrence.map_points, saltation.propagate_segments,
     saltation.stretch, saltation.reset, saltation.constrain, saltation.flow_at,
 )  # fmt: skip
 
