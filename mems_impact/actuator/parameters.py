@@ -408,8 +408,9 @@ class Actuator(Checked):
         Raises
         ------
         InvalidParameter
-            If the device is dimensionless, or a term has no Verilog-A form: those of the source,
-            which belong to the circuit, and terms of your own.
+            If the device is dimensionless or has events (it lacks `CompliantStopper` or
+            `RegularizedFriction`), or if a term has no Verilog-A form: a term of the source, which
+            belongs to the circuit, or a term of your own.
 
         See Also
         --------
@@ -417,17 +418,17 @@ class Actuator(Checked):
 
         Notes
         -----
-        Impacts, sticking and slipping are events, ``@(cross())`` and ``idt`` with reset, as Spectre
-        and ADS have them. Of each state there are two integrators, which change places at an event.
-        A device with `CompliantStopper` and `RegularizedFriction` has no events, so that OpenVAF
-        compiles it for ngspice or VACASK. Rebounds slower than ``rest_speed``, or lower than the
-        tolerance of events, end in contact.
+        OpenVAF compiles the module for VACASK or ngspice. `to_fmu` exports impacts, sticking and
+        slipping as events.
 
         Examples
         --------
         >>> import mems_impact as mi
         >>> from pathlib import Path
-        >>> mi.load_actuator("mita2003").to_verilog_a("dev.va")
+        >>> actuator = mi.load_actuator("mita2003").adding(
+        ...     mi.CompliantStopper(stiffness=500.0), mi.RegularizedFriction(width=1e-5)
+        ... )
+        >>> actuator.to_verilog_a("dev.va")
         >>> [line for line in Path("dev.va").read_text().splitlines() if line[:6] == "module"]
         ['module dev(p, n, block, frame);']
         """

@@ -1,10 +1,4 @@
-"""Verilog-A modules of devices, for circuit simulators.
-
-Verilog-A has no statement that changes a state at an event, and ``idt`` with a reset already
-returns the new value at the event, where the old one is needed. So a module with events holds each
-state in two integrators: one integrates while the reset holds the other. An event computes the new
-state from the one that integrates, and the integrators change places.
-"""
+"""Verilog-A modules of devices with smooth contact and friction, for circuit simulators."""
 
 from __future__ import annotations
 
@@ -24,7 +18,7 @@ from mems_impact._util.limits import BOUND_RTOL
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
 from mems_impact.actuator.splines import COEFFICIENTS, coefficients
 from mems_impact.actuator.terms.adhesion import Adhesion
-from mems_impact.actuator.terms.base import Term, is_compliant
+from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.comb_drive import MIN_OVERLAP_RATIO, CombDrive
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
@@ -32,7 +26,6 @@ from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
 from mems_impact.actuator.terms.frame_load import FrameLoad
 from mems_impact.actuator.terms.frame_spring import FrameSpring
 from mems_impact.actuator.terms.fringing import Fringing
-from mems_impact.actuator.terms.power_law_restitution import PowerLawRestitution
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
 from mems_impact.actuator.terms.series_resistance import SeriesResistance
 from mems_impact.actuator.terms.squeeze_film import (
@@ -42,10 +35,8 @@ from mems_impact.actuator.terms.squeeze_film import (
     share,
     share_of_row,
 )
-from mems_impact.actuator.terms.stribeck_friction import StribeckFriction
 from mems_impact.actuator.terms.table import TableTerm
 from mems_impact.actuator.terms.tabulated_capacitance import TabulatedCapacitance
-from mems_impact.actuator.terms.tabulated_restitution import TabulatedRestitution
 from mems_impact.actuator.terms.tabulated_spring import STIFFNESS_RTOL, TabulatedSpring
 from mems_impact.actuator.terms.tilt import Tilt
 from mems_impact.actuator.terms.tilted_plate import (
@@ -59,15 +50,8 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["verilog_a", "write_verilog_a"]
 
 PI = repr(math.pi)
-REST_SPEED_RATIO = 1e-4  # rest speed in units of d w0
-EVENT_TOL = 1e-8  # of event location, in units of the guard and of 1/w0
-OFFSET = "0.01*event_tol"  # of guards, so that none is exactly zero after its event
 POSITION_ABSTOL_RATIO = 1e-6  # absolute tolerance of positions in gaps, and of forces in k d
 MAX_STEP = 0.1  # longest step in units of 1/w0
-
-Expression = Callable[[str], str]
-"""An expression of the state whose variables have the given suffix."""
-
 
 # --- Code of terms
 
@@ -78,7 +62,7 @@ class ModuleState:
 
     name: str
     unit: str
-    rate: Expression
+    rate: str
     start: str = "0.0"
 
 
@@ -90,9 +74,10 @@ class Side:
     sign: int
     voltage: str
 
-    def position(self, suffix: str) -> str:
-        """Return the position of the block towards it."""
-        return f"x2{suffix}" if self.sign > 0 else f"-x2{suffix}"
+    @property
+    def position(self) -> str:
+        """The position of the block towards it."""
+        return "x2" if self.sign > 0 else "-x2"
 
 
 @dataclass(frozen=True)
@@ -117,11 +102,8 @@ class TermCode:
         Forces on the block with the reaction on the frame, and external forces.
     normal_force_factor : str
         A factor of the normal force.
-    friction, restitution, stopper : str
-        Bodies of the functions of these names, which assign to the name.
     adhesion : str
         The pull-off force.
-    sticks : bool
     states : tuple of ModuleState
     functions : tuple of str
         Further functions.
@@ -131,15 +113,11 @@ class TermCode:
         Variables that depend on parameters alone.
     """
 
-    force: Expression | None = None
-    on_frame: Expression | None = None
-    on_block: Expression | None = None
+    force: str = ""
+    on_frame: str = ""
+    on_block: str = ""
     normal_force_factor: str = ""
-    friction: str = ""
-    restitution: str = ""
-    stopper: str = ""
     adhesion: str = ""
-    sticks: bool = True
     states: tuple[ModuleState, ...] = ()
     functions: tuple[str, ...] = ()
     plate: Plate | None = None
@@ -159,8 +137,8 @@ def function(name: str, inputs: str, body: str, variables: str = "") -> str:
 def tilt(term: Term) -> TermCode:
     """Return the code of inclined ground."""
     return TermCode(
-        on_frame=lambda s: "- m1*g*sin(tilt_angle)",
-        on_block=lambda s: "- m2*g*sin(tilt_angle)",
+        on_frame="- m1*g*sin(tilt_angle)",
+        on_block="- m2*g*sin(tilt_angle)",
         normal_force_factor="cos(tilt_angle)",
     )
 
@@ -173,24 +151,18 @@ def squeeze_film(term: Term) -> TermCode:
     for prefix, sign in (("", 1), ("left_", -1)) if term.sides == "both" else (("", 1),):
         side = Side(prefix, sign, "")
         names = [f"{prefix}film_{i + 1}" for i in range(len(sizes))]
-        parts = zip(names, (part for part, _ in sizes), strict=True)
-        forces.append((side, [(name, repr(part)) for name, part in parts]))
+        filling = " + ".join(
+            f"{part!r}*{name}" for name, (part, _) in zip(names, sizes, strict=True)
+        )
+        gap = f"electrode_gap({side.position})"
+        forces.append(f"{'-' if sign > 0 else '+'} film_stiffness*({filling})/{gap}")
         states += [
             ModuleState(name, "d", film_rate(side, name, f"film_size_{i + 1}"))
             for i, name in enumerate(names)
         ]
 
-    def force(s: str) -> str:
-        texts = []
-        for side, parts in forces:
-            filling = " + ".join(f"{part}*{name}{s}" for name, part in parts)
-            sign = "-" if side.sign > 0 else "+"
-            gap = f"electrode_gap({side.position(s)})"
-            texts.append(f"{sign} film_stiffness*({filling})/{gap}")
-        return " ".join(texts)
-
     return TermCode(
-        force=force,
+        force=" ".join(forces),
         states=tuple(states),
         functions=(
             function(
@@ -217,15 +189,10 @@ def squeeze_film(term: Term) -> TermCode:
     )
 
 
-def film_rate(side: Side, name: str, size: str) -> Expression:
+def film_rate(side: Side, name: str, size: str) -> str:
     """Return the rate of a compartment."""
     closing = "v2" if side.sign > 0 else "-v2"
-
-    def rate(s: str) -> str:
-        flow = f"{name}{s}*film_mobility(electrode_gap({side.position(s)}))/{size}"
-        return f"{closing}{s} - {flow}"
-
-    return rate
+    return f"{closing} - {name}*film_mobility(electrode_gap({side.position}))/{size}"
 
 
 def film_sizes(modes: int) -> list[tuple[float, str]]:
@@ -257,49 +224,6 @@ def film_sizes(modes: int) -> list[tuple[float, str]]:
     found.append((rest, f"8.0*{width}/pow({PI}, 4)*({fourth!r} - {ends})/{rest!r}"))
     return found
 
-
-def tabulated_restitution(term: Term) -> TermCode:
-    """Return the code of the monotone cubic, with the numbers of the table."""
-    assert isinstance(term, TabulatedRestitution)
-    x, y = term.speeds, term.values
-    slopes = monotone_slopes(x, y)
-    lines = [f"if (speed <= {x[0]!r})\n  restitution = {y[0]!r};"]
-    for i in range(len(x) - 1):
-        h = x[i + 1] - x[i]
-        lines.append(
-            f"else if (speed <= {x[i + 1]!r}) begin\n"
-            f"  u = (speed - {x[i]!r})/{h!r};\n"
-            "  w = 1.0 - u;\n"
-            f"  restitution = w*w*(1.0 + 2.0*u)*{y[i]!r} + u*u*(1.0 + 2.0*w)*{y[i + 1]!r}\n"
-            f"    + {h!r}*u*w*(w*({slopes[i]!r}) - u*({slopes[i + 1]!r}));\n"
-            "end"
-        )
-    lines.append(f"else\n  restitution = {y[-1]!r};")
-    return TermCode(restitution="\n".join(lines))
-
-
-def monotone_slopes(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """Return the slopes of the interpolant of Fritsch and Butland, 0 at both ends."""
-    slopes = [0.0]
-    for i in range(1, len(x) - 1):
-        short, long = x[i] - x[i - 1], x[i + 1] - x[i]
-        before, after = (y[i] - y[i - 1]) / short, (y[i + 1] - y[i]) / long
-        if before * after <= 0.0:
-            slopes.append(0.0)
-            continue
-        one, two = 2.0 * long + short, long + 2.0 * short
-        slopes.append((one + two) / (one / before + two / after))
-    return [*slopes, 0.0]
-
-
-STRIBECK = """\
-square = (speed/stribeck_friction_speed)*(speed/stribeck_friction_speed);
-fallen = (speed > 0.0) ? exp(-square) : 1.0 - square/(1.0 + 0.5*square);
-friction = mu_d + (mu_s - mu_d)*fallen + stribeck_friction_viscous*speed;"""
-
-POWER_LAW = """\
-relative = speed/power_law_restitution_speed;
-restitution = e*pow(1.0 + relative*relative, -0.5*power_law_restitution_exponent);"""
 
 STOPPER = """\
 stopper = compliant_stopper_stiffness*depth
@@ -400,7 +324,7 @@ def tabulated_spring(term: Term) -> TermCode:
     assert isinstance(term, TableTerm)
     body = spline_body(term, slope=False).replace("NAME", "restoring")
     return TermCode(
-        force=lambda s: f"+ k*x2{s} - restoring(x2{s})",
+        force="+ k*x2 - restoring(x2)",
         functions=(function("restoring", "x", body, SPLINE_VARIABLES),),
     )
 
@@ -421,32 +345,36 @@ def has(term: Term, name: str) -> bool:
 TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     Adhesion: lambda term: TermCode(adhesion="adhesion_force"),
     CombDrive: lambda term: TermCode(plate=COMB_PLATE),
-    CompliantStopper: lambda term: TermCode(stopper=STOPPER),
-    CubicStiffness: lambda term: TermCode(
-        force=lambda s: f"- cubic_stiffness_k3*x2{s}*x2{s}*x2{s}"
+    CompliantStopper: lambda term: TermCode(
+        functions=(function("stopper", "depth, rate", STOPPER),)
     ),
+    CubicStiffness: lambda term: TermCode(force="- cubic_stiffness_k3*x2*x2*x2"),
     DielectricCharging: lambda term: TermCode(),  # see `electrode_states`
-    FrameLoad: lambda term: TermCode(on_frame=lambda s: "- frame_load_force"),
-    FrameSpring: lambda term: TermCode(on_frame=lambda s: f"- frame_spring_k1*x1{s}"),
+    FrameLoad: lambda term: TermCode(on_frame="- frame_load_force"),
+    FrameSpring: lambda term: TermCode(on_frame="- frame_spring_k1*x1"),
     Fringing: fringing,
-    PowerLawRestitution: lambda term: TermCode(restitution=POWER_LAW),
     RegularizedFriction: lambda term: TermCode(
-        friction="friction = mu_d*tanh(speed/regularized_friction_width);", sticks=False
+        functions=(
+            function(
+                "friction",
+                "speed",
+                "friction = mu_d*tanh(speed/regularized_friction_width);",
+            ),
+        )
     ),
     SeriesResistance: lambda term: TermCode(  # see `electrode_states`
         functions=(function("source_current", "drop", SOURCE_CURRENT[has(term, "current_limit")]),)
     ),
     SqueezeFilm: squeeze_film,
-    StribeckFriction: lambda term: TermCode(friction=STRIBECK),
     TabulatedCapacitance: tabulated_capacitance,
-    TabulatedRestitution: tabulated_restitution,
     TabulatedSpring: tabulated_spring,
     Tilt: tilt,
     TiltedPlate: lambda term: TermCode(plate=TILTED_PLATE),
 }
 """Terms with a Verilog-A form. A table is part of the code; all other numbers are parameters."""
 
-LOCALS = {STRIBECK: "square, fallen", POWER_LAW: "relative"}
+SMOOTH_TERMS = CompliantStopper, RegularizedFriction
+"""Terms that make contact and friction smooth functions of the state."""
 
 
 def numbers_of(term: Term) -> dict[str, float]:
@@ -460,28 +388,17 @@ def numbers_of(term: Term) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Layout:
-    """What the module of a device consists of."""
+    """The contributions to the module of a device."""
 
     actuator: Actuator
     codes: tuple[TermCode, ...]
     sides: tuple[Side, ...]
     series: bool
     charging: bool
-    rigid: bool
-    sticks: bool
-
-    @property
-    def events(self) -> bool:
-        """Whether the module has events."""
-        return self.rigid or self.sticks
 
     def every(self, name: str) -> list[Any]:
         """Return a contribution of all terms that have it."""
         return [found for code in self.codes if (found := getattr(code, name))]
-
-    def body(self, name: str, default: Any) -> Any:
-        """Return a contribution that at most one term has."""
-        return next(iter(self.every(name)), default)
 
     def plate(self, side: Side) -> Plate:
         """Return the electrode on a side."""
@@ -490,18 +407,18 @@ class Layout:
                 return code.plate
         return PARALLEL
 
-    def sum_of(self, name: str, suffix: str) -> str:
+    def sum_of(self, name: str) -> str:
         """Return the sum of a contribution, each with its sign."""
-        return "".join(f" {part(suffix)}" for part in self.every(name))
+        return "".join(f" {part}" for part in self.every(name))
 
     @property
     def states(self) -> tuple[ModuleState, ...]:
         """All states."""
         return (
-            ModuleState("x1", "d", lambda s: f"v1{s}", "x1_0"),
-            ModuleState("v1", "(d*w0)", lambda s: f"a1{s}", "v1_0"),
-            ModuleState("x2", "d", lambda s: f"v2{s}", "x2_0"),
-            ModuleState("v2", "(d*w0)", lambda s: f"a2{s}", "v2_0"),
+            ModuleState("x1", "d", "v1", "x1_0"),
+            ModuleState("v1", "(d*w0)", "a1", "v1_0"),
+            ModuleState("x2", "d", "v2", "x2_0"),
+            ModuleState("v2", "(d*w0)", "a2", "v2_0"),
             *(state for code in self.codes for state in code.states),
             *(state for side in self.sides for state in electrode_states(self, side)),
         )
@@ -512,31 +429,27 @@ def electrode_states(layout: Layout, side: Side) -> list[ModuleState]:
     found = []
     node = f"{side.prefix}node"
     if layout.series:
-        found.append(
-            ModuleState(
-                f"{side.prefix}charge",
-                "charge_unit",
-                lambda s: f"source_current({side.voltage} - {node}{s})",
-            )
-        )
+        current = f"source_current({side.voltage} - {node})"
+        found.append(ModuleState(f"{side.prefix}charge", "charge_unit", current))
     if layout.charging:
         offset = f"{side.prefix}offset"
-        found.append(
-            ModuleState(
-                offset,
-                "voltage_unit",
-                lambda s: (
-                    f"(dielectric_charging_share*{node}{s} - {offset}{s})/dielectric_charging_time"
-                ),
-            )
-        )
+        rate = f"(dielectric_charging_share*{node} - {offset})/dielectric_charging_time"
+        found.append(ModuleState(offset, "voltage_unit", rate))
     return found
 
 
 def layout_of(actuator: Actuator, electrodes: int) -> Layout:
     """Return the layout; refuse terms without a Verilog-A form by name."""
-    refuse([term.name() for term in actuator.terms if type(term) not in TERM_CODES])
     kinds = {type(term) for term in actuator.terms}
+    missing = [kind.__name__ for kind in SMOOTH_TERMS if kind not in kinds]
+    if missing:
+        names = ", ".join(term.name() for term in actuator.terms)
+        problem = (
+            f"without {' and '.join(missing)} a device has events, and these no Verilog-A form; "
+            "add these terms, or export an FMU by to_fmu"
+        )
+        raise InvalidParameter("terms", names or None, "", problem=problem)
+    refuse([term.name() for term in actuator.terms if type(term) not in TERM_CODES])
     sides = (Side("", 1, "V(electrode)"), Side("left_", -1, "V(left_electrode)"))
     codes = tuple(TERM_CODES[type(term)](term) for term in actuator.terms)
     return Layout(
@@ -545,8 +458,6 @@ def layout_of(actuator: Actuator, electrodes: int) -> Layout:
         sides=sides[:electrodes],
         series=SeriesResistance in kinds,
         charging=DielectricCharging in kinds,
-        rigid=CompliantStopper not in kinds,
-        sticks=all(code.sticks for code in codes),
     )
 
 
@@ -567,120 +478,34 @@ class Text:
 
     def __init__(self) -> None:
         self.lines: list[str] = []
-        self.reals: dict[str, None] = {}
-        self.integers: dict[str, None] = {}
+        self.variables: dict[str, None] = {}
 
     def add(self, *lines: str) -> None:
         """Append lines."""
         self.lines += lines
 
-    def let(self, name: str, expression: str, *, integer: bool = False, indent: str = "") -> None:
+    def let(self, name: str, expression: str) -> None:
         """Append an assignment."""
-        (self.integers if integer else self.reals).setdefault(name)
-        self.lines.append(f"{indent}{name} = {expression};")
+        self.variables.setdefault(name)
+        self.lines.append(f"{name} = {expression};")
 
     def note(self, text: str) -> None:
         """Append a comment after an empty line."""
         self.lines += ["", f"// {text}"]
 
 
-def add_forces(text: Text, layout: Layout, s: str, indent: str = "") -> None:
-    """Append the forces in the state with suffix `s`, Equations (2) and (3)."""
-    pulls = []
-    for side in layout.sides:
-        x, prefix = side.position(s), side.prefix
-        offset = f"{prefix}offset{s}" if layout.charging else ""
-        node = side.voltage
-        if layout.series:
-            text.let(f"{prefix}cap{s}", f"{prefix}capacitance({x})", indent=indent)
-            trapped = f" + {prefix}cap{s}*{offset}" if offset else ""
-            total = f"({prefix}cap{s} + series_resistance_parasitic_capacitance)"
-            node = f"({prefix}charge{s}{trapped})/{total}"
-        if layout.series or layout.charging:
-            text.let(f"{prefix}node{s}", node, indent=indent)
-            node = f"{prefix}node{s}"
-        across = f"{node} - {offset}" if offset else node
-        text.let(f"{prefix}across{s}", across, indent=indent)
-        across = f"{prefix}across{s}"
-        pulls.append(f"0.5*{prefix}capacitance_slope({x})*{across}*{across}")
-    text.let(f"pull{s}", " - ".join(pulls), indent=indent)
-    inner = layout.sum_of("force", s)
-    own = f"k*x2{s} + c*v2{s} - pull{s}"
-    text.let(f"load{s}", f"{own} - ({inner.strip()})" if inner else own, indent=indent)
-    if not layout.rigid:
-        text.let(f"load{s}", f"load{s} + stopper_load(x2{s}, v2{s})", indent=indent)
-    for name in ("frame", "block"):
-        expression = f"F({name}){layout.sum_of(f'on_{name}', s)}"
-        text.let(f"on_{name}{s}", expression, indent=indent)
-
-
-def add_accelerations(text: Text, layout: Layout, s: str, indent: str = "") -> None:
-    """Append the accelerations in the state and mode with suffix `s`, Equations (1) to (3)."""
-    push, mass = f"load{s} + on_frame{s}", "m1"
-    if layout.rigid:
-        push = f"(side{s} != 0) ? on_frame{s} + on_block{s} : {push}"
-        mass = f"((side{s} != 0) ? m1 + m2 : m1)"
-    text.let(f"push{s}", push, indent=indent)
-    if layout.sticks:
-        slipping = f"(push{s} - dir{s}*friction(dir{s}*v1{s})*normal)/{mass}"
-        text.let(f"a1{s}", f"(dir{s} == 0) ? 0.0 : {slipping}", indent=indent)
-    else:
-        text.let(f"a1{s}", f"(push{s} - friction(v1{s})*normal)/{mass}", indent=indent)
-    free = f"(on_block{s} - load{s})/m2 - a1{s}"
-    text.let(f"a2{s}", f"(side{s} != 0) ? 0.0 : {free}" if layout.rigid else free, indent=indent)
-
-
-def smooth_block(layout: Layout) -> Text:
-    """Return the analog block of a device without events."""
+def analog_block(layout: Layout) -> Text:
+    """Return the analog block."""
     text = Text()
     add_constants(text, layout)
     text.note("State and forces, Equations (1) to (3)")
     for state in layout.states:
         text.let(state.name, f"{state.unit}*State(n_{state.name})")
-    add_forces(text, layout, "")
-    add_accelerations(text, layout, "")
+    add_accelerations(text, layout)
     text.note("Integrators")
     for state in layout.states:
-        rate = f"({state.rate('')})/{state.unit}"
+        rate = f"({state.rate})/{state.unit}"
         text.add(f"State(n_{state.name}) <+ idt({rate}, {state.start}/{state.unit});")
-    add_ports(text, layout)
-    return text
-
-
-SETS = ("_a", "_b")
-
-
-def hybrid_block(layout: Layout) -> Text:
-    """Return the analog block of a device with events."""
-    text = Text()
-    add_constants(text, layout)
-    for s in SETS:
-        text.note(f"Integrators {s[1]}: state, forces and accelerations, Equations (1) to (3)")
-        for state in layout.states:
-            text.let(f"{state.name}{s}", f"{state.unit}*State(n_{state.name}{s})")
-        add_forces(text, layout, s)
-        add_accelerations(text, layout, s)
-        text.integers.setdefault(f"hold{s}")
-        if layout.sticks:
-            text.integers.setdefault(f"dir{s}")
-        if layout.rigid:
-            text.integers.setdefault(f"side{s}")
-    text.note("The integrators that are not held")
-    forces = ["load", "on_block", "push", "a1"] if layout.rigid else ["push"]
-    modes = ["dir"] * layout.sticks + ["side"] * layout.rigid
-    for name in [*(state.name for state in layout.states), *forces, *modes]:
-        text.let(name, f"(active == 0) ? {name}_a : {name}_b", integer=name in modes)
-    add_guards(text, layout)
-    add_event(text, layout)
-    text.note("An event holds the integrators that take over, at the state after it")
-    for i, s in enumerate(SETS):
-        at_event = f"($abstime <= event_time) ? (active == {i}) : (active != {i})"
-        text.let(f"hold{s}", at_event, integer=True)
-    for s in SETS:
-        for state in layout.states:
-            rate = f"({state.rate(s)})/{state.unit}"
-            start = f"{state.name}_after/{state.unit}"
-            text.add(f"State(n_{state.name}{s}) <+ idt({rate}, {start}, hold{s});")
     add_ports(text, layout)
     return text
 
@@ -699,111 +524,31 @@ def add_constants(text: Text, layout: Layout) -> None:
             text.let(name, expression)
 
 
-def add_guards(text: Text, layout: Layout) -> None:
-    """Append guards, which are negative before an event, and the events."""
-    text.note("Guards: an event is a crossing to positive values")
-    guards = {}
-    if layout.rigid:
-        guards["right"] = f"(side == 0) ? (x2 - delta)/d - {OFFSET} : -1.0"
-        guards["left"] = f"(side == 0) ? -(x2 + delta)/d - {OFFSET} : -1.0"
-        pressing = f"side*(on_block - load - m2*a1){add_of(layout, 'adhesion')}"
-        guards["release"] = f"(side != 0) ? -({pressing})/(k*d) - {OFFSET} : -1.0"
-    if layout.sticks:
-        guards["slip_end"] = f"(dir != 0) ? -dir*v1/(d*w0) - {OFFSET} : -1.0"
-        reserve = f"(abs(push) - mu_s*normal)/(k*d) - {OFFSET}"
-        guards["break_away"] = f"(dir == 0) ? {reserve} : -1.0"
-    for name, guard in guards.items():
-        text.let(f"guard_{name}", guard)
-    for name in ("start", *(f"hit_{name}" for name in guards)):
-        text.let(name, "0", integer=True)
-    text.add("@(initial_step) begin", "  start = 1;", "  active = 1;")
-    if layout.rigid:
-        text.add("  impacts = 0;")
-    text.add("end")
-    for name in guards:
-        text.add(f"@(cross(guard_{name}, +1, event_tol/w0, event_tol)) hit_{name} = 1;")
-
-
-def add_of(layout: Layout, name: str) -> str:
-    """Return a sum of contributions to be added, empty without any."""
-    return "".join(f" + {part}" for part in layout.every(name))
-
-
-def add_event(text: Text, layout: Layout) -> None:
-    """Append the state after an event: transition and mode."""
-    s = "_after"
-    names = ["right", "left", "release"] * layout.rigid
-    names += ["slip_end", "break_away"] * layout.sticks
-    text.note("State and mode after an event, Equations (4) to (6)")
-    text.add(f"if ({' || '.join(('start', *(f'hit_{name}' for name in names)))}) begin")
-    for state in layout.states:
-        start = f"start ? {state.start} : {state.name}"
-        text.let(f"{state.name}{s}", start, indent="  ")
-    if layout.sticks:
-        impact = " && !hit_right && !hit_left" if layout.rigid else ""
-        text.add(f"  if (hit_slip_end{impact})", f"    v1{s} = 0.0;")
-    if layout.rigid:
-        add_contact(text, layout)
-    add_forces(text, layout, s, "  ")
-    if layout.sticks:
-        free = f"load{s} + on_frame{s}"
-        resting = f"(side{s} != 0) ? on_frame{s} + on_block{s} : "
-        text.let(f"push{s}", f"{resting if layout.rigid else ''}{free}", indent="  ")
-        slip = f"direction(v1{s}, push{s}, mu_s*normal)"
-        text.let(f"dir{s}", slip, integer=True, indent="  ")
-    text.add("  active = 1 - active;")
-    text.integers.setdefault("active")
-    text.let("event_time", "$abstime", indent="  ")
-    modes = ["dir"] * layout.sticks + ["side"] * layout.rigid
-    for i, own in enumerate(SETS):
-        text.add(f"  if (active == {i}) begin")
-        text.add(*(f"    {name}{own} = {name}{s};" for name in modes))
-        text.add("  end")
-    for name in [*(state.name for state in layout.states), *modes]:
-        text.add(f"  {name} = {name}{s};")
-    text.add("  $discontinuity(0);", "end")
-
-
-def add_contact(text: Text, layout: Layout) -> None:
-    """Append the impact, or the contact of a block at rest that the stopper carries."""
-    s = "_after"
-    text.reals.update(dict.fromkeys(("rebound", "approach", "kick", "pressing", "low")))
-    text.integers.update(dict.fromkeys(("contact", f"side{s}", "impacts")))
-    touching = "(v2_0 == 0.0 && abs(x2_0) >= delta) ? ((x2_0 > 0.0) ? 1 : -1) : 0"
-    text.add(
-        "  rebound = 0.0;",
-        f"  contact = start ? ({touching}) : (hit_release ? 0 : side);",
-        "  if (hit_right || hit_left) begin",
-        "    contact = hit_right ? 1 : -1;",
-        f"    x2{s} = contact*delta;",
-        f"    rebound = restitution(abs(v2{s}));",
-        "    impacts = impacts + 1;",
-        "  end",
-        f"  side{s} = 0;",
-        "  if (contact != 0) begin",
-        "    // Rest on the stopper, if it carries the block and the rebound is slow or low",
-        f"    approach = v2{s};",
-        f"    kick = m2*v2{s}/(m1 + m2);",
-        f"    v1{s} = v1{s} + kick;",
-        f"    v2{s} = 0.0;",
-        f"    side{s} = contact;",
-    )
-    add_forces(text, layout, s, "    ")
-    if layout.sticks:
-        slip = f"direction(v1{s}, on_frame{s} + on_block{s}, mu_s*normal)"
-        text.let(f"dir{s}", slip, integer=True, indent="    ")
-    add_accelerations(text, layout, s, "    ")
-    force = f"contact*(on_block{s} - load{s} - m2*a1{s}){add_of(layout, 'adhesion')}"
-    text.add(
-        f"    pressing = {force};",
-        "    low = sqrt(2.0*max(pressing, 0.0)*(m1 + m2)/(m1*m2)*event_tol*d);",
-        "    if (pressing <= 0.0 || rebound*abs(approach) > max(rest_speed, low)) begin",
-        f"      side{s} = 0;",
-        f"      v1{s} = v1{s} + rebound*kick;",
-        f"      v2{s} = -rebound*approach;",
-        "    end",
-        "  end",
-    )
+def add_accelerations(text: Text, layout: Layout) -> None:
+    """Append forces and accelerations, Equations (1) to (3)."""
+    pulls = []
+    for side in layout.sides:
+        prefix, node = side.prefix, side.voltage
+        offset = f"{prefix}offset" if layout.charging else ""
+        text.let(f"{prefix}cap", f"{prefix}capacitance({side.position})")
+        if layout.series:
+            trapped = f" + {prefix}cap*{offset}" if offset else ""
+            total = f"({prefix}cap + series_resistance_parasitic_capacitance)"
+            node = f"({prefix}charge{trapped})/{total}"
+        if layout.series or layout.charging:
+            text.let(f"{prefix}node", node)
+            node = f"{prefix}node"
+        across = f"{prefix}across"
+        text.let(across, f"{node} - {offset}" if offset else node)
+        pulls.append(f"0.5*{prefix}capacitance_slope({side.position})*{across}*{across}")
+    text.let("pull", " - ".join(pulls))
+    inner = layout.sum_of("force").strip()
+    restoring = f"k*x2 + c*v2 - pull + stopper_load(x2, v2){f' - ({inner})' if inner else ''}"
+    text.let("load", restoring)
+    for name in ("frame", "block"):
+        text.let(f"on_{name}", f"F({name}){layout.sum_of(f'on_{name}')}")
+    text.let("a1", "(load + on_frame - friction(v1)*normal)/m1")
+    text.let("a2", "(on_block - load)/m2 - a1")
 
 
 def add_ports(text: Text, layout: Layout) -> None:
@@ -811,20 +556,11 @@ def add_ports(text: Text, layout: Layout) -> None:
     text.note("Ports")
     text.add("Pos(frame) <+ x1;", "Pos(block) <+ x1 + x2;")
     for side in layout.sides:
-        branch = side.voltage.replace("V(", "I(")
+        prefix = side.prefix
+        current = f"ddt({prefix}cap*{prefix}across)"
         if layout.series:
-            rate = f"source_current({side.voltage} - {side.prefix}node_now)"
-            offset = f"{side.prefix}offset" if layout.charging else ""
-            text.let(f"{side.prefix}cap_now", f"{side.prefix}capacitance({side.position('')})")
-            trapped = f" + {side.prefix}cap_now*{offset}" if offset else ""
-            total = f"({side.prefix}cap_now + series_resistance_parasitic_capacitance)"
-            charge = f"({side.prefix}charge{trapped})/{total}"
-            text.let(f"{side.prefix}node_now", charge)
-            text.add(f"{branch} <+ {rate};")
-        else:
-            across = f"({side.voltage} - {side.prefix}offset)" if layout.charging else side.voltage
-            capacitance = f"{side.prefix}capacitance({side.position('')})"
-            text.add(f"{branch} <+ ddt({capacitance}*{across});")
+            current = f"source_current({side.voltage} - {prefix}node)"
+        text.add(f"{side.voltage.replace('V(', 'I(')} <+ {current};")
     text.add(f"$bound_step({MAX_STEP}/w0);")
 
 
@@ -841,38 +577,17 @@ def functions_of(layout: Layout) -> list[str]:
         plate, name = layout.plate(side), f"{side.prefix}capacitance"
         for own, body in ((name, plate.capacitance), (f"{name}_slope", plate.slope)):
             found.append(function(own, "x", body.replace("NAME", own), plate.variables))
-    friction = layout.body("friction", "friction = mu_d;")
-    found.append(function("friction", "speed", friction, LOCALS.get(friction, "")))
-    if layout.rigid:
-        body = layout.body("restitution", "restitution = e;")
-        found.append(
-            function(
-                "restitution", "speed", body, LOCALS.get(body, "u, w" if "u = " in body else "")
-            )
+    adhesion = "".join(f" - {part}" for part in layout.every("adhesion"))
+    found.append(
+        function(
+            "stopper_load",
+            "x, v",
+            "sign = (x > 0.0) ? 1.0 : -1.0;\n"
+            "depth = sign*x - delta;\n"
+            f"stopper_load = (depth > 0.0) ? sign*(stopper(depth, sign*v){adhesion}) : 0.0;",
+            "sign, depth",
         )
-    else:
-        adhesion = "".join(f" - {part}" for part in layout.every("adhesion"))
-        found.append(function("stopper", "depth, rate", layout.body("stopper", "")))
-        found.append(
-            function(
-                "stopper_load",
-                "x, v",
-                "sign = (x > 0.0) ? 1.0 : -1.0;\n"
-                "depth = sign*x - delta;\n"
-                f"stopper_load = (depth > 0.0) ? sign*(stopper(depth, sign*v){adhesion}) : 0.0;",
-                "sign, depth",
-            )
-        )
-    if layout.sticks:
-        found.append(
-            function(
-                "direction",
-                "v, push, limit",
-                "if (v != 0.0)\n  direction = (v > 0.0) ? 1.0 : -1.0;\n"
-                "else if (abs(push) <= limit)\n  direction = 0.0;\n"
-                "else\n  direction = (push > 0.0) ? 1.0 : -1.0;",
-            )
-        )
+    )
     return found
 
 
@@ -940,13 +655,11 @@ def term_numbers(actuator: Actuator) -> list[tuple[str, str]]:
 
 def bounded_ranges(actuator: Actuator) -> dict[str, str]:
     """Return the ranges of parameters that depend on others, as `Term.bounds` has them."""
-    compliant = is_compliant(actuator)
-    share = YIELDING_SHARE if compliant else 1.0
-    edge = f"{number(2.0 * share)}*(d - delta)/tilted_plate_length"
+    edge = f"{number(2.0 * YIELDING_SHARE)}*(d - delta)/tilted_plate_length"
     size = f"[{number(2.0 * (1.0 - BOUND_RTOL))}*(d + delta):inf)"
     ranges = {
         "mu_d": "[0.0:mu_s]",
-        "comb_drive_overlap": f"({'0.5*(d + delta)' if compliant else 'delta'}:inf)",
+        "comb_drive_overlap": "(0.5*(d + delta):inf)",
         "fringing_width": size,
         "fringing_length": size,
         "squeeze_film_width": "(0.0:squeeze_film_length]",
@@ -956,7 +669,7 @@ def bounded_ranges(actuator: Actuator) -> dict[str, str]:
     most = "d"
     if tables:
         end = number((1.0 + BOUND_RTOL) * min(min(-x[0], x[-1]) for x in tables))
-        most = f"min(d, {f'2.0*{end} - d' if compliant else end})"
+        most = f"min(d, 2.0*{end} - d)"
     for term in actuator.terms:
         if isinstance(term, TabulatedSpring) and (own := term.slope(0.0)) > 0.0:
             low, high = (1.0 - STIFFNESS_RTOL) * own, (1.0 + STIFFNESS_RTOL) * own
@@ -993,20 +706,8 @@ def parameters_of(layout: Layout) -> list[str]:
         limits = "[-delta:delta]" if name == "x2_0" else "(-inf:inf)"
         unit = "m" if kind == "position" else "m/s"
         declare(name, "0.0", limits, f"initial {kind} of {frame} [{unit}]")
-    if layout.rigid:
-        comment = "slower rebounds end in contact, if the stopper carries the block [m/s]"
-        declare("rest_speed", f"{REST_SPEED_RATIO}*d*sqrt(k/m2)", "(0.0:inf)", comment)
-    if layout.events:
-        declare("event_tol", repr(EVENT_TOL), "(0.0:0.001)", "relative tolerance of events [-]")
     return found
 
-
-WITH_EVENTS = """\
-// It has events, @(cross()), and idt with reset: it needs a simulator of the whole of Verilog-A,
-// such as Spectre or ADS. OpenVAF refuses it; it compiles devices with the terms compliant_stopper
-// and regularized_friction, which have no events."""
-
-WITHOUT_EVENTS = "// It has no events: compilers for compact models, such as OpenVAF, accept it."
 
 HEADER = """\
 // Impact microactuator, written by mems_impact.
@@ -1014,7 +715,7 @@ HEADER = """\
 // Ports: p, {left}n are the electrode{plural} and the block (electrical); block, frame are their
 // positions above the ground, moved by the forces at these ports. Leave them open, or load them.
 // The equations are (1) to (6) of X. Zhao et al. (2004){terms}.
-{events}
+// It has no events: compilers for compact models, such as OpenVAF, accept it.
 // For transient analysis, which starts in the initial state, not in an operating point.
 
 `ifndef POSITION_ABSTOL
@@ -1043,7 +744,6 @@ MEANINGS = {
     "v1": "velocity of the frame",
     "x2": "position of the block in the frame",
     "v2": "velocity of the block in the frame",
-    "impacts": "count of impacts",
 }
 
 
@@ -1063,7 +763,7 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
             raise InvalidParameter(
                 "electrodes", electrodes, f"2: {term.name()} acts at the left one"
             )
-    block = hybrid_block(layout) if layout.events else smooth_block(layout)
+    block = analog_block(layout)
     functions = functions_of(layout)
     code = "\n".join([*functions, *block.lines])
     refuse(
@@ -1082,16 +782,10 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
     if left:
         lines.append("  branch (left, n) left_electrode;")
     lines.append("")
-    suffixes = SETS if layout.events else ("",)
-    lines += [
-        f"  mems_impact_state {', '.join(f'n_{state.name}{s}' for s in suffixes)};"
-        for state in layout.states
-    ]
+    lines += wrapped("mems_impact_state", [f"n_{state.name}" for state in layout.states])
     lines += ["", *parameters_of(layout), ""]
-    for kind, names in (("integer", block.integers), ("real", block.reals)):
-        shown_names = [each for each in names if each in MEANINGS]
-        lines += [f'  (* desc="{MEANINGS[each]}" *) {kind} {each};' for each in shown_names]
-        lines += wrapped(kind, [each for each in names if each not in MEANINGS])
+    lines += [f'  (* desc="{MEANINGS[name]}" *) real {name};' for name in MEANINGS]
+    lines += wrapped("real", [name for name in block.variables if name not in MEANINGS])
     lines += ["", "\n\n".join(functions), "", "  analog begin"]
     lines += [f"    {line}" if line else "" for line in block.lines]
     lines += ["  end", "endmodule", ""]
@@ -1105,7 +799,6 @@ def header(layout: Layout, left: str, words: Sequence[str]) -> str:
         left=left,
         plural="s" if left else "",
         terms=f", with {', '.join(words)}" if words else "",
-        events=WITH_EVENTS if layout.events else WITHOUT_EVENTS,
         position=power_of_ten(POSITION_ABSTOL_RATIO * actuator.d),
         force=power_of_ten(POSITION_ABSTOL_RATIO * actuator.k * actuator.d),
     )

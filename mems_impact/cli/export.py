@@ -106,11 +106,13 @@ def command(
     \b
     Examples:
       mems-impact export zhao2004 dev.fmu --amplitude 0.24 --omega 0.5
-      mems-impact export mita2003 dev.va
+      mems-impact export mita2003 dev.va --set compliant_stopper.stiffness=500 \\
+          --set regularized_friction.width=1e-5
 
     dev.fmu is a functional mock-up unit for model exchange and co-simulation, with C sources and,
     if a C compiler is available, a binary for this platform. A system of your own can replace
-    DEVICE: FILE.py:NAME. dev.va is a Verilog-A module of a device in SI, for circuit simulators.
+    DEVICE: FILE.py:NAME. dev.va is a Verilog-A module, for circuit simulators, of a device in SI
+    with the terms compliant_stopper and regularized_friction.
     """  # noqa: D301 - click looks for the backspace itself
     suffix = Path(file).suffix.lower()
     if suffix not in FORMATS:

@@ -5,16 +5,22 @@ from pathlib import Path
 
 import pytest
 
+SMOOTH = (
+    *("--set", "compliant_stopper.stiffness=500", "--set", "compliant_stopper.damping=100"),
+    *("--set", "regularized_friction.width=1e-5"),
+)
+
 
 def test_verilog_a_module(cli, tmp_path):
     file = tmp_path / "dev.va"
-    done = cli("export", "mita2003", file, "--set", "tilt.angle=0.05", "--set", "e=0.7")
+    changes = (*SMOOTH, "--set", "tilt.angle=0.05", "--set", "e=0.7")
+    done = cli("export", "mita2003", file, *changes)
     assert f"written: {file}, a Verilog-A module" in done.out
     text = file.read_text()
     assert "module dev(p, n, block, frame);" in text
     assert "parameter real e = 0.7 from [0.0:1.0];" in text
     assert "parameter real tilt_angle = 0.05" in text
-    cli("export", "mita2003", file, "--electrodes", "2")
+    cli("export", "mita2003", file, *SMOOTH, "--electrodes", "2")
     assert "module dev(p, left, n, block, frame);" in file.read_text()
 
 
@@ -27,8 +33,9 @@ DRIVE = ("--amplitude", "0.24", "--omega", "0.5")
         (("mita2003", "dev.xyz"), "dev.xyz: no format has the extension '.xyz'; known: .fmu"),
         (("mita2003", "dev"), "no format has the extension ''"),
         (("zhao2004", "dev.va"), "units = 'dimensionless'"),
-        (("mita2003", "dev.va", "--set", "slew_rate.rate=1"), "slew_rate"),
-        (("mita2003", "no/dev.va"), "no/dev.va"),
+        (("mita2003", "dev.va"), "without compliant_stopper and regularized_friction"),
+        (("mita2003", "dev.va", *SMOOTH, "--set", "slew_rate.rate=1"), "slew_rate"),
+        (("mita2003", "no/dev.va", *SMOOTH), "no/dev.va"),
         (("mita2003", "dev.va", "--amplitude", "1"), "a Verilog-A module takes no --amplitude"),
         (("mita2003", "dev.va", "--fmi", "2.0"), "takes no --fmi"),
         (("mita2003", "dev.fmu", "--electrodes", "2"), "takes no --electrodes"),
