@@ -111,8 +111,6 @@ from .analysis.symmetry import symmetries as symmetries
 from .analysis.verification import Verification as Verification
 from .continuation.arclength import StepControl as StepControl
 from .continuation.normal_forms import NormalForm as NormalForm
-from .errors import ChartInterrupted as ChartInterrupted
-from .errors import DiagramInterrupted as DiagramInterrupted
 from .errors import DiscontinuityWarning as DiscontinuityWarning
 from .errors import EngineFallbackWarning as EngineFallbackWarning
 from .errors import EngineUnavailable as EngineUnavailable
@@ -124,17 +122,12 @@ from .errors import Interrupted as Interrupted
 from .errors import InvalidFile as InvalidFile
 from .errors import InvalidParameter as InvalidParameter
 from .errors import MemsImpactError as MemsImpactError
-from .errors import OptimizationInterrupted as OptimizationInterrupted
 from .errors import OrbitError as OrbitError
 from .errors import PluginWarning as PluginWarning
-from .errors import ReportInterrupted as ReportInterrupted
 from .errors import RunError as RunError
-from .errors import RunInterrupted as RunInterrupted
 from .errors import ScaleWarning as ScaleWarning
 from .errors import StartWarning as StartWarning
 from .errors import StiffnessWarning as StiffnessWarning
-from .errors import StudyInterrupted as StudyInterrupted
-from .errors import SweepInterrupted as SweepInterrupted
 from .errors import UnitsWarning as UnitsWarning
 from .errors import ValidityWarning as ValidityWarning
 from .errors import WorkersLost as WorkersLost

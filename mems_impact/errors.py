@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from itertools import islice
 from os import PathLike, fspath
-from typing import Any, ClassVar
+from typing import Any
 
 from mems_impact._util.formatting import label, shown
 
 __all__ = [
-    "ChartInterrupted",
-    "DiagramInterrupted",
     "DiscontinuityWarning",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -27,18 +25,13 @@ __all__ = [
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
-    "OptimizationInterrupted",
     "OrbitError",
     "Picklable",
     "PluginWarning",
-    "ReportInterrupted",
     "RunError",
-    "RunInterrupted",
     "ScaleWarning",
     "StartWarning",
     "StiffnessWarning",
-    "StudyInterrupted",
-    "SweepInterrupted",
     "UnitsWarning",
     "ValidityWarning",
     "WorkersLost",
@@ -207,7 +200,7 @@ class FunctionError(MemsImpactError, TypeError):
 
     Attributes
     ----------
-    trajectory : object
+    partial : object
         The run in which the problem was detected, or None.
 
     See Also
@@ -229,7 +222,7 @@ class FunctionError(MemsImpactError, TypeError):
     def __init__(self, role: str, problem: str, remedy: str, file: str = "", line: int = 0) -> None:
         self.role, self.problem, self.remedy = role, problem, remedy
         self.file, self.line = file, line
-        self.trajectory: object = None
+        self.partial: Any = None
         super().__init__(f"{self.reason}; {remedy}")
 
     @property
@@ -327,14 +320,14 @@ class RunError(MemsImpactError, RuntimeError):
         Mode of the automaton.
     state : mapping of str to float
         The state, by name.
-    trajectory : object, optional
-        The trajectory up to the failure.
+    partial : object, optional
+        The run up to the failure.
     period : float, optional
         The forcing period; of an autonomous system the time that `cycle` counts.
 
     Attributes
     ----------
-    reason, remedy, cycle, phase_time, mode, state, trajectory, period
+    reason, remedy, cycle, phase_time, mode, state, partial, period
         As given; `state` is a dict.
 
     See Also
@@ -349,7 +342,7 @@ class RunError(MemsImpactError, RuntimeError):
     >>> try:
     ...     mi.simulate(actuator, drive, options=mi.Options(max_steps=10))
     ... except mi.RunError as error:
-    ...     error.cycle, len(error.trajectory.events), error.remedy
+    ...     error.cycle, len(error.partial.events), error.remedy
     (0, 0, "raise max_steps, loosen rtol, or use method 'auto' if the system is stiff")
     """
 
@@ -362,7 +355,7 @@ class RunError(MemsImpactError, RuntimeError):
         phase_time: float,
         mode: str,
         state: Mapping[str, float],
-        trajectory: object = None,
+        partial: object = None,
         period: float = 1.0,
     ) -> None:
         self.reason = reason
@@ -373,7 +366,7 @@ class RunError(MemsImpactError, RuntimeError):
         self.phase_time = phase_time
         self.mode = mode
         self.state = dict(state)
-        self.trajectory = trajectory
+        self.partial: Any = partial
         self._units: Mapping[str, str] | None = None
         super().__init__(self._message())
 
@@ -446,16 +439,16 @@ class WorkersLost(MemsImpactError, RuntimeError):
     ----------
     reason : str
         The problem.
-    table : object
-        The table of the finished chunks.
-    done, total : int
-        Number of finished points, and of all points.
     remedy : str
         What the user can do.
+    after : str
+        The progress made, worded to follow "after".
+    partial : object
+        The table of the finished chunks.
 
     See Also
     --------
-    StudyInterrupted, operating_map
+    Interrupted, operating_map
 
     Examples
     --------
@@ -465,19 +458,17 @@ class WorkersLost(MemsImpactError, RuntimeError):
     >>> try:
     ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
     ... except mi.WorkersLost as error:
-    ...     table = error.table  # the chunks that were done
+    ...     table = error.partial  # of the finished chunks
     >>> len(table) > 0
     True
     """
 
-    def __init__(self, reason: str, table: object, done: int, total: int, remedy: str) -> None:
+    def __init__(self, reason: str, remedy: str, after: str, partial: object) -> None:
         self.reason, self.remedy = " ".join(reason.split()).rstrip("."), remedy
-        self.table = table
-        self.done = done
-        self.total = total
+        self.after = after
+        self.partial: Any = partial
         super().__init__(
-            f"the workers died after {done} of {total} points, which are in .table "
-            f"({self.reason}); {remedy}"
+            f"the workers died after {after}, which are in .partial ({self.reason}); {remedy}"
         )
 
 
@@ -511,33 +502,34 @@ class OrbitError(MemsImpactError, RuntimeError):
     def __init__(self, reason: str, remedy: str, partial: object = None) -> None:
         self.reason = reason
         self.remedy = remedy
-        self.partial = partial
+        self.partial: Any = partial
         super().__init__(f"{reason}; {remedy}")
 
 
-# --- Interruptions by Ctrl-C: each kind of computation has its own, with the partial result.
+# --- Interruptions by Ctrl-C.
 
 
 class Interrupted(Picklable, KeyboardInterrupt):
     """Ctrl-C interrupted a computation; the exception holds the partial result.
 
-    Each subclass names its ``work``, and in ``kept`` the attribute that holds the partial result.
-
     Parameters
     ----------
+    work : str
+        The computation.
     after : str
         The progress made, worded to follow "after".
-    **done : object
-        The partial result, by the attributes that hold it.
+    partial : object
+        The partial result: the run, the table of the finished points, the chart, diagram or report
+        of the finished parts, the best point so far.
 
     Attributes
     ----------
-    after
+    work, after, partial
         As given.
 
     See Also
     --------
-    RunInterrupted, StudyInterrupted, MemsImpactError
+    simulate, operating_map, optimize, MemsImpactError
 
     Examples
     --------
@@ -546,279 +538,16 @@ class Interrupted(Picklable, KeyboardInterrupt):
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> try:
     ...     run = mi.simulate(actuator, drive, periods=300)
-    ... except mi.Interrupted as stopped:
-    ...     print(f"stopped after {stopped.after}")
-    >>> issubclass(mi.Interrupted, KeyboardInterrupt)
+    ... except mi.Interrupted as stop:
+    ...     run = stop.partial
+    >>> len(run.events) > 0
     True
     """
 
-    work: ClassVar[str] = "work"
-    kept: ClassVar[str] = ""
-
-    def __init__(self, after: str, **done: object) -> None:
-        self.after = after
-        vars(self).update(done)
-        where = f"; they are in .{self.kept}" if self.kept else ""
-        super().__init__(f"{self.work} interrupted after {after}{where}")
-
-
-class RunInterrupted(Interrupted):
-    """Ctrl-C interrupted a run; the exception holds the trajectory so far.
-
-    Parameters
-    ----------
-    trajectory : object
-        The trajectory up to the interruption.
-    periods : float
-        Number of completed periods.
-
-    See Also
-    --------
-    Interrupted, simulate, RunError
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> try:
-    ...     trajectory = mi.simulate(actuator, drive, periods=300).trajectory
-    ... except mi.RunInterrupted as stopped:
-    ...     trajectory = stopped.trajectory
-    >>> len(trajectory.events) > 0
-    True
-    """
-
-    work = "run"
-    kept = "trajectory"
-    trajectory: Any
-    periods: float
-
-    def __init__(self, trajectory: object, periods: float) -> None:
-        super().__init__(f"{periods:g} periods", trajectory=trajectory, periods=periods)
-
-
-class SweepInterrupted(Interrupted):
-    """Ctrl-C interrupted a sweep; the exception holds the finished values.
-
-    Parameters
-    ----------
-    table : object
-        The table of the finished values.
-    done, total : int
-        Number of finished values, and of all values.
-
-    See Also
-    --------
-    Interrupted, sweep, StudyInterrupted
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> try:
-    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
-    ... except mi.SweepInterrupted as stopped:
-    ...     table = stopped.table
-    >>> len(table) > 0
-    True
-    """
-
-    work = "sweep"
-    kept = "table"
-    table: Any
-    done: int
-    total: int
-
-    def __init__(self, table: object, done: int, total: int) -> None:
-        super().__init__(f"{done} of {total} values", table=table, done=done, total=total)
-
-
-class StudyInterrupted(Interrupted):
-    """Ctrl-C interrupted a study; the exception holds the finished points.
-
-    Parameters
-    ----------
-    table : object
-        The table of the finished chunks.
-    done, total : int
-        Number of finished points, and of all points.
-
-    See Also
-    --------
-    Interrupted, operating_map, read_study
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> try:
-    ...     found = mi.operating_map(actuator, drive, x=("amplitude", [0.2]), y=("omega", [0.5]))
-    ...     table = found.table
-    ... except mi.StudyInterrupted as stopped:
-    ...     table = stopped.table
-    >>> len(table)
-    1
-    """
-
-    work = "study"
-    kept = "table"
-    table: Any
-    done: int
-    total: int
-
-    def __init__(self, table: object, done: int, total: int) -> None:
-        super().__init__(f"{done} of {total} points", table=table, done=done, total=total)
-
-
-class ChartInterrupted(Interrupted):
-    """Ctrl-C interrupted a chart; the exception holds the parts so far.
-
-    Parameters
-    ----------
-    chart : object
-        The chart with the finished parts, and of a crisis its finished frequencies.
-    done, total : int
-        Number of finished parts, and of all: boundaries, or frequencies if the frame slips first;
-        `total` is 0 if the types of the range, and thus the number of parts, were not yet known.
-
-    See Also
-    --------
-    Interrupted, operating_chart, OperatingChart
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> try:
-    ...     chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
-    ... except mi.ChartInterrupted as stopped:
-    ...     chart = stopped.chart
-    >>> len(chart.table) > 0
-    True
-    """
-
-    work = "chart"
-    kept = "chart"
-    chart: Any
-    done: int
-    total: int
-
-    def __init__(self, chart: object, done: int, total: int) -> None:
-        after = f"{done} of {total} parts" if total else "0 parts"
-        super().__init__(after, chart=chart, done=done, total=total)
-
-
-class DiagramInterrupted(Interrupted):
-    """Ctrl-C interrupted a bifurcation diagram; the exception holds the branches so far.
-
-    Parameters
-    ----------
-    diagram : object
-        The diagram with the finished branches; `bifurcation_diagram` completes it as ``resume``.
-    done : int
-        Number of finished branches.
-
-    See Also
-    --------
-    Interrupted, bifurcation_diagram, BifurcationDiagram
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> try:
-    ...     diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.22, 0.24, values=3)
-    ... except mi.DiagramInterrupted as stopped:
-    ...     diagram = stopped.diagram
-    >>> len(diagram.branches) > 0
-    True
-    """
-
-    work = "bifurcation diagram"
-    kept = "diagram"
-    diagram: Any
-    done: int
-
-    def __init__(self, diagram: object, done: int) -> None:
-        super().__init__(f"{done} branches", diagram=diagram, done=done)
-
-
-class ReportInterrupted(Interrupted):
-    """Ctrl-C interrupted a report; the exception holds the finished sections.
-
-    Parameters
-    ----------
-    report : object
-        The report with the finished sections.
-    done, total : int
-        Number of finished sections, and of all sections.
-
-    See Also
-    --------
-    Interrupted, report, DeviceReport
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("mita2003")
-    >>> try:
-    ...     page = mi.report(actuator, only=["Device"])
-    ... except mi.ReportInterrupted as stopped:
-    ...     page = stopped.report
-    >>> len(page.sections)
-    1
-    """
-
-    work = "report"
-    kept = "report"
-    report: Any
-    done: int
-    total: int
-
-    def __init__(self, report: object, done: int, total: int) -> None:
-        super().__init__(f"{done} of {total} sections", report=report, done=done, total=total)
-
-
-class OptimizationInterrupted(Interrupted):
-    """Ctrl-C interrupted an optimization; the exception holds the best point so far.
-
-    Parameters
-    ----------
-    optimum : object
-        The best point so far, and the iterations before it.
-    points : int
-        Number of evaluated points.
-
-    See Also
-    --------
-    Interrupted, optimize, Optimum
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> try:
-    ...     best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
-    ... except mi.OptimizationInterrupted as stopped:
-    ...     best = stopped.optimum
-    >>> best.quantity
-    'mean speed'
-    """
-
-    work = "search"
-    kept = "optimum"
-    optimum: Any
-    points: int
-
-    def __init__(self, optimum: object, points: int) -> None:
-        super().__init__(f"{points} points", optimum=optimum, points=points)
+    def __init__(self, work: str, after: str, partial: object) -> None:
+        self.work, self.after = work, after
+        self.partial: Any = partial
+        super().__init__(f"{work} interrupted after {after}; .partial is the result so far")
 
 
 # --- Warnings.

@@ -4,8 +4,6 @@ import pytest
 
 from mems_impact import errors
 from mems_impact.errors import (
-    ChartInterrupted,
-    DiagramInterrupted,
     EngineFallbackWarning,
     EngineUnavailable,
     FileNotWritten,
@@ -15,16 +13,10 @@ from mems_impact.errors import (
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
-    OptimizationInterrupted,
     OrbitError,
-    ReportInterrupted,
     RunError,
-    RunInterrupted,
-    StudyInterrupted,
-    SweepInterrupted,
     WorkersLost,
 )
-from validation.paper.suite import SuiteInterrupted
 
 RUN_ERROR = RunError(
     reason="too many events",
@@ -33,7 +25,7 @@ RUN_ERROR = RunError(
     phase_time=0.5,
     mode="stuck-free",
     state={"x2": 0.25, "v2": -1.0},
-    trajectory=[1, 2, 3],
+    partial=[1, 2, 3],
 )
 HUGE = 10**5000  # more digits than Python agrees to print
 ERRORS = [
@@ -46,19 +38,9 @@ ERRORS = [
     FunctionsMissing("run.zip does not hold the functions of its system"),
     FileNotWritten("table.csv", "no space left on device", "make room"),
     OrbitError("no orbit", "take another guess", [1, 2, 3]),
-    WorkersLost("a process was killed", [1, 2], 2, 5, "try again"),
+    WorkersLost("a process was killed", "try again", "2 of 5 points", [1, 2]),
 ]
-INTERRUPTIONS = [
-    (RunInterrupted([1, 2], 2.5), "2.5 periods"),
-    (SweepInterrupted([1, 2], 2, 5), "2 of 5 values"),
-    (StudyInterrupted([1, 2], 2, 5), "2 of 5 points"),
-    (ChartInterrupted([1, 2], 1, 6), "1 of 6 parts"),
-    (ChartInterrupted([], 0, 0), "0 parts"),
-    (DiagramInterrupted([1, 2], 2), "2 branches"),
-    (OptimizationInterrupted("best", 4), "4 points"),
-    (ReportInterrupted([1, 2], 2, 9), "2 of 9 sections"),
-    (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
-]
+INTERRUPTION = Interrupted("sweep", "2 of 5 points", [1, 2])
 
 
 def test_all_errors_are_listed_and_pickled():
@@ -68,13 +50,12 @@ def test_all_errors_are_listed_and_pickled():
         if isinstance(kind, type) and kind.__module__ == errors.__name__
     }
     warnings = {kind for kind in own if issubclass(kind, Warning)}
-    raised = {type(error) for error in [*ERRORS, *(error for error, _ in INTERRUPTIONS)]}
-    bases = {errors.Picklable, MemsImpactError, Interrupted}
-    assert own - warnings - bases == raised - {SuiteInterrupted}
+    raised = {type(error) for error in [*ERRORS, INTERRUPTION]}
+    assert own - warnings - {errors.Picklable, MemsImpactError} == raised
     assert {kind.__name__ for kind in own} - {"Picklable"} <= set(errors.__all__)
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+@pytest.mark.parametrize("error", [*ERRORS, INTERRUPTION], ids=lambda error: type(error).__name__)
 def test_pickling_keeps_message_and_attributes(error):
     error.add_note("in point 7 of the sweep")
     copy = pickle.loads(pickle.dumps(error))
@@ -83,15 +64,13 @@ def test_pickling_keeps_message_and_attributes(error):
     assert vars(copy) == vars(error)
 
 
-@pytest.mark.parametrize(("error", "after"), INTERRUPTIONS)
-def test_interruptions_say_how_far_it_came(error, after):
-    assert isinstance(error, Interrupted)
-    assert isinstance(error, KeyboardInterrupt)
-    assert error.after == after
-    assert f"interrupted after {after}; " in str(error)
-    copy = pickle.loads(pickle.dumps(error))
-    assert type(copy) is type(error)
-    assert vars(copy) == vars(error)
+def test_an_interruption_has_progress_and_partial_result():
+    assert isinstance(INTERRUPTION, KeyboardInterrupt)
+    assert str(INTERRUPTION) == (
+        "sweep interrupted after 2 of 5 points; .partial is the result so far"
+    )
+    attributes = INTERRUPTION.work, INTERRUPTION.after, INTERRUPTION.partial
+    assert attributes == ("sweep", "2 of 5 points", [1, 2])
 
 
 @pytest.mark.parametrize(
@@ -143,11 +122,3 @@ def test_messages_stay_on_one_short_line(name, value):
     assert "\n" not in str(error)
     assert len(str(error)) < 800
     assert str(InvalidFile(name, "bad", "mend it")).count("\n") == 0
-
-
-@pytest.mark.parametrize(("error", "after"), INTERRUPTIONS)
-def test_what_every_interruption_says_stands_in_the_base(error, after):
-    assert "__init__" in vars(Interrupted)
-    assert str(error) == f"{error.work} interrupted after {after}; they are in .{error.kept}"
-    assert vars(Interrupted("3 of 4 lines", lines=[1])) == {"after": "3 of 4 lines", "lines": [1]}
-    assert getattr(error, error.kept) is not None

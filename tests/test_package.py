@@ -1,6 +1,5 @@
 """The package's table of contents."""
 
-import pickle
 import re
 import subprocess
 import sys
@@ -52,12 +51,6 @@ def test_a_run_without_tables_is_light():
         "assert len(run.events) == 0 and 'pandas' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_sweep_interrupted_survives_pickling():
-    stop = pickle.loads(pickle.dumps(mi.SweepInterrupted([1, 2], 2, 5)))
-    assert (stop.table, stop.done, stop.total) == ([1, 2], 2, 5)
-    assert "2 of 5" in str(stop)
 
 
 @pytest.mark.parametrize(

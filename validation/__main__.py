@@ -14,10 +14,9 @@ from pathlib import Path
 
 from mems_impact.cli.interrupts import INTERRUPTED, interruptible
 from mems_impact.cli.runtime import BAD_INPUT, FAILED
-from mems_impact.errors import InvalidFile, MemsImpactError
+from mems_impact.errors import Interrupted, InvalidFile, MemsImpactError
 from validation.paper.figures import FIGURES, Effort
 from validation.paper.suite import (
-    SuiteInterrupted,
     changed_verdicts,
     expected_verdicts,
     run_suite,
@@ -55,9 +54,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with interruptible():
             return _reproduce(options)
-    except SuiteInterrupted as stop:
-        written = f"written: {len(stop.report.written)} files in {options.output}"
-        _say(f"interrupted after {stop.after}; {written if stop.done else 'nothing was written'}")
+    except Interrupted as stop:
+        files = stop.partial.written
+        written = (
+            f"written: {len(files)} files in {options.output}" if files else "nothing was written"
+        )
+        _say(f"interrupted after {stop.after}; {written}")
     except KeyboardInterrupt:
         _say("interrupted; nothing was written")
     except MemsImpactError as error:

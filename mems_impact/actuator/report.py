@@ -55,7 +55,7 @@ from mems_impact.actuator.units import COLUMN_UNITS
 from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import InvalidParameter, MemsImpactError, OrbitError, ReportInterrupted
+from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
 from mems_impact.studies.sweep import sweep
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.state import State, is_number, whole
@@ -728,8 +728,8 @@ def report(
     ------
     InvalidParameter
         If an argument is out of range, or the device needs a drive.
-    ReportInterrupted
-        If Ctrl-C interrupts it; `report` is the part that is finished.
+    Interrupted
+        On Ctrl-C; ``partial`` is the report of the finished sections.
 
     See Also
     --------
@@ -804,7 +804,8 @@ def report(
             try:
                 section = _computed(name, maker.sections[name])
             except KeyboardInterrupt:
-                raise ReportInterrupted(page, number, len(titles)) from None
+                after = f"{number} of {len(titles)} sections"
+                raise Interrupted("report", after, page) from None
             page = replace(
                 page, sections=(*page.sections, section), missing=tuple(titles[number + 1 :])
             )

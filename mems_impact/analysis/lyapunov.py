@@ -13,7 +13,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import Interrupted, InvalidParameter, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -255,9 +255,9 @@ def lyapunov(
     InvalidParameter
         If an argument is out of range.
     RunError
-        If the run fails; its ``trajectory`` is the `LyapunovSpectrum` up to there, or the `Run` of
-        the transient.
-    RunInterrupted
+        If the run fails; ``partial`` is the `LyapunovSpectrum` up to there, or the `Run` of the
+        transient.
+    Interrupted
         On Ctrl-C, with the same partial result.
 
     See Also
@@ -366,11 +366,11 @@ def _run_to_tolerance(
             if converged or done + 2 * chunk > max_periods:
                 return spectrum(converged)
     except RunError as error:
-        error.trajectory = spectrum(False)
+        error.partial = spectrum(False)
         raise
     except KeyboardInterrupt:
         partial = spectrum(False)
-        raise RunInterrupted(partial, partial.periods) from None
+        raise Interrupted("run", f"{partial.periods:g} periods", partial) from None
 
 
 def _spectrum(

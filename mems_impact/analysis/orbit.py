@@ -630,7 +630,7 @@ def _diverged(
 ) -> OrbitError | None:
     """Return an error that states where the motion diverged; None if it did not."""
     if isinstance(error, RunError):
-        at = error.trajectory.final if isinstance(error.trajectory, Trajectory) else None
+        at = error.partial.final if isinstance(error.partial, Trajectory) else None
     else:
         at = error.partial if isinstance(error.partial, HybridState) else None
     index = None if at is None else diverged_component(problem, at)

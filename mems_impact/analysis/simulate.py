@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
-from mems_impact.errors import FunctionError, InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import FunctionError, Interrupted, InvalidParameter, RunError
 from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
@@ -205,16 +205,16 @@ def simulate(
     with progress_bar(progress, "periods", periods, "simulate") as report:
         try:
             trajectory = integrate(problem, start, periods, consume=consume, progress=report)
-        except (RunError, RunInterrupted) as error:
-            if isinstance(error.trajectory, Trajectory):
-                error.trajectory = finished(error.trajectory)
+        except (RunError, Interrupted) as error:
+            if isinstance(error.partial, Trajectory):
+                error.partial = finished(error.partial)
             raise
     run = finished(trajectory)
     if meets is not None:
         try:
             meets.check()
         except FunctionError as error:
-            error.trajectory = run
+            error.partial = run
             raise
     return run
 

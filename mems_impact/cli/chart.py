@@ -103,10 +103,9 @@ def command(
                 workers=workers,
                 progress=write_message if progress else False,
             )
-        except mi.ChartInterrupted as interruption:
-            partial = interruption.chart
-            if isinstance(partial, mi.OperatingChart) and partial.pieces:
-                files.tables(_tables(partial))
+        except mi.Interrupted as interruption:
+            if interruption.partial.pieces:
+                files.tables(_tables(interruption.partial))
             raise
         files.tables(_tables(chart))
         files.draw(lambda: mi.plot_chart(chart).figure)

@@ -123,9 +123,9 @@ def command(
                 options=options,
                 progress=progress,
             )
-        except mi.DiagramInterrupted as interruption:
-            if interruption.done > 0 and isinstance(interruption.diagram, mi.BifurcationDiagram):
-                files.tables(_tables(interruption.diagram))
+        except mi.Interrupted as interruption:
+            if interruption.partial.branches:
+                files.tables(_tables(interruption.partial))
             raise
         files.tables(_tables(diagram))
         files.draw(lambda: mi.plot_diagram(diagram).figure)

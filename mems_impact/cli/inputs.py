@@ -128,9 +128,9 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
 
     try:
         return run()
-    except (mi.StudyInterrupted, mi.WorkersLost) as error:
-        if error.done > 0:
-            keep(error.table)
+    except (mi.Interrupted, mi.WorkersLost) as error:
+        if len(error.partial) > 0:
+            keep(error.partial)
         raise
 
 

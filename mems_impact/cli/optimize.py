@@ -136,8 +136,8 @@ def command(
     with output(KIND) as files:
         try:
             result: Any = optimize_from(system, progress=progress, **arguments)
-        except mi.OptimizationInterrupted as interruption:
-            files.tables(_result_tables(interruption.optimum))
+        except mi.Interrupted as interruption:
+            files.tables(_result_tables(interruption.partial))
             raise
         files.tables(_result_tables(result))
         if isinstance(result, mi.ParetoFront):

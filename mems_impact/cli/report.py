@@ -144,7 +144,7 @@ def command(
     arguments["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
     try:
         page = mi.report(actuator, drive, output, **arguments)
-    except mi.ReportInterrupted as interruption:
+    except mi.Interrupted as interruption:
         add_json_files([output])
         interruption.add_note(f"written: {output}")
         raise

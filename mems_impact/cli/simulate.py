@@ -118,9 +118,9 @@ def command(
                 options=options,
                 progress=progress,
             )
-        except (mi.RunError, mi.RunInterrupted) as error:
-            if isinstance(error.trajectory, mi.Run):
-                files.tables(_tables(error.trajectory))
+        except (mi.RunError, mi.Interrupted) as error:
+            if isinstance(error.partial, mi.Run):
+                files.tables(_tables(error.partial))
             raise
         files.tables(_tables(run))
         verification = run.verify() if verify else None

@@ -120,9 +120,9 @@ def command(
                 executor=None if executor is None else executor_named(executor, workers),
                 workers=workers,
             )
-        except mi.SweepInterrupted as interruption:
-            if interruption.done > 0:
-                files.tables(_tables(interruption.table))
+        except mi.Interrupted as interruption:
+            if len(interruption.partial) > 0:
+                files.tables(_tables(interruption.partial))
             raise
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)

@@ -15,7 +15,7 @@ DRIVE_PREFIX = "drive_"  # of drive options, apart from the command's own option
 _PHRASES = (
     (r", or a Quantity\b", ""),
     (r"; the (nearest one|solution) is in \.partial", ""),
-    (r", which are in \.table", ""),
+    (r", which are in \.partial", ""),
     (r"^terms = \(.*\): ", ""),
     (r"raise max_(steps|events)( if so many events are expected)?[,;:] ", ""),
     (r" or until=", ""),

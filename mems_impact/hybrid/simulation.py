@@ -16,9 +16,9 @@ from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     FunctionError,
+    Interrupted,
     InvalidParameter,
     RunError,
-    RunInterrupted,
     StiffnessWarning,
 )
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -400,7 +400,7 @@ def run(
         If `start` does not fit the automaton, or `periods` is out of range.
     RunError
         If the run cannot continue; the error holds the partial result.
-    RunInterrupted
+    Interrupted
         On Ctrl-C, with the partial result.
     """
     return Simulation(problem, start, _end(problem, start, periods), 0, consume, progress).go()
@@ -529,7 +529,8 @@ class Simulation:
             self.clock["events_written"] = self.reached.events
             with deferring_ctrl_c():
                 self._drain()
-            raise RunInterrupted(self._trajectory(), self._elapsed_periods()) from None
+            after = f"{self._elapsed_periods():g} periods"
+            raise Interrupted("run", after, self._trajectory()) from None
         except FunctionError as error:
             self._note_progress(drain=True)
             raise self._run_error(error.reason, error.remedy) from error
@@ -721,6 +722,6 @@ class Simulation:
             phase_time=final.time,
             mode=automaton.modes[final.mode],
             state=dict(zip(automaton.states, final.y.tolist(), strict=True)),
-            trajectory=trajectory,
+            partial=trajectory,
             period=self.problem.period,
         )

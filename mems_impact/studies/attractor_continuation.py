@@ -456,8 +456,8 @@ def continue_attractors(
     InvalidParameter
         If an argument is out of range. Where a value is not allowed, or a run fails, the table has
         a row of the attractor "failed" with the reason, in no branch.
-    StudyInterrupted
-        On Ctrl-C; its ``table`` holds the finished points.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished points.
 
     See Also
     --------
@@ -496,7 +496,7 @@ def continue_attractors(
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
     )
     rows = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    with completed_study(rows, study.points):
+    with completed_study(study, rows):
         table, branches = match_branches(rows, study.chains, study.recognition)
         if shares:
             followed = set(table.loc[table[ATTRACTOR] != FAILED, parameter])

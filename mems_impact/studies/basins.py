@@ -370,8 +370,8 @@ def basins(
     ------
     InvalidParameter
         If an argument is out of range. A run that fails is a row with its reason.
-    StudyInterrupted
-        On Ctrl-C; its ``table`` holds the finished points.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished points.
 
     See Also
     --------
@@ -416,7 +416,7 @@ def basins(
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    with completed_study(table, study.points):
+    with completed_study(study, table):
         labels = attractor_matching.match_attractors(
             table, starts.names, study.recognition, study.measuring
         )

@@ -51,7 +51,7 @@ from mems_impact.continuation.orbit_identity import (
 )
 from mems_impact.continuation.test_functions import VANISHING_LENGTH, FoldTest
 from mems_impact.errors import (
-    DiagramInterrupted,
+    Interrupted,
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
@@ -1026,8 +1026,8 @@ def bifurcation_diagram(
         If an argument is out of range.
     InvalidFile
         If `store` holds something else, or a diagram of other arguments.
-    DiagramInterrupted
-        On Ctrl-C; its ``diagram`` holds the finished branches, for `resume`.
+    Interrupted
+        On Ctrl-C; ``partial`` is the diagram of the finished branches, for `resume`.
 
     See Also
     --------
@@ -1114,7 +1114,8 @@ def bifurcation_diagram(
         except KeyboardInterrupt:
             builder.save()
             diagram = builder.diagram()
-            raise DiagramInterrupted(diagram, len(diagram.branches)) from None
+            after = f"{len(diagram.branches)} branches"
+            raise Interrupted("bifurcation diagram", after, diagram) from None
     return builder.diagram()
 
 

@@ -224,8 +224,8 @@ def operating_map(
     InvalidParameter
         If an argument is out of range. A value that is not allowed, or a run that fails, is a row
         with its reason.
-    StudyInterrupted
-        On Ctrl-C; its ``table`` holds the finished points.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished points.
 
     See Also
     --------

@@ -15,7 +15,7 @@ from mems_impact._util.progress import progress_bar
 from mems_impact._util.quantities import quantities
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.special_points import check_kind
-from mems_impact.errors import InvalidParameter, OptimizationInterrupted, OrbitError
+from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.studies.sampling import deviations
 from mems_impact.studies.sensitivity import (
@@ -271,8 +271,8 @@ def optimize(
     OrbitError
         If no orbit is found that meets `subject_to`; ``partial`` is the `Optimum` that misses them
         least.
-    OptimizationInterrupted
-        By Ctrl-C; the best point so far is in ``optimum``.
+    Interrupted
+        By Ctrl-C; ``partial`` is the best point so far.
 
     See Also
     --------
@@ -309,7 +309,8 @@ def optimize(
                 raise
             last = iterates[-1]
             stopped = Iterate(last.x, last.item, last.local, "interrupted", "")
-            raise OptimizationInterrupted(aim.optimum(stopped, iterates), len(iterates)) from None
+            best, after = aim.optimum(stopped, iterates), f"{len(iterates)} points"
+            raise Interrupted("search", after, best) from None
     best = aim.optimum(end, iterates)
     if end.local.violation > CONSTRAINT_TOLERANCE:
         missed = ", ".join(aim.violated(end))
@@ -646,8 +647,8 @@ def pareto_front(
         If an argument is out of range.
     OrbitError
         If an end of the front has no orbit that meets `subject_to`.
-    OptimizationInterrupted
-        By Ctrl-C; the front so far is in ``optimum``.
+    Interrupted
+        By Ctrl-C; ``partial`` is the front so far.
 
     See Also
     --------
@@ -703,7 +704,7 @@ def pareto_front(
             if not optima:
                 raise
             front = _front(orbit, aims, optima, failed)
-            raise OptimizationInterrupted(front, len(optima)) from None
+            raise Interrupted("search", f"{len(optima)} points", front) from None
     return _front(orbit, aims, optima, failed)
 
 

@@ -24,8 +24,6 @@ from mems_impact.errors import (
     InvalidParameter,
     MemsImpactError,
     RunError,
-    StudyInterrupted,
-    SweepInterrupted,
 )
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
@@ -380,8 +378,8 @@ def sweep(
     ------
     InvalidParameter
         If an argument is out of range, or a value is not allowed for the parameter.
-    SweepInterrupted
-        On Ctrl-C; its ``table`` holds the finished values.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished values.
 
     See Also
     --------
@@ -430,18 +428,15 @@ def sweep(
             study.case(number)  # check all values before the first is computed
     for start in study.starts.values():
         system.hybrid_state(start, system.problem(options))
-    try:
-        return run_study(
-            study,
-            store=store,
-            executor=executor,
-            workers=workers,
-            progress=progress,
-            # In memory, chunks of one value lose the least by an interruption.
-            chunk=1 if store is None and executor is None else None,
-        )
-    except StudyInterrupted as stop:
-        raise SweepInterrupted(stop.table, stop.done, stop.total) from None
+    return run_study(
+        study,
+        store=store,
+        executor=executor,
+        workers=workers,
+        progress=progress,
+        # In memory, chunks of one value lose the least by an interruption.
+        chunk=1 if store is None and executor is None else None,
+    )
 
 
 def _spans(

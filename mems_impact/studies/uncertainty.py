@@ -392,8 +392,8 @@ def tolerance_analysis(
     InvalidParameter
         If an argument is out of range. Parameters that are not allowed, or a run that fails, are a
         row with its reason.
-    StudyInterrupted
-        On Ctrl-C; its ``table`` holds the finished points.
+    Interrupted
+        On Ctrl-C; ``partial`` is the table of the finished points.
 
     See Also
     --------
@@ -456,7 +456,7 @@ def tolerance_analysis(
         return analysis
 
     names = analysis.quantities
-    with completed_study(table, study.points):
+    with completed_study(study, table):
         effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
     effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(

@@ -121,7 +121,7 @@ def test_an_error_of_a_run_is_in_the_units_of_the_device():
     drive = mi.Sine(amplitude=60.0, omega=1885.0)
     with pytest.raises(mi.RunError) as caught:
         mi.simulate(mita, drive, 10, options=options)
-    told, reached = caught.value, caught.value.trajectory.final
+    told, reached = caught.value, caught.value.partial.final
     assert told.state == {name: getattr(reached, name) for name in ("x1", "v1", "x2", "v2")}
     assert 0.0 < told.phase_time < drive.period
     assert f"phase time {told.phase_time:.9g} s, mode" in str(told)

@@ -314,7 +314,7 @@ def test_run_error_holds_what_was_computed():
     slippery = ZHAO.replace(mu_s=0.01, mu_d=0.01)
     with pytest.raises(mi.RunError) as caught:
         mi.simulate(slippery, mi.Sine(amplitude=0.45, omega=0.1), 50, options=options)
-    run = caught.value.trajectory
+    run = caught.value.partial
     assert isinstance(run, mi.Run)
     assert len(run.events) >= 3
     assert run.periods < 50
@@ -328,7 +328,7 @@ def test_run_error_within_the_window():
     drive = mi.Sine(amplitude=0.45, omega=0.1)
     with pytest.raises(mi.RunError) as caught:
         mi.simulate(slippery, drive, 50, options=options, window=(0, 50), keep="statistics")
-    run = caught.value.trajectory
+    run = caught.value.partial
     number = run.statistics
     assert number["window last"] == pytest.approx(run.extent[1])
     assert number["impacts"] >= 1

@@ -17,7 +17,7 @@ def store(tmp_path):
             raise KeyboardInterrupt
 
     study = Toy(size=30, failing=(5, 7))
-    with pytest.raises(mi.StudyInterrupted):
+    with pytest.raises(mi.Interrupted):
         run_study(study, store=tmp_path / "store", chunk=4, workers=1, progress=interrupt)
     return tmp_path / "store"
 

@@ -15,13 +15,9 @@ def errors(caught: BaseException) -> str:
         mi.EngineUnavailable | mi.FileNotWritten | mi.FunctionError | mi.FunctionsMissing
         | mi.InvalidFile | mi.OrbitError | mi.RunError | mi.WorkersLost
     )  # fmt: skip
-    interrupted = (
-        mi.ChartInterrupted | mi.DiagramInterrupted | mi.OptimizationInterrupted
-        | mi.ReportInterrupted | mi.RunInterrupted | mi.StudyInterrupted | mi.SweepInterrupted
-    )  # fmt: skip
     if isinstance(caught, mi.InvalidParameter):
         return assert_type(caught.field, str)
-    if isinstance(caught, known | mi.MemsImpactError | interrupted | mi.Interrupted):
+    if isinstance(caught, known | mi.MemsImpactError | mi.Interrupted):
         return str(caught)
     return "none of the package's"
 

@@ -103,8 +103,8 @@ def test_transitions_that_undo_each_other_end_in_an_error(engine):
     assert (error.cycle, error.mode) == (2, "this")
     assert error.phase_time == pytest.approx(0.5)
     assert error.state == {"y": pytest.approx(2.5)}
-    assert len(error.trajectory.events) <= 4
-    assert error.trajectory.final.y == pytest.approx([2.5])
+    assert len(error.partial.events) <= 4
+    assert error.partial.final.y == pytest.approx([2.5])
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -170,10 +170,10 @@ def test_event_budget(engine):
     with pytest.raises(RunError, match="more than max_events = 20 events") as caught:
         simulate(BALL, ball(0.99), [1.0, 0.0], 90.0, period=100.0, max_events=20, engine=engine)
     error = caught.value
-    assert len(error.trajectory.events) == 21
+    assert len(error.partial.events) == 21
     assert (error.cycle, error.mode) == (0, "flying")
-    assert error.phase_time == error.trajectory.events.time[-1]
-    assert list(error.state.values()) == error.trajectory.events.after[-1].tolist()
+    assert error.phase_time == error.partial.events.time[-1]
+    assert list(error.state.values()) == error.partial.events.after[-1].tolist()
     # The same number of events spread over several periods is within the budget.
     simulate(BALL, ball(0.99), [1.0, 0.0], 10.0, period=9.0, max_events=20, engine=engine)
 
@@ -186,7 +186,7 @@ def test_step_budget(engine):
     t = error.phase_time
     assert 0.0 < t < TAU
     assert list(error.state.values()) == pytest.approx([math.cos(t), -math.sin(t)], abs=1e-8)
-    assert error.trajectory.final.time == t
+    assert error.partial.final.time == t
 
 
 # y' = 1 until t = p[0], then what p[1] says.
@@ -222,7 +222,7 @@ def test_a_flow_that_is_not_finite(when, value, engine, capfd):
     assert when - elapsed <= 1.0 / 16.0  # one step
     assert error.state["y"] == pytest.approx(elapsed, abs=1e-9)
     assert error.mode == "only"
-    assert error.trajectory.final.y.tolist() == [error.state["y"]]
+    assert error.partial.final.y.tolist() == [error.state["y"]]
     assert capfd.readouterr() == ("", "")
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mems_impact.errors import RunInterrupted
+from mems_impact.errors import Interrupted
 from mems_impact.hybrid import problem, simulation
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.event_loop import loop, workspace
@@ -121,11 +121,11 @@ def test_the_first_call_of_the_loop_is_short_however_long_a_step_takes(engine):
     def stop_at_once(_):
         raise KeyboardInterrupt
 
-    with pytest.raises(RunInterrupted) as caught:
+    with pytest.raises(Interrupted) as caught:
         simulation.run(
             systems.problem(STOP, stop(), engine=engine), at([0.2, 1.5]), 1e6, progress=stop_at_once
         )
-    assert 0 < caught.value.trajectory.steps <= (1 if engine == "interpreted" else 100)
+    assert 0 < caught.value.partial.steps <= (1 if engine == "interpreted" else 100)
 
 
 def _jump_flow(mode, t, y, p, dy):
@@ -222,10 +222,11 @@ def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
     whole = simulation.run(setup, at([0.2, 1.5]), 3.0)
     for number in range(1, calls, 5):
         calls, last = 0, number
-        with pytest.raises(RunInterrupted) as caught:
+        with pytest.raises(Interrupted) as caught:
             simulation.run(setup, at([0.2, 1.5]), 3.0)
-        last, reached = 0, caught.value.trajectory
-        rest = simulation.run(setup, reached.final, 3.0 - caught.value.periods)
+        last, reached = 0, caught.value.partial
+        elapsed = reached.final.cycle + reached.final.time / setup.period
+        rest = simulation.run(setup, reached.final, 3.0 - elapsed)
         assert rest.final.y == pytest.approx(whole.final.y, abs=1e-6)
         assert np.concatenate(
             [systems.times(part, workspace.TRANSITION) for part in (reached, rest)]
@@ -243,7 +244,7 @@ def test_ctrl_c_while_events_are_handed_over_repeats_none():
             signal.raise_signal(signal.SIGINT)
         handed_over.append("complete")
 
-    with pytest.raises(RunInterrupted):
+    with pytest.raises(Interrupted):
         simulation.run(systems.problem(STOP, stop()), at([0.2, 1.5]), 1e6, consume=consume)
     assert handed_over[0] > 0
     assert handed_over[1] == "complete"

@@ -215,7 +215,7 @@ def test_leaving_the_domain_of_a_function_is_a_typed_error(flow, margins, reason
     system = automaton(("y",), (Guard(name="end", order=0),), flow, margins, _next)
     with pytest.raises(RunError, match=reason) as caught:
         simulate(system, (1.0,), [1.0], 12.0, period=1.0, engine=engine)
-    assert caught.value.trajectory is not None
+    assert caught.value.partial is not None
 
 
 def _forgotten(mode, code, t, y, p):

@@ -65,11 +65,10 @@ def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
 
     with monkeypatch.context() as patched:
         patched.setattr(construction.DiagramBuilder, "_search", stop)
-        with pytest.raises(mi.DiagramInterrupted, match="interrupted after 2 branches") as caught:
+        with pytest.raises(mi.Interrupted, match="interrupted after 2 branches") as caught:
             mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS)
-    partial = caught.value.diagram
+    partial = caught.value.partial
     assert not partial.complete
-    assert isinstance(caught.value, mi.Interrupted)
     whole = mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, resume=partial)
     assert whole.tree == fork.tree
     assert whole.complete
@@ -96,7 +95,7 @@ def test_a_diagram_resumes_from_its_store(fork, tmp_path, monkeypatch):
             try:
                 mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
                 break
-            except mi.DiagramInterrupted:
+            except mi.Interrupted:
                 assert store.exists()
     assert begun > 2
     monkeypatch.setattr(construction.DiagramBuilder, "_find_attractors", None)

@@ -52,8 +52,8 @@ def test_the_interruption_holds_the_points(study, module, function, points, syst
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module, function, interrupt)
-    with pytest.raises(mi.StudyInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         study(system)
     stop = caught.value
-    assert (stop.done, stop.total, len(stop.table)) == (points, points, points)
-    assert stop.table["status"].tolist() == ["ok"] * points
+    assert stop.after == f"{points} of {points} points"
+    assert stop.partial["status"].tolist() == ["ok"] * points

@@ -69,9 +69,9 @@ def test_interrupted(heated):
         if points == 3:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.OptimizationInterrupted, match="3 points") as error:
+    with pytest.raises(mi.Interrupted, match="3 points") as error:
         mi.optimize(heated, minimize=COST, over={"q": (2.5, 6.0)}, progress=stop)
-    best = error.value.optimum
+    best = error.value.partial
     assert best.ended == "interrupted"
     assert best.value < COST(heated)
 

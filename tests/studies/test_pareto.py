@@ -62,9 +62,9 @@ def test_interrupted(orbit):
         if points == 3:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.OptimizationInterrupted) as error:
+    with pytest.raises(mi.Interrupted) as error:
         mi.pareto_front(orbit, AIMS, over=OVER, points=5, progress=stop)
-    assert len(error.value.optimum.table) == 3
+    assert len(error.value.partial.table) == 3
 
 
 def test_a_picture(front, tmp_path):

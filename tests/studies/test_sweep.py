@@ -196,29 +196,29 @@ def interrupting(monkeypatch, at):
 def test_interruption(monkeypatch):
     whole = swept()
     interrupting(monkeypatch, at=4)  # the third value, after one to compile
-    with pytest.raises(mi.SweepInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         swept(workers=1)
     stop = caught.value
     assert isinstance(stop, KeyboardInterrupt)
-    assert (stop.done, stop.total) == (2, 3)
-    assert "2 of 3" in str(stop)
-    pd.testing.assert_frame_equal(stop.table, whole[whole["amplitude"] < 0.24])
+    assert (stop.work, stop.after) == ("sweep", "2 of 3 points")
+    pd.testing.assert_frame_equal(stop.partial, whole[whole["amplitude"] < 0.24])
 
 
 def test_interruption_of_threads(monkeypatch):
     interrupting(monkeypatch, at=5)
     before = threading.active_count()
-    with pytest.raises(mi.SweepInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         swept(np.linspace(0.2, 0.24, 9), direction="both")
-    assert 0 < caught.value.done < 18
+    assert 0 < int(caught.value.after.split()[0]) < 18
     assert threading.active_count() == before
 
 
 def test_interruption_before_anything(monkeypatch):
     interrupting(monkeypatch, at=1)
-    with pytest.raises(mi.SweepInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         swept(workers=1)
-    assert caught.value.done == len(caught.value.table) == 0
+    assert caught.value.after == "0 of 3 points"
+    assert caught.value.partial.empty
 
 
 @pytest.mark.parametrize(
@@ -266,12 +266,12 @@ def test_a_stored_sweep_goes_on_where_it_was_interrupted(tmp_path):
         if done >= 17:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.SweepInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         swept(values, direction="both", store=tmp_path, progress=interrupt, workers=1)
-    assert 0 < caught.value.done < 40
     stored = mi.read_study(tmp_path)
-    assert (stored.kind, stored.done, stored.total) == ("sweep", caught.value.done, 40)
-    assert bits(stored.table) == bits(caught.value.table)
+    assert 0 < stored.done < 40
+    assert caught.value.after == f"{stored.done} of 40 points"
+    assert bits(stored.table) == bits(caught.value.partial)
     assert bits(swept(values, direction="both", store=tmp_path)) == bits(whole)
 
 

@@ -88,7 +88,7 @@ def test_what_a_flow_does_wrong_far_away(changes, sentence, engine):
     with pytest.raises(RunError, match=sentence) as caught:
         run_far(system, engine)
     assert len(str(caught.value).splitlines()) == 1
-    assert caught.value.trajectory is not None
+    assert caught.value.partial is not None
 
 
 def to_nowhere(mode, t, y, p):

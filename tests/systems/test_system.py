@@ -97,7 +97,7 @@ def test_a_sequence_of_impacts_without_rest_ends_the_run():
         mi.RunError, match=r"a chatter sequence has ended .* rest= of the Impact"
     ) as caught:
         mi.simulate(lost, duration=2.0, options=PLAIN)
-    partial = caught.value.trajectory
+    partial = caught.value.partial
     assert len(partial.impacts) > 15
     assert partial.final.time == 0.0
     assert partial.extent[1] == pytest.approx(FALL * 1.5 / 0.5, rel=1e-6)

@@ -442,8 +442,8 @@ def test_a_rate_that_is_wrong_where_a_run_comes_at_last():
     for _ in range(2):  # it is told until it is mended
         with pytest.raises(FunctionError, match=r"rate of 'stop'.* mode late") as caught:
             mi.simulate(system, duration=60.0, options=INTERPRETED)
-        assert isinstance(caught.value.trajectory, mi.Run)
-        assert caught.value.trajectory.final.s == pytest.approx(60.0, rel=1e-12)
+        assert isinstance(caught.value.partial, mi.Run)
+        assert caught.value.partial.final.s == pytest.approx(60.0, rel=1e-12)
         # There x = cos 50, v = -sin 50, and the margin 2 - x changes at -v.
         given, found = (f"{sign * math.sin(50.0):.6g}" for sign in (-1.0, 1.0))
         assert f"is {given} where the margin changes at {found}" in str(caught.value)

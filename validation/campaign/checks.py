@@ -79,7 +79,7 @@ def check(case: Case, interpreted: int = 0, energy: str = "", budget: float = 20
         trajectory = case.run().trajectory
     except RunError as error:
         outcome.status = f"RunError: {error.reason}"
-        trajectory = getattr(error.trajectory, "trajectory", error.trajectory)
+        trajectory = getattr(error.partial, "trajectory", error.partial)
     except MemsImpactError as error:
         outcome.status = type(error).__name__
         outcome.findings.append(f"refused: {error}")

@@ -116,7 +116,7 @@ def answer(problem: Problem, start: HybridState, end: float, scale: Floats, time
     try:
         done = run(problem, first, end * time / problem.period)
     except RunError as error:
-        done, failed = error.trajectory, f"RunError: {error.reason}"
+        done, failed = error.partial, f"RunError: {error.reason}"
     except MemsImpactError as error:
         return Answer([Row(0.0, END, start.mode, start.y)], f"{type(error).__name__}: {error}")
     log = done.events[done.events.kind <= workspace.ACCUMULATION]

@@ -37,7 +37,7 @@ def finished(case: Case, **changes: Any) -> Any:
     try:
         return case.run(**changes).trajectory
     except mi.RunError as error:
-        return error.trajectory.trajectory  # type: ignore[attr-defined]
+        return error.partial.trajectory  # type: ignore[attr-defined]
 
 
 def same(a: Any, b: Any) -> bool:
@@ -68,7 +68,7 @@ def units(seed: int, small: bool) -> Result:
                 options=mi.Options(**case.options),
             ).trajectory
         except mi.RunError as error:
-            si = error.trajectory.trajectory  # type: ignore[attr-defined]
+            si = error.partial.trajectory  # type: ignore[attr-defined]
         tried += 1
         rows = rows_of(plain)[:60]
         until = rows[-1].t if rows else 0.0
@@ -142,7 +142,7 @@ def order_of_guards(seed: int, small: bool) -> Result:
             try:
                 done = run(setup, start, min(case.periods, 0.3 if small else 2.0))
             except mi.RunError as error:
-                done = error.trajectory  # type: ignore[assignment]
+                done = error.partial  # type: ignore[assignment]
             events = done.events
             events = events[events.kind != workspace.APPROACH]
             names = [setup.automaton.guards[g].name for g in events.guard[events.kind <= 1]]

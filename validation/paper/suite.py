@@ -20,7 +20,7 @@ from validation.paper.figures import FIGURES, Devices, Effort
 from validation.paper.report import summary, to_html, to_markdown
 from validation.paper.statements import Judgement, Value, judge, load_statements
 
-__all__ = ["Report", "SuiteInterrupted", "changed_verdicts", "expected_verdicts", "run_suite"]
+__all__ = ["Report", "changed_verdicts", "expected_verdicts", "run_suite"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,33 +48,6 @@ class Report:
 
     def __str__(self) -> str:
         return summary(self.judgements)
-
-
-class SuiteInterrupted(Interrupted):
-    """The suite was interrupted (Ctrl-C); the figures that were done are judged and written.
-
-    Parameters
-    ----------
-    report : Report
-        Of the figures that were done.
-    done, total : int
-        Number of figures that were done, and of all.
-
-    Attributes
-    ----------
-    report, done, total
-        As given.
-    """
-
-    work = "suite"
-    kept = "report"
-    report: Report
-    done: int
-    total: int
-
-    def __init__(self, report: Report, done: int, total: int) -> None:
-        after = f"{done} of {total} figures"
-        super().__init__(after, report=report, done=done, total=total)
 
 
 def run_suite(
@@ -113,8 +86,8 @@ def run_suite(
         If the paper has no such figure to reproduce.
     InvalidFile, FileNotWritten
         If a file cannot be written.
-    SuiteInterrupted
-        On Ctrl-C, which is heard at once; its ``report`` is that of the figures done.
+    Interrupted
+        At once on Ctrl-C; ``partial`` is the report of the finished figures.
     """
     devices = Devices() if devices is None else devices
     for number in figures:
@@ -144,7 +117,7 @@ def run_suite(
         interrupted = True
     report = _judged(done, effort, here)
     if interrupted:
-        raise SuiteInterrupted(report, len(done), len(figures))
+        raise Interrupted("suite", f"{len(done)} of {len(figures)} figures", report)
     return report
 
 

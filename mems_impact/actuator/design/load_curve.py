@@ -245,7 +245,7 @@ class _Chain:
                 window=(first, first + self.periods),
             )  # fmt: skip
         except RunError as error:
-            run = error.trajectory
+            run = error.partial
             direction = _runaway(run, self.periods)
             if direction == 0:
                 raise

@@ -48,7 +48,7 @@ from mems_impact.continuation.codim1_curve import CurvePoint, OrbitCurve, follow
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch, points_of
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ClosestApproachTest
-from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
+from mems_impact.errors import Interrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
@@ -1036,8 +1036,8 @@ def operating_chart(
     OrbitError
         If the orbit without impacts has neither a grazing nor a slip at either end of the range;
         the message lists its special points.
-    ChartInterrupted
-        On Ctrl-C; its ``chart`` holds the completed parts.
+    Interrupted
+        On Ctrl-C; ``partial`` is the chart of the completed parts.
 
     See Also
     --------
@@ -1082,7 +1082,9 @@ def operating_chart(
     try:
         maker.make(crises, columns, periods, workers)
     except KeyboardInterrupt:
-        raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
+        # Their number is unknown until the types of the range are.
+        after = f"{maker.done} of {maker.total} parts" if maker.total else "0 parts"
+        raise Interrupted("chart", after, maker.chart()) from None
     return maker.chart()
 
 

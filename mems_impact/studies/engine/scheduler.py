@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from mems_impact._util.ctrl_c import deferring_ctrl_c
 from mems_impact._util.progress import Progress, Report, progress_bar
 from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
-from mems_impact.errors import StartWarning, StudyInterrupted, WorkersLost
+from mems_impact.errors import Interrupted, StartWarning, WorkersLost
 from mems_impact.studies.engine.executors import (
     ExecutorLost,
     Result,
@@ -81,16 +81,17 @@ def run_study(
         If an argument is out of range, or pyarrow is missing.
     InvalidFile, FileNotWritten
         If the store belongs to another study, is in use or damaged, or cannot be written.
-    StudyInterrupted
-        At once on Ctrl-C; its ``table`` holds the completed chunks.
+    Interrupted
+        At once on Ctrl-C; ``partial`` is the table of the completed chunks.
     WorkersLost
-        If the workers died and cannot be replaced; its ``table`` holds the completed chunks.
+        If the workers died and cannot be replaced; ``partial`` is the table of the completed
+        chunks.
 
     Notes
     -----
     A chunk whose worker dies is computed again, finally without others beside it. After three
     deaths of workers its points become failed rows. Any other exception of a point is raised
-    unchanged, with the completed table as its attribute ``table``.
+    unchanged, with the completed table as its attribute ``partial``.
     """
     crew = WorkerPool(study, executor, None if workers is None else whole("workers", workers, 1))
     size = _default(study, workers) if chunk is None else whole("chunk", chunk, 1)
@@ -101,12 +102,16 @@ def run_study(
 
 
 @contextmanager
-def completed_study(table: pd.DataFrame, points: int) -> Iterator[None]:
+def completed_study(study: Study, table: pd.DataFrame) -> Iterator[None]:
     """Keep the table of a completed study if Ctrl-C interrupts the block that evaluates it."""
     try:
         yield
     except KeyboardInterrupt:
-        raise StudyInterrupted(table, points, points) from None
+        raise Interrupted(study.kind, _progress(study.points, study), table) from None
+
+
+def _progress(done: int, study: Study) -> str:
+    return f"{done} of {study.points} points"
 
 
 def _keeping(
@@ -137,13 +142,13 @@ def _compute(study: Study, chunks: ChunkStore, crew: WorkerPool, progress: Progr
             Scheduler(study, chunks, crew, notice, caught).run()
     except KeyboardInterrupt:
         chunks.scan_completed()
-        raise StudyInterrupted(chunks.table(), chunks.done, study.points) from None
+        raise Interrupted(study.kind, _progress(chunks.done, study), chunks.table()) from None
     except ExecutorLost as error:
-        table, done = chunks.table(), chunks.done
-        raise WorkersLost(str(error), table, done, study.points, error.remedy) from None
+        after, table = _progress(chunks.done, study), chunks.table()
+        raise WorkersLost(str(error), error.remedy, after, table) from None
     except Exception as error:
-        error.table = chunks.table()  # type: ignore[attr-defined]
-        error.add_note(f"{chunks.done} of {study.points} points are done")
+        error.partial = chunks.table()  # type: ignore[attr-defined]
+        error.add_note(f"{_progress(chunks.done, study)} are done")
         raise
 
 

@@ -198,9 +198,9 @@ def test_an_interrupted_chart_keeps_the_finished_frequencies(monkeypatch):
         return onset(*arguments)
 
     monkeypatch.setattr(operating_chart, "onset", interrupted)
-    with pytest.raises(mi.ChartInterrupted, match="after 2 of 3 parts") as caught:
+    with pytest.raises(mi.Interrupted, match="after 2 of 3 parts") as caught:
         mi.operating_chart(SLIPPING, frequency=(470, 500), crises=3, periods=300, workers=1)
-    table = caught.value.chart.table
+    table = caught.value.partial.table
     assert set(table["boundary"]) == {"slip", "on", "off", "steady from", "steady to"}
     assert table["frequency"].unique() == pytest.approx([470, 485])
 

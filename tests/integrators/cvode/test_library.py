@@ -214,4 +214,4 @@ def test_an_interrupt_ends_a_long_run_and_keeps_it(engine):
             _, errors = process.communicate(timeout=60)
         finally:
             process.kill()
-        assert "RunInterrupted: run interrupted after" in errors
+        assert "Interrupted: run interrupted after" in errors

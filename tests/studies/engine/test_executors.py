@@ -86,7 +86,7 @@ def test_workers_that_cannot_be_had_anew_leave_what_was_done(pool, tmp_path):
     with pool() as executor, pytest.raises(mi.WorkersLost, match="function that creates") as caught:
         run_study(study, executor=executor, store=tmp_path / "store")
     lost = caught.value
-    assert lost.done == len(lost.table) == mi.read_study(tmp_path / "store").done < 30
+    assert len(lost.partial) == mi.read_study(tmp_path / "store").done < 30
     table = run_study(study, executor=pool, store=tmp_path / "store")
     assert bits(table) == bits(run_study(Toy(size=30)))
 
@@ -160,7 +160,7 @@ def test_a_pool_that_never_starts_a_worker_leaves_what_was_done():
 def test_what_a_point_raises_in_a_process(pool):
     with pytest.raises(ZeroDivisionError, match="point 17") as caught:
         run_study(Toy(size=40, buggy=(17,)), executor=pool, chunk=4)
-    assert 0 < len(caught.value.table) < 40
+    assert 0 < len(caught.value.partial) < 40
 
 
 @pytest.mark.usefixtures("heard_in_background")
@@ -174,7 +174,7 @@ def test_ctrl_c_ends_processes(pool):
     def press(_):
         signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(mi.StudyInterrupted):  # within a day, at the first report
+    with pytest.raises(mi.Interrupted):  # within a day, at the first report
         run_study(Toy(size=8, each=1e5), executor=make, progress=press)
     assert len(made) == 1
 
@@ -242,6 +242,6 @@ def test_that_no_worker_comes_is_said_once(monkeypatch, caplog):
         if len(looks) == 3:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.StudyInterrupted):
+    with pytest.raises(mi.Interrupted):
         run_study(STUDY, executor=Deserted(), progress=stop)
     assert caplog.messages == ["waiting for workers: the cluster has none; see its log"]

@@ -128,15 +128,14 @@ def test_an_interruption_keeps_what_is_done(study):
         if done >= 12:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.StudyInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         run_study(study, progress=interrupt, chunk=4, workers=2)
     stop = caught.value
-    assert 12 <= stop.done < 40
-    assert stop.total == 40
-    assert len(stop.table) == stop.done
+    assert 12 <= len(stop.partial) < 40
+    assert (stop.work, stop.after) == ("toy", f"{len(stop.partial)} of 40 points")
     whole = run_study(study)
-    rows = whole[whole["point"].isin(stop.table["point"])].reset_index(drop=True)
-    assert bits(stop.table) == bits(rows)
+    rows = whole[whole["point"].isin(stop.partial["point"])].reset_index(drop=True)
+    assert bits(stop.partial) == bits(rows)
 
 
 @pytest.mark.usefixtures("heard_in_background")
@@ -148,7 +147,7 @@ def test_ctrl_c_ends_threads():
         if done >= 1:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(mi.StudyInterrupted):
+    with pytest.raises(mi.Interrupted):
         run_study(study, workers=2, chunk=10**6, progress=press)
     assert threading.active_count() == before
 
@@ -162,7 +161,7 @@ def test_ctrl_c_leaves_no_lock_of_the_executor_acquired(function):
         place = frame.f_code.co_filename, frame.f_code.co_name
         return "concurrent" in place[0] and place[1] == function
 
-    with pytest.raises(mi.StudyInterrupted) as caught, ctrl_c_in(within):
+    with pytest.raises(mi.Interrupted) as caught, ctrl_c_in(within):
         run_study(Toy(size=40), workers=2, chunk=4)
     interrupt = caught.value.__context__
     assert isinstance(interrupt, KeyboardInterrupt)
@@ -173,7 +172,7 @@ def test_ctrl_c_leaves_no_lock_of_the_executor_acquired(function):
 def test_what_a_point_raises_comes_as_it_is_with_what_was_done():
     with pytest.raises(ZeroDivisionError, match="point 17") as caught:
         run_study(Toy(size=40, buggy=(17,)), workers=1, chunk=4)
-    done = caught.value.table["point"].tolist()
+    done = caught.value.partial["point"].tolist()
     assert done[:16] == list(range(16))
     assert 17 not in done
     assert caught.value.__notes__ == [f"{len(done)} of 40 points are done"]

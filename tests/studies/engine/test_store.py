@@ -35,7 +35,7 @@ def broken_off(study, store, after, **arguments):
         if done >= after:
             raise KeyboardInterrupt
 
-    with pytest.raises(mi.StudyInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         run_study(study, store=store, progress=interrupt, workers=1, **arguments)
     return caught.value
 
@@ -52,9 +52,10 @@ def test_an_interruption_after_a_part_is_kept_counts_it(store, stored, monkeypat
         counted(self, number, failed)
 
     monkeypatch.setattr(ChunkStore, "count", count)
-    with pytest.raises(mi.StudyInterrupted) as caught:
+    with pytest.raises(mi.Interrupted) as caught:
         run_study(STUDY, store=store if stored else None, chunk=3, workers=1)
-    assert caught.value.done == caught.value.table["point"].nunique() == 6
+    assert caught.value.after == "6 of 30 points"
+    assert caught.value.partial["point"].nunique() == 6
 
 
 def chunks(store):
@@ -74,9 +75,9 @@ def test_an_interrupted_study_goes_on(store, study):
     stop = broken_off(study, store, 10, chunk=3)
     before = chunks(store)
     seen = mi.read_study(store)
-    assert bits(seen.table) == bits(stop.table)
-    assert (seen.kind, seen.done, seen.total) == ("toy", stop.done, 30)
-    assert 9 <= stop.done < 30
+    assert bits(seen.table) == bits(stop.partial)
+    assert (seen.kind, f"{seen.done} of {seen.total} points") == (stop.work, stop.after)
+    assert 9 <= seen.done < 30
     # With other workers and chunks, of which the store's own count.
     assert bits(run_study(study, store=store, workers=2, chunk=7)) == bits(run_study(study))
     assert set(before) < set(chunks(store))
@@ -128,7 +129,7 @@ def test_what_a_killed_process_leaves_is_removed(store):
     stop = broken_off(STUDY, store, 10, chunk=3)
     (store / "points" / ".000000009-000000012-77.parquet").write_bytes(b"PAR1 half of it")
     (store / ".study-77.json").write_text("{")
-    assert mi.read_study(store).done == stop.done
+    assert stop.after == f"{mi.read_study(store).done} of 30 points"
     run_study(STUDY, store=store)
     assert [name for name in chunks(store) if name.startswith(".")] == []
     assert sorted(path.name for path in store.iterdir()) == ["lock", "points", "study.json"]
