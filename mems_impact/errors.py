@@ -681,7 +681,9 @@ class ScaleWarning(UserWarning):
 
 
 class StartWarning(UserWarning):
-    """A motion starts where a guard with a state transition has a negative margin.
+    """A motion starts where a guard with a state transition has a negative margin, or may part.
+
+    It may part on a switching surface from which the flow leads away to both sides.
 
     See Also
     --------

@@ -84,6 +84,9 @@ class Problem:
         ``discontinuity_check(at, length)`` is called if a step of a run collapses without an event
         nearby, with the state at its start; it warns if the flow is discontinuous there, and
         returns whether it is.
+    mode_failure : callable or None
+        ``mode_failure(code, at)`` returns why no mode fits a state, by the code that the transition
+        returned, and the remedy.
     """
 
     automaton: Automaton
@@ -95,6 +98,10 @@ class Problem:
     time_scale: float | None = None
     unavailable_reason: str = ""
     discontinuity_check: Callable[[HybridState, float], bool] | None = field(
+        default=None, compare=False, repr=False
+    )
+
+    mode_failure: Callable[[int, HybridState], tuple[str, str]] | None = field(
         default=None, compare=False, repr=False
     )
 

@@ -672,11 +672,12 @@ class Simulation:
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
             reason = "a chatter sequence has ended"
             remedy = "give mode and state of the sticking contact as rest= of the Impact"
-        if status == workspace.NO_SUCH_MODE and failure == workspace.NO_FIT:
-            reason = "two switching surfaces attract the state at once: no mode says how it slides"
-            remedy = (
-                "write modes of your own for where they meet, or make the two one SwitchingSurface"
+        mode_failure = self.problem.mode_failure
+        if status == workspace.NO_SUCH_MODE and failure <= workspace.NO_FIT and mode_failure:
+            at = HybridState(
+                int(clock["cycle"]), float(clock["t"]), int(clock["mode"]), np.array(y)
             )
+            reason, remedy = mode_failure(failure, at)
         if status in (workspace.CYCLING, workspace.EVENT_BUDGET):
             events = Events.from_rows(self.last_rows)
             description = missing_sliding_mode(events, self.problem)

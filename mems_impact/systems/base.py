@@ -588,6 +588,7 @@ class HybridSystem(Result, ABC):
             section=self.section,
             options=options,
             discontinuity_check=self.discontinuity_check,
+            mode_failure=self.mode_failure,
             **self._checked_numbers._asdict(),
         )
 
@@ -600,6 +601,15 @@ class HybridSystem(Result, ABC):
     def discontinuity_check(self) -> Callable[[HybridState, float], bool] | None:
         """Check for a discontinuity of the flow where steps become very short, if there is one."""
         return None
+
+    @property
+    def mode_failure(self) -> Callable[[int, HybridState], tuple[str, str]] | None:
+        """Function that returns why no mode fits a state, and the remedy, if there is one."""
+        return None
+
+    def other_mode(self, start: HybridState, problem: Problem) -> int:
+        """Return the mode of another motion from the start on a switching surface, or -1."""
+        return -1
 
     @cached_property
     def _checked_numbers(self) -> ProblemParameters:

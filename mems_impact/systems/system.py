@@ -39,6 +39,7 @@ from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
+from mems_impact.systems.components.sliding import SlidingMotions
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import Mode, State
 from mems_impact.systems.statistics import RunStatistics, measure_names, measures
@@ -154,6 +155,7 @@ class System(HybridSystem):
     _time_scale: Number | None
     _section: Section | None
     _begin: Callable[..., int] | None = None
+    _sliding: SlidingMotions | None = None
     definition: Definition
 
     def __init__(
@@ -204,7 +206,10 @@ class System(HybridSystem):
             )
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
-            flow, switch_transition, guards, modes, self._begin, constrained, projection = assembled
+            flow, switch_transition, guards, modes, self._begin, constrained, projection = (
+                assembled[:-1]
+            )
+            self._sliding = assembled.sliding
         called = arguments.mode_names(modes, guards)
         self.definition = Definition(
             states=names,
@@ -343,6 +348,23 @@ class System(HybridSystem):
         return partial(checks.warn_of_discontinuity, self, self.definition)
 
     @property
+    def mode_failure(self) -> Callable[[int, HybridState], tuple[str, str]] | None:
+        """Function that returns why no mode fits a state, and the remedy, with surfaces."""
+        sliding, p = self._sliding, self._named(self._parameters.values())
+        if sliding is None:
+            return None
+        return lambda code, at: sliding.failure(
+            code, self.out("time", at.time), self._state(at.y), p
+        )
+
+    def other_mode(self, start: HybridState, problem: Problem) -> int:
+        """Return the mode of another motion from the start on a switching surface, or -1."""
+        if self._sliding is None:
+            return -1
+        time, y = self.out("time", start.time), self._state(start.y)
+        return int(self._sliding.other_start(start.mode, time, y, self._to_user(problem)))
+
+    @property
     def automaton(self) -> Automaton:
         """Modes, flow, guards and transitions, in the form that the event loop takes."""
         if self.typical is None:
@@ -462,7 +484,11 @@ class System(HybridSystem):
             return mode
         when, state = self.out("time", time), self._state(y)
         try:
-            return int(self._begin(mode, when, state, self._to_user(problem)))
+            fitting = int(self._begin(mode, when, state, self._to_user(problem)))
+            if self.mode_failure is not None and fitting < 0:
+                reason, _ = self.mode_failure(fitting, HybridState(0, time, mode, y))
+                raise InvalidParameter("initial", str(state), f"another state, since {reason}")
+            return fitting
         except ArithmeticError as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
             location = innermost_user_line(error.__traceback__, self._begin)

@@ -1057,7 +1057,7 @@ MARGIN_TOLERANCES = 1e3  # number of tolerances below zero of a negative margin
 
 
 def check_start_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
-    """Warn if a run starts beyond a guard whose transition changes the state.
+    """Warn if a run starts beyond a guard whose transition changes the state, or where it may part.
 
     The run itself rejects a start beyond an impact. A start beyond a guard that changes only the
     mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
@@ -1066,6 +1066,15 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
     if system.mode_by_switch:
         return  # the mode fits the state
     automaton, options = problem.automaton, problem.options
+    other = system.other_mode(start, problem)
+    if other >= 0:
+        mode, other_name = automaton.modes[start.mode], automaton.modes[other]
+        message = (
+            f"the motion from this start is not unique: the flow leads away from a switching "
+            f"surface to both sides; the run begins in mode {mode!r}, and could begin in "
+            f"{other_name!r}; start beside the surface"
+        )
+        warn(message, StartWarning, mode)
     numbers = [
         i for i, guard in enumerate(automaton.guards) if not guard.impact and not guard.records
     ]

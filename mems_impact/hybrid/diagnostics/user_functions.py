@@ -398,7 +398,9 @@ class CheckedFunctions:
     def _mode_number(self, function: UserFunction, mode: Any) -> int:
         """Return an existing mode."""
         modes = self.definition.modes
-        if isinstance(mode, Integral) and int(mode) in (ENDS, NO_FIT, *range(len(modes))):
+        if isinstance(mode, Integral) and (
+            int(mode) in (ENDS, *range(len(modes))) or int(mode) <= NO_FIT
+        ):
             return int(mode)
         description = f"mode {mode}" if isinstance(mode, Real) else describe_value(mode)
         choices = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))

@@ -53,7 +53,7 @@ PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int,
 INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 
 # Special return values of a transition: the run ends; a chatter sequence has no rest transition; no
-# mode fits the state.
+# mode fits the state, for a reason that this number or a lower one encodes.
 ENDS, NO_REST, NO_FIT = -3, -2, -4
 
 # Kinds of rows in the event buffer: see `Kind`.

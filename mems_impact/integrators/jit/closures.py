@@ -36,6 +36,8 @@ from mems_impact.integrators.jit.trigonometry import SUBSTITUTES, substitute
 
 __all__ = ["try_compile"]
 
+INLINED_BYTES = 500  # of bytecode: larger generated functions are called
+
 # --- Snapshots
 
 # numba has its own implementations for these, and their constants do not change.
@@ -407,7 +409,11 @@ class _Copier:
             cell.cell_contents = self._value(value, names)
         for name, value in _globals(function):
             space[name] = self._value(value, names)
-        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
+        # Inlined into each caller, and these into theirs, generated functions grow exponentially.
+        code = copy.__code__
+        is_large = code.co_filename.startswith("<") and len(code.co_code) > INLINED_BYTES
+        options = {**self._options, "forceinline": False} if is_large else self._options
+        overload(copy, jit_options=options, strict=False)(lambda *_, **__: copy)
         return copy
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:

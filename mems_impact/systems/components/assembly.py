@@ -39,8 +39,14 @@ from mems_impact.systems.components.base import (
     Quantity,
 )
 from mems_impact.systems.components.friction import Friction
+from mems_impact.systems.components.sliding import (
+    ALL_SURFACES,
+    START,
+    Sliding,
+    SlidingMotions,
+)
 from mems_impact.systems.components.statics import Holding
-from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDING, SwitchingSurface
+from mems_impact.systems.components.switching_surface import SwitchingSurface
 
 __all__ = ["assemble"]
 
@@ -107,11 +113,13 @@ class FlowWriter:
             for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, Friction)
         ]
-        self.surfaces = [
+        surfaces = [
             (names, part)
             for names, part in zip(self.names, parts, strict=True)
             if isinstance(part, SwitchingSurface)
         ]
+        size = len(states) + len(self.holding.force_index)
+        self.sliding = Sliding(surfaces, self.strides, self.count, size, len(states))
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
         """Return the lines that split a mode into the modes of the parts."""
@@ -195,50 +203,29 @@ class FlowWriter:
             function("projection(mode, t, y, p)", iteration),
         ]
 
-    def slopes(self) -> str:
-        """Return the source of the flow in every mode, with Filippov's flow on surfaces."""
-        lines = [*self.digits()]
-        for names, surface in self.surfaces:
-            size = len(self.states) + len(self.holding.force_index)
-            mixed = (f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(size))
-            sliding = [
-                *self.both_sides(names, surface, "mode", SLIDING),
-                f"gap = {names.lower} - {names.upper}",
-                f"share = {names.lower} / gap if gap != 0.0 else 0.5",
-                f"return ({', '.join(mixed)},)",
-            ]
-            lines += [f"if {names.mode} == {SLIDING}:", *indented(sliding)]
-        lines.append("return field(mode, t, y, p)")
-        return function("slopes(mode, t, y, p)", lines)
-
-    def both_sides(
-        self, names: CodeNames, surface: SwitchingSurface, mode: str, current: int | str
-    ) -> list[str]:
-        """Return the lines of the flow on both sides, and of its rates away from the surface."""
-        stride, lines = self.strides[names.number], []
-        for side, name, rate in ((ABOVE, "up", names.upper), (BELOW, "down", names.lower)):
-            step = f"{mode} + ({side} - {current}) * {stride}"
-            lines += [f"{name} = field({step}, t, y, p)", f"{rate} = {surface.along(names, name)}"]
-        return lines
+    def slopes(self) -> list[str]:
+        """Return the sources of the flow in every mode, and of the room of modes that slide."""
+        lines = [*self.digits(), *self.sliding.slopes(), "return field(mode, t, y, p)"]
+        slopes = function("slopes(mode, t, y, p)", lines)
+        intersection, rooms = self.sliding.sources()
+        return [*intersection, slopes, *rooms]
 
     def mode_conditions(self) -> str:
         """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last")]
-        if len(self.surfaces) > 1:
-            sliding = (f"({names.mode} == {SLIDING})" for names, _ in self.surfaces)
-            lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
         lines += self.holding.blocked()
-        lines.append("x = slopes(mode, t, y, p)")
+        lines += ["x = slopes(mode, t, y, p)", *self.sliding.conditions()]
         for names, part in zip(self.names, self.parts, strict=True):
             tests: list[str] = []
-            if isinstance(part, SwitchingSurface):
-                tests += self.both_sides(names, part, "mode", names.mode)
             if isinstance(part, Contact):
                 tests += self.holding.room(names)
             for mode, condition in enumerate(part.mode_conditions(names)):
                 test = f"if {names.mode} == {mode} and not ({condition}):"
                 tests += [test, "    return False"]
-            lines += [f"if given != {names.number}:", *indented(tests)]
+            given = f"given != {names.number}"
+            if isinstance(part, SwitchingSurface):
+                given += f" and given != {ALL_SURFACES}"
+            lines += [f"if {given}:", *indented(tests)]
         return function(
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
@@ -283,6 +270,7 @@ class FlowWriter:
             if weight > 1:
                 moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
         conditions = [f"(fired != {i} or own < 0 or m{i} == led)" for i in numbers]
+        conditions += self.sliding.exit_conditions()
         # Where a contact reaches its limit, a stop may take over the load.
         rubs = [names.number for names, part in self.frictions]
         conditions += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
@@ -304,7 +292,7 @@ class FlowWriter:
             f"if moved <= most and {' and '.join(conditions)}:",
             "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
             "        if moved == 0 and together <= 1:",
-            "            return candidate",
+            "            return verdict(candidate, mode, fired, own, jumped, t, y, p)",
             "        x = slopes(candidate, t, y, p)",
             "        motion = 0.0",
             *indented(indented([line for lines in motion for line in lines])),
@@ -316,25 +304,24 @@ class FlowWriter:
             f"stays{names.number} = {part.preferred_mode(names)}"
             for names, part in zip(self.names, self.parts, strict=True)
         ]
-        lines += self.together()
+        lines += [*self.together(), *self.sliding.exit()]
         # The mode after an event fits up to rounding, so this test is the last.
         lines += [
             f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",
             "    led = own if turn > 0 else 0",
             "    given = fired if own >= 0 and turn == 2 else -1",
+            *indented(self.sliding.given()),
             "    best, least = -1, 0.0",
             "    for most in range(2):",
             f"        most *= {many**3}",
             f"        for candidate in range({self.count}):",
             *indented(indented(indented(search))),
             "        if best >= 0:",
-            "            return best",
+            "            return verdict(best, mode, fired, own, jumped, t, y, p)",
         ]
-        if len(self.surfaces) > 1:
-            # Filippov's method defines no flow on the intersection of two surfaces.
-            lines.append(f"return {NO_FIT}")
-            return function("settled(mode, fired, own, jumped, t, y, p)", lines)
         # No mode fits exactly because of rounding.
+        if len(self.sliding.surfaces) > 1:
+            lines += ["if own < 0:", f"    return {NO_FIT}"]
         for i, stride in enumerate(self.strides):
             lines += [
                 f"if fired == {i} and own >= 0:",
@@ -392,9 +379,6 @@ class FlowWriter:
             lines.append("x = slopes(mode, t, y, p)")
         if room:
             lines += self.holding.room(names)
-        asks = names.upper in expression or names.lower in expression
-        if isinstance(names.part, SwitchingSurface) and asks:
-            lines += self.both_sides(names, names.part, "mode", names.mode)
         return lines
 
 
@@ -416,6 +400,8 @@ class AssembledSystem(NamedTuple):
         The modes in which contacts hold or the state slides on a surface.
     projection : callable or None
         ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
+    sliding : SlidingMotions or None
+        The motions of a state on surfaces.
     """
 
     flow: Callable[..., Any]
@@ -425,6 +411,7 @@ class AssembledSystem(NamedTuple):
     begin: Callable[..., int]
     constrained: tuple[int, ...]
     projection: Callable[..., Any] | None
+    sliding: SlidingMotions | None
 
 
 def check(
@@ -489,7 +476,14 @@ def assemble(
             allowed = f"given for {velocity!r}, on which {names.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)
-    sources = [text.field(), text.slopes(), text.alike(), text.mode_conditions(), text.settled()]
+    sources = [
+        text.field(),
+        *text.slopes(),
+        text.alike(),
+        text.mode_conditions(),
+        *text.sliding.rivals(),
+        text.settled(),
+    ]
     sources.append(
         function(
             "flow(mode, t, y, p)",
@@ -501,7 +495,10 @@ def assemble(
             "switch_transition(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"]
         )
     )
-    sources.append(function("begin(mode, t, y, p)", ["return settled(mode, -1, -1, 1, t, y, p)"]))
+    sources += text.sliding.start()
+    sources.append(
+        function("begin(mode, t, y, p)", [f"return settled(mode, {START}, -1, 1, t, y, p)"])
+    )
     constrained, lines = text.projection()
     sources += lines
     specs = [
@@ -550,4 +547,5 @@ def assemble(
         space["begin"],
         constrained,
         space.get("projection"),
+        text.sliding.motions(states, modes) if text.sliding.surfaces else None,
     )

@@ -134,14 +134,14 @@ class CodeNames:
         return f"fired == {self.number}"
 
     @property
-    def upper(self) -> str:
-        """The derivative of a surface's height along the flow above it."""
-        return f"up{self.number}"
+    def on(self) -> str:
+        """Whether the state lies on a surface."""
+        return f"on{self.number}"
 
     @property
-    def lower(self) -> str:
-        """The derivative of a surface's height along the flow below it."""
-        return f"down{self.number}"
+    def room(self) -> str:
+        """The least distance of a motion from leaving the surfaces on which the state slides."""
+        return "room"
 
     @property
     def back(self) -> str:

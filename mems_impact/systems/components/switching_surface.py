@@ -40,8 +40,10 @@ class SwitchingSurface(Part):
     Notes
     -----
     Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
-    up`` and ``NAME leaves down``. If both flows lead away, the state stays on its side. The method
-    does not define sliding along two surfaces at once.
+    up`` and ``NAME leaves down``. Where several surfaces meet and no motion leads away, the state
+    slides on their intersection, with the velocity of the convex combinations of all flows around
+    it that keep every h at zero. If these have several velocities, or if several motions lead away,
+    the run ends with an error that gives two of them; a start there is a `StartWarning`.
 
     References
     ----------
@@ -119,14 +121,13 @@ class SwitchingSurface(Part):
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of above, below and sliding."""
-        h, up, down = self.height(names), names.upper, names.lower
+        h, along = self.height(names), f"({self.along(names, 'x')})"
         # If no event has changed the state, it stays on its side despite rounding of h.
-        stayed = "jumped == 0"
-        on = f"({names.fired} or {h} == 0.0 or ({stayed} and {names.last} == {SLIDING}))"
+        stays = f"{names.last} == {{}} if jumped == 0 else {h} {{}} 0.0"
         return [
-            f"{up} >= 0.0 if {on} else ({names.last} == {ABOVE} if {stayed} else {h} > 0.0)",
-            f"{down} <= 0.0 if {on} else ({names.last} == {BELOW} if {stayed} else {h} < 0.0)",
-            f"{on} and {up} < 0.0 and {down} > 0.0",
+            f"{along} >= 0.0 if {names.on} else ({stays.format(ABOVE, '>')})",
+            f"{along} <= 0.0 if {names.on} else ({stays.format(BELOW, '<')})",
+            f"{names.on} and {names.room} > 0.0",
         ]
 
     def guards(self, names: CodeNames) -> list[GuardSpec]:
@@ -139,16 +140,13 @@ class SwitchingSurface(Part):
                 margin=f"{sign} * {self.height(names)}",
                 rate=f"{sign} * ({self.along(names, 'x')})",
             ),
-            GuardSpec(
-                name=f"{self.name} leaves up",
-                modes=(SLIDING,),
-                margin=f"-{names.upper}",
-                leads=str(ABOVE),
-            ),
-            GuardSpec(
-                name=f"{self.name} leaves down",
-                modes=(SLIDING,),
-                margin=names.lower,
-                leads=str(BELOW),
+            *(
+                GuardSpec(
+                    name=f"{self.name} leaves {way}",
+                    modes=(SLIDING,),
+                    margin=f"exit_room(mode, {names.number}, {side}, t, y, p)",
+                    leads=str(side),
+                )
+                for way, side in (("up", ABOVE), ("down", BELOW))
             ),
         ]

@@ -1,0 +1,468 @@
+"""Sliding on switching surfaces and on their intersections.
+
+On the intersection of k surfaces a state slides with a convex combination of the 2^k flows around
+it whose derivatives of all heights h are zero. The weights of least norm are affine functions of
+the derivatives: with a row of ones for their sum, and a row L of derivatives for each surface, they
+solve a symmetric system of k + 1 equations. If every such combination has the same velocity, so has
+this one; otherwise the motion is not unique, and a run ends with an error.
+
+The intersection holds the state if no motion leads away from it: into a region, or along fewer of
+its surfaces, where these hold the state themselves. The *room* of a mode is the least distance of
+all these motions from leaving, a rate: for one surface the lesser of the speeds at which the two
+flows approach it. Its zero is an exit, which leads into the motion that leaves.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.constraints import elimination
+from mems_impact.hybrid.definition import function, indented
+from mems_impact.hybrid.event_loop.workspace import NO_FIT
+from mems_impact.systems.components.base import CodeNames
+from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDING, SwitchingSurface
+
+__all__ = ["Sliding", "SlidingMotions"]
+
+ALL_SURFACES = -2  # in place of a part whose mode is given
+START = -2  # in place of the part of an event
+NEAR_TIME = "1e-12"  # of t: a state that needs less time to a surface lies on it
+ONE_SURFACE = "make them one SwitchingSurface, whose mode the flow reads for both"
+PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that coincide
+UNIQUE_RTOL = "1e-8"  # relative difference of the velocities of one motion
+
+
+class Sliding:
+    """Generates the source code of sliding.
+
+    Parameters
+    ----------
+    surfaces : sequence of tuple
+        Names and part of each.
+    strides : sequence of int
+        Of the modes of all parts.
+    modes : int
+        Number of modes.
+    size : int
+        Number of values that ``field`` returns: derivatives of the states, and forces.
+    n : int
+        Number of states.
+    """
+
+    def __init__(
+        self,
+        surfaces: Sequence[tuple[CodeNames, SwitchingSurface]],
+        strides: Sequence[int],
+        modes: int,
+        size: int,
+        n: int,
+    ) -> None:
+        self.surfaces, self.modes, self.size, self.n = surfaces, modes, size, n
+        self.digits = [names.mode for names, _ in surfaces]
+        self.strides = [strides[names.number] for names, _ in surfaces]
+        self.k = len(surfaces)
+        check_coincidence(surfaces)
+
+    @property
+    def count(self) -> str:
+        """The number of surfaces on which a mode slides, as an expression."""
+        return " + ".join(f"({digit} == {SLIDING})" for digit in self.digits)
+
+    def beside(self, name: str) -> str:
+        """Return the mode with the digits ``name0``, ``name1``, … of the surfaces."""
+        steps = (
+            f"({name}{i} - {digit}) * {stride}"
+            for i, (digit, stride) in enumerate(zip(self.digits, self.strides, strict=True))
+        )
+        return " + ".join(["mode", *steps])
+
+    def around(self, name: str, base: int) -> list[str]:
+        """Return the lines of a loop over modes that agree where `mode` does not slide."""
+        digits = [f"{name}{i} = {name} // {base**i} % {base}" for i in range(self.k)]
+        agrees = (
+            f"({digit} == {SLIDING} or {digit} == {name}{i})" for i, digit in enumerate(self.digits)
+        )
+        loop = f"for {name} in range({base**self.k}):"
+        return [loop, *indented([*digits, f"if {' and '.join(agrees)}:"])]
+
+    def flows(self) -> list[str]:
+        """Return the lines of a loop over the flows ``d`` around the state with their rates."""
+        rates = (
+            f"l{i + 1} = {part.along(names, 'd')} if {digit} == {SLIDING} else 0.0"
+            for i, ((names, part), digit) in enumerate(zip(self.surfaces, self.digits, strict=True))
+        )
+        body = [f"d = field({self.beside('side')}, t, y, p)", "l0 = 1.0", *rates]
+        return [*self.around("side", 2), *indented(indented(body))]
+
+    def gram(self) -> list[tuple[int, int]]:
+        """Return the index pairs of the symmetric system."""
+        return [(i, j) for i in range(self.k + 1) for j in range(i, self.k + 1)]
+
+    def intersection(self) -> str:
+        """Return the source of the flow on an intersection."""
+        rows, columns = range(self.k + 1), range(self.size)
+        lines = [f"g{i}_{j} = 0.0" for i, j in self.gram()]
+        lines += [f"sum{i}_{j} = 0.0" for i in rows for j in columns]
+        adds = [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
+        adds += [f"sum{i}_{j} += l{i} * d[{j}]" for i in rows for j in columns]
+        lines += [*self.flows(), *indented(indented(adds))]
+        lines += [f"r{i} = {float(i == 0)}" for i in rows]
+        lines += elimination(self.k + 1)
+        mixed = (" + ".join(f"f{i} * sum{i}_{j}" for i in rows) for j in columns)
+        return function(
+            "intersection(mode, t, y, p)",
+            [*self.digit_lines(), *lines, f"return ({', '.join(mixed)},)"],
+        )
+
+    def is_unique(self) -> str:
+        """Return the source of the test whether all combinations have one velocity.
+
+        That is, whether a generic sum of the derivatives of the states depends linearly on the rows
+        of the symmetric system.
+        """
+        rows, columns = range(self.k + 1), range(self.n)
+        lines = [f"size{j} = 0.0" for j in columns]
+        adds = [f"size{j} += d[{j}] * d[{j}]" for j in columns]
+        lines += [*self.flows(), *indented(indented(adds))]
+        lines += [
+            f"w{j} = {weight(j)!r} / math.sqrt(size{j}) if size{j} > 0.0 else 0.0" for j in columns
+        ]
+        generic = f"value = {' + '.join(f'w{j} * d[{j}]' for j in columns)}"
+        lines += [f"g{i}_{j} = 0.0" for i, j in self.gram()] + [f"r{i} = 0.0" for i in rows]
+        adds = [generic, *(f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram())]
+        adds += [f"r{i} += l{i} * value" for i in rows]
+        lines += [*self.flows(), *indented(indented(adds)), *elimination(self.k + 1)]
+        explained = " + ".join(f"f{i} * l{i}" for i in rows)
+        adds = [generic, f"rest = value - ({explained})", "error += rest * rest"]
+        lines += ["error = 0.0", *self.flows(), *indented(indented(adds))]
+        lines.append(f"return error <= {UNIQUE_RTOL} * {UNIQUE_RTOL} * {self.n}.0")
+        return function("is_unique(mode, t, y, p)", [*self.digit_lines(), *lines])
+
+    def rooms(self) -> list[str]:
+        """Return the sources of ``room_1``, … for modes that slide on up to so many surfaces.
+
+        ``room_1(mode, which, side, t, y, p)`` returns the least distance of a motion from leaving,
+        and its mode: of all motions if `which` is -1, else of those that leave the surface with
+        this number to this side.
+        """
+        sources = [function("room_0(mode, which, side, t, y, p)", ["return math.inf, mode"])]
+        for most in range(1, self.k + 1):
+            lines = ["least, exit = math.inf, mode"]
+            free = " + ".join(f"(other{i} == {SLIDING})" for i in range(self.k))
+            asked = "".join(
+                f" and (which != {names.number} or other{i} == side)"
+                for i, (names, _) in enumerate(self.surfaces)
+            )
+            body = [
+                f"near = {self.beside('other')}",
+                "x = slopes(near, t, y, p)",
+                f"leads, _ = room_{most - 1}(near, -1, 0, t, y, p)",
+            ]
+            for i, (names, part) in enumerate(self.surfaces):
+                along = part.along(names, "x")
+                body += [
+                    f"if {names.mode} == {SLIDING} and other{i} != {SLIDING}:",
+                    f"    leads = min(leads, {along} if other{i} == {ABOVE} else -({along}))",
+                ]
+            body += ["if not -leads >= least:", "    least, exit = -leads, near"]  # nan too
+            inner = [f"if {free} < {self.count}{asked}:", *indented(body)]
+            lines += [*self.around("other", 3), *indented(indented(inner)), "return least, exit"]
+            if most > 1:
+                fewer = f"return room_{most - 1}(mode, which, side, t, y, p)"
+                lines = [f"if {self.count} < {most}:", f"    {fewer}", *lines]
+            name = f"room_{most}(mode, which, side, t, y, p)"
+            sources.append(function(name, [*self.digit_lines(), *lines]))
+        call = f"room_{self.k}(mode, number, side, t, y, p)"
+        lines = [f"least, _ = {call}", "return least"]
+        return [*sources, function("exit_room(mode, number, side, t, y, p)", lines)]
+
+    def sources(self) -> tuple[list[str], list[str]]:
+        """Return the sources of functions that ``slopes`` calls, and that call it."""
+        if not self.surfaces:
+            return [], []
+        return [self.intersection()] if self.k > 1 else [], self.rooms()
+
+    def rivals(self) -> list[str]:
+        """Return the sources of functions that ``settled`` calls."""
+        if not self.surfaces:
+            return [self.verdict()]
+        slides = function("slides(mode)", [*self.digit_lines(), f"return {self.count}"])
+        several = [slides, self.is_unique(), self.coincidence()] if self.k > 1 else []
+        return [self.rival(), *several, self.verdict()]
+
+    def exit(self) -> list[str]:
+        """Return the lines that refuse surfaces that coincide, and find the mode of an exit."""
+        if self.k < 2:
+            return []
+        lines = [
+            "pair = coincidence(mode, fired, jumped, t, y, p)",
+            "if pair > 0:",
+            f"    return {NO_FIT - self.modes**2} - pair",
+            "exit = -1",
+        ]
+        for names, _ in self.surfaces:
+            inside = f"{names.fired} and own >= 0 and {names.last} == {SLIDING}"
+            call = f"room_{self.k}(mode, {names.number}, own, t, y, p)"
+            lines += [f"if {inside}:", f"    _, exit = {call}"]
+        return lines
+
+    def given(self) -> list[str]:
+        """Return the line after which the modes of an exit are not tested."""
+        return [f"given = {ALL_SURFACES} if exit >= 0 else given"] if self.k > 1 else []
+
+    def start(self) -> list[str]:
+        """Return the source that finds another motion from the start of a run, or -1."""
+        if not self.surfaces:
+            return []
+        rates = ", ".join(part.along(names, "d") for names, part in self.surfaces)
+        call = f"rival(mode, mode, {START}, 1, t, y, p)"
+        return [
+            function("other_start(mode, t, y, p)", [f"return {call}"]),
+            function("rates(d, t, y, p)", [f"return ({rates},)"]),
+        ]
+
+    def exit_conditions(self) -> list[str]:
+        """Return the conditions under which a candidate has the modes of an exit."""
+        if self.k < 2:
+            return []
+        return [
+            f"(exit < 0 or {names.mode} == exit // {stride} % 3)"
+            for (names, _), stride in zip(self.surfaces, self.strides, strict=True)
+        ]
+
+    def verdict(self) -> str:
+        """Return the source that returns a mode, or the reason why the motion is not unique."""
+        lines = []
+        if self.k > 1:
+            lines += [
+                "if slides(mode) > 1 and not is_unique(mode, t, y, p):",
+                f"    return {NO_FIT - 1} - mode * {self.modes + 1}",
+            ]
+        if self.surfaces:
+            lines += [
+                f"if fired != {START} and own < 0:",
+                "    other = rival(mode, before, fired, jumped, t, y, p)",
+                "    if other >= 0:",
+                f"        return {NO_FIT - 1} - mode * {self.modes} - other",
+            ]
+        return function(
+            "verdict(mode, before, fired, own, jumped, t, y, p)", [*lines, "return mode"]
+        )
+
+    def slopes(self) -> list[str]:
+        """Return the lines of the flow in modes that slide."""
+        lines = []
+        if self.k > 1:
+            lines = [f"if {self.count} > 1:", "    return intersection(mode, t, y, p)"]
+        mixed = ", ".join(f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(self.size))
+        for (names, part), stride in zip(self.surfaces, self.strides, strict=True):
+            body = [
+                f"{side} = field(mode + ({digit} - {SLIDING}) * {stride}, t, y, p)"
+                for side, digit in (("up", ABOVE), ("down", BELOW))
+            ]
+            body += [
+                f"rise, fall = {part.along(names, 'up')}, {part.along(names, 'down')}",
+                "gap = fall - rise",
+                "share = fall / gap if gap != 0.0 else 0.5",
+                f"return ({mixed},)",
+            ]
+            lines += [f"if {names.mode} == {SLIDING}:", *indented(body)]
+        return lines
+
+    def contact(self, before: str) -> list[str]:
+        """Return the lines that define on which surfaces a state lies, with the mode before it."""
+        lines = [f"moved = slopes({before}, t, y, p)"] if self.k > 1 else []
+        for names, part in self.surfaces:
+            h = part.height(names)
+            near = f"{h} == 0.0"
+            if self.k > 1:
+                near = f"abs({h}) <= {NEAR_TIME} * abs(t * ({part.along(names, 'moved')}))"
+            slides = f"(jumped == 0 and {names.last} == {SLIDING})"
+            lines.append(f"{names.on} = {names.fired} or {slides} or {near}")
+        return lines
+
+    def conditions(self) -> list[str]:
+        """Return the lines of variables in the conditions of the modes of surfaces."""
+        if not self.surfaces:
+            return []
+        return [*self.contact("before"), f"room, _ = room_{self.k}(mode, -1, 0, t, y, p)"]
+
+    def motions(self, states: tuple[str, ...], modes: tuple[str, ...]) -> SlidingMotions:
+        """Return the motions of a state, after the sources have been executed."""
+        space = self.surfaces[0][0].space
+        return SlidingMotions(
+            states=states,
+            surfaces=tuple(part.name for _, part in self.surfaces),
+            modes=modes,
+            strides=tuple(self.strides),
+            **{name: space[name] for name in ("slopes", "field", "rates", "other_start")},
+        )
+
+    def digit_lines(self) -> list[str]:
+        """Return the lines that split a mode into the digits of the surfaces."""
+        return [
+            line
+            for (names, _), stride in zip(self.surfaces, self.strides, strict=True)
+            for line in (f"{names.mode} = mode // {stride} % 3", f"{names.last} = {names.mode}")
+        ]
+
+    def rival(self) -> str:
+        """Return the source that finds another motion from a state, or -1.
+
+        Only the modes of the surfaces differ from those of `mode`, and both motions leave every
+        surface on which they differ, or slide on it.
+        """
+        body = [
+            f"near = {self.beside('other')}",
+            "x = slopes(near, t, y, p)",
+            "differ = near != mode",
+        ]
+        for i, (names, part) in enumerate(self.surfaces):
+            leaves = (
+                f"({digit} == {SLIDING} or (1 - 2 * {digit}) * ({part.along(names, row)}) > 0.0)"
+                for digit, row in ((f"other{i}", "x"), (names.mode, "own"))
+            )
+            body.append(f"differ = differ and (other{i} == {names.mode} or {' and '.join(leaves)})")
+        body += [
+            "if differ and fits(near, before, fired, -1, jumped, t, y, p):",
+            "    return near",
+        ]
+        digits = [f"other{i} = other // {3**i} % 3" for i in range(self.k)]
+        loop = [f"for other in range({3**self.k}):", *indented([*digits, *body])]
+        return function(
+            "rival(mode, before, fired, jumped, t, y, p)",
+            [*self.digit_lines(), "own = slopes(mode, t, y, p)", *loop, "return -1"],
+        )
+
+    def coincidence(self) -> str:
+        """Return the source that finds two surfaces i and j that coincide: 1 + i + k j, or 0.
+
+        They contain the state, and their gradients are parallel.
+        """
+        lines = [*self.digit_lines(), *self.contact("mode")]
+        for i, (names, part) in enumerate(self.surfaces):
+            (constraint,) = part.constraints(names)
+            lines += [f"a{i}_{j} = {constraint.slopes.get(j, '0.0')}" for j in range(self.n)]
+        for (i, (one, _)), (j, (two, _)) in itertools.combinations(enumerate(self.surfaces), 2):
+            tests = [f"{one.on} and {two.on}"]
+            for a, b in itertools.combinations(range(self.n), 2):
+                left, right = f"a{i}_{a} * a{j}_{b}", f"a{i}_{b} * a{j}_{a}"
+                size = f"(abs({left}) + abs({right}))"
+                tests.append(f"abs({left} - {right}) <= {PARALLEL_RTOL} * {size}")
+            lines += [f"if {' and '.join(tests)}:", f"    return {1 + i + self.k * j}"]
+        return function("coincidence(mode, fired, jumped, t, y, p)", [*lines, "return 0"])
+
+
+def check_coincidence(surfaces: Sequence[tuple[CodeNames, SwitchingSurface]]) -> None:
+    """Raise InvalidParameter if two linear surfaces with numbers as coefficients are one."""
+    for (one, a), (two, b) in itertools.combinations(surfaces, 2):
+        if callable(a.h) or callable(b.h):
+            continue
+        try:
+            first, second = (_equation(names, part) for names, part in ((one, a), (two, b)))
+        except ValueError:
+            continue  # depends on parameters: a run finds out
+        products = np.outer(first, second)
+        if (np.abs(products - products.T) <= 1e-12 * np.abs(products).max()).all():
+            raise InvalidParameter("parts", [a.name, b.name], f"different surfaces: {ONE_SURFACE}")
+
+
+def _equation(names: CodeNames, part: SwitchingSurface) -> Floats:
+    """Return the coefficients of a linear surface and its level; ValueError if not numbers."""
+    result = np.zeros(len(names.states) + 1)
+    for index, factor in part.terms(names):
+        result[index] += float(factor)
+    result[-1] = float(names.value("level", part.level))
+    return result
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingMotions:
+    """The motions of a state on switching surfaces, for messages.
+
+    Attributes
+    ----------
+    states, surfaces, modes : tuple of str
+        Names of the states, of the surfaces and of the modes.
+    strides : tuple of int
+        Of the surfaces.
+    slopes, field : callable
+        ``slopes(mode, t, y, p)`` returns the flow, `field` without sliding.
+    rates : callable
+        ``rates(d, t, y, p)`` returns the derivatives of the heights along a flow.
+    other_start : callable
+        ``other_start(mode, t, y, p)`` returns the mode of another motion from a start, or -1.
+    """
+
+    states: tuple[str, ...]
+    surfaces: tuple[str, ...]
+    modes: tuple[str, ...]
+    strides: tuple[int, ...]
+    slopes: Callable[..., Any]
+    field: Callable[..., Any]
+    rates: Callable[..., Any]
+    other_start: Callable[..., int]
+
+    def failure(self, code: int, t: float, y: Any, p: Any) -> tuple[str, str]:
+        """Return why no mode fits a state, by the code of the selection, and the remedy."""
+        number, k, count = NO_FIT - 1 - code, len(self.surfaces), len(self.modes)
+        if number < 0:
+            return (
+                f"no mode of the switching surfaces {', '.join(self.surfaces)} fits the state",
+                "write modes of your own for where they meet",
+            )
+        if number >= count**2:
+            two, one = (self.surfaces[i] for i in divmod(number - count**2, k))
+            return f"the switching surfaces {one!r} and {two!r} coincide here", ONE_SURFACE
+        first, second = divmod(number, count)
+        velocities = (
+            self._extreme_velocities(first, t, y, p)
+            if first == second
+            else [self.slopes(mode, t, y, p) for mode in (first, second)]
+        )
+        motions = " or ".join(
+            f"in mode {self.modes[mode]!r} with {self._text(velocity)}"
+            for mode, velocity in zip((first, second), velocities, strict=True)
+        )
+        return (
+            f"the motion is not unique: it continues {motions}",
+            "write modes of your own for this state, or replace the jump of the flow by a slope",
+        )
+
+    def _text(self, velocity: Any) -> str:
+        pairs = zip(self.states, velocity, strict=False)
+        return ", ".join(f"{name}' = {value:.6g}" for name, value in pairs)
+
+    def _extreme_velocities(self, mode: int, t: float, y: Any, p: Any) -> Sequence[Floats]:
+        """Return the two velocities of sliding that differ most in a generic direction."""
+        from scipy.optimize import linprog
+
+        active = [i for i, stride in enumerate(self.strides) if mode // stride % 3 == SLIDING]
+        flows, rates = [], []
+        for sides in itertools.product((ABOVE, BELOW), repeat=len(active)):
+            digits = zip(sides, active, strict=True)
+            near = mode + sum((side - SLIDING) * self.strides[i] for side, i in digits)
+            flow = self.field(near, t, y, p)
+            flows.append(flow[: len(self.states)])
+            along = self.rates(flow, t, y, p)
+            rates.append([along[i] for i in active])
+        slopes, heights = np.array(flows), np.array(rates).T
+        generic = 1.0 / np.maximum(np.abs(slopes).max(axis=0), 1e-300)
+        generic *= [weight(j) for j in range(len(generic))]
+        sizes = np.abs(heights).max(axis=1, keepdims=True)
+        equations = np.vstack([np.ones(len(slopes)), heights / sizes])
+        sums = np.eye(len(equations))[0]
+        ends = (linprog(sign * slopes @ generic, A_eq=equations, b_eq=sums) for sign in (1.0, -1.0))
+        return [end.x @ slopes for end in ends]
+
+
+def weight(j: int) -> float:
+    """Return the weight of component j in a generic sum."""
+    return 1.0 + 0.3 * (0.618034 * j % 1.0)
