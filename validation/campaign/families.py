@@ -10,7 +10,17 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from validation.campaign import automata, contacts, corrugated, cradles, pool, scales, tables, terms
+from validation.campaign import (
+    automata,
+    contacts,
+    corrugated,
+    cradles,
+    pool,
+    scales,
+    surfaces,
+    tables,
+    terms,
+)
 from validation.campaign.comparing import Unit, Verdict
 
 
@@ -31,6 +41,7 @@ FAMILIES = {
     "scales": Family(scales.check, 1000, 10),
     "contacts": Family(contacts.check, 5000, 8),
     "terms": Family(terms.check, 5000, 9),
+    "surfaces": Family(surfaces.check, 2100, 6),
 }
 
 _Item = tuple[str, int, int, str]  # family, seed, number, method

@@ -102,7 +102,9 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     try:
         initial = {f"x{i}": float(value) for i, value in enumerate(start)}
         options = mi.Options(method=unit.method, rtol=1e-10, atol=1e-12)
-        run = mi.simulate(system(k).changed(**values), duration=END, initial=initial, options=options)
+        run = mi.simulate(
+            system(k).changed(**values), duration=END, initial=initial, options=options
+        )
     except mi.RunError as error:
         beside = smoothed(numbers, start + 1e-6 * rng.normal(size=k + 1), WIDTHS[1])
         also = smoothed(numbers, start - 1e-6 * rng.normal(size=k + 1), WIDTHS[1])
