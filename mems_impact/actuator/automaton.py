@@ -31,9 +31,9 @@ RIGHT_IMPACT, LEFT_IMPACT, RELEASE, SLIP_END, BREAK_AWAY = 0, 1, 2, 3, 4
 GUARDS = (
     Guard(name="right impact", order=0, impact=True),
     Guard(name="left impact", order=1, impact=True),
-    Guard(name="release", order=2),
-    Guard(name="slip end", order=3),
-    Guard(name="break-away", order=4),
+    Guard(name="release", order=2, condition=True),
+    Guard(name="slip end", order=3, condition=True),
+    Guard(name="break-away", order=4, condition=True),
 )
 MARGIN_UNITS = {
     "right impact": "m", "left impact": "m", "release": "N", "slip end": "m/s", "break-away": "N",

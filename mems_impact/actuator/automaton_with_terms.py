@@ -754,7 +754,7 @@ def limited(
         ),
         guards=(
             *automaton.guards,
-            *(Guard(f"{each.side}{each.limit.event}", order=m + i)
+            *(Guard(f"{each.side}{each.limit.event}", order=m + i, condition=True)
               for i, each in enumerate(model.limits)),
         ),
         flow=flow,

@@ -42,7 +42,6 @@ from mems_impact.hybrid.event_loop.loop import SWITCH_RTOL, begin_arc, rebase_ti
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     ACCUMULATION_STATE,
-    BELOW_ZERO,
     CONTACT_STATE,
     DONE,
     HIT_BEGIN,
@@ -54,6 +53,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     NONE,
     STATE_BEFORE,
     SWITCHES,
+    WAITING,
     G,
     Y,
     log_event,
@@ -158,13 +158,13 @@ def resume(engine, s, input_change):  # type: ignore[no-untyped-def]
 
 def imported_step(engine, s):  # type: ignore[no-untyped-def]
     """Return whether a guard fires at the end of a step of an importer."""
-    margins, below_zero = table_row(s, MARGINS_AFTER), table_row(s, BELOW_ZERO)
+    margins, waiting = table_row(s, MARGINS_AFTER), table_row(s, WAITING)
     y = table_row(s, Y)
     interface.margins(engine, s.mode, s.t, y, margins)
     has_crossing = False
     for i in range(s.m):
         if margins[i] + interface.bias(engine, i) > 0.0:
-            below_zero[i] = 0.0
+            waiting[i] = 0.0
             if margins[i] > rounding_error(s, i):
                 interface.set_bias(engine, i, 0.0)
         else:

@@ -84,8 +84,8 @@ def model_header(model: ExportedModel) -> str:
         "NO_REST": f"({workspace.NO_REST})",
         "EVENT_STATES": workspace.HEAD,
     }
-    rows = ("Y", "OFFSET", "ORDER", "IMPACT", "RECORDS", "CYCLIC", "HIT_TIME", "HIT_BEGIN")
-    sizes |= {f"ROW_{row}": getattr(workspace, row) for row in (*rows, "SWITCHES")}
+    rows = ("Y", "OFFSET", "ORDER", "IMPACT", "RECORDS", "CONDITION", "CYCLIC", "HIT_TIME")
+    sizes |= {f"ROW_{row}": getattr(workspace, row) for row in (*rows, "HIT_BEGIN", "SWITCHES")}
     columns = ("CYCLE", "TIME", "KIND", "GUARD", "MODE_BEFORE", "MODE_AFTER")
     sizes |= {f"EVENT_{column}": getattr(workspace, column) for column in columns}
     sizes |= {f"KIND_{kind.name}": int(kind) for kind in workspace.Kind}
@@ -118,6 +118,7 @@ def model_header(model: ExportedModel) -> str:
         reals("GUARD_ORDERS", [float(guard.order or 0) for guard in guards]),
         reals("GUARD_IMPACTS", [float(guard.impact) for guard in guards]),
         reals("GUARD_RECORDS", [float(guard.records) for guard in guards]),
+        reals("GUARD_CONDITIONS", [float(guard.condition or guard.impact) for guard in guards]),
         texts("GUARD_NAMES", [guard.name for guard in guards]),
         reals("VALUE_STARTS", [number.value for number in model.numbers] or [0.0]),
         "static const int VALUE_KINDS[] = { "
@@ -140,7 +141,7 @@ def model_header(model: ExportedModel) -> str:
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n\n".join(
         [
-            comment(f"{model.name or 'A system'}, exported by the package mems_impact."),
+            f"/* {model.name or 'A system'}, exported by the package mems_impact. */",
             "#ifndef MODEL_H\n#define MODEL_H",
             "\n".join(lines),
             "typedef struct LoopState LoopState;\ntypedef struct Engine Engine;",
@@ -206,19 +207,12 @@ def reals(name: str, values: Sequence[float]) -> str:
     return f"static const double {name}[] = {{ {', '.join(map(literal, values))} }};"
 
 
-def comment(value: str) -> str:
-    """Return a comment."""
-    return f"/* {plain(value).replace('*/', '*_')} */"
-
-
 def text(value: str) -> str:
     """Return a string literal."""
-    return f'"{plain(value)}"'
-
-
-def plain(value: str) -> str:
-    """Return a text without characters that C or its preprocessor interprets."""
-    return "".join(c if c.isascii() and c.isprintable() and c not in '"\\?' else "_" for c in value)
+    escaped = "".join(
+        c if c.isascii() and c.isprintable() and c not in '"\\?' else "_" for c in value
+    )
+    return f'"{escaped}"'
 
 
 def named_values(model: ExportedModel) -> tuple[Tuple, str]:

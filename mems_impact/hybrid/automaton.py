@@ -13,6 +13,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.event_loop.workspace import (
+    CONDITION,
     CYCLIC,
     HIT_BEGIN,
     HIT_TIME,
@@ -50,6 +51,10 @@ class Guard:
     order : int, optional
         Simultaneous guards are handled in ascending order; by default impacts come first, then the
         other guards in the order of the list.
+    condition : bool, optional
+        True if the margin is a condition of the mode, such as a holding force: it then fires at
+        once in a mode that begins where its margin is negative. By default it waits there until the
+        margin has been positive.
     impact : bool, optional
         True if the margin is a gap and the transition an impact: its closest approaches are
         recorded, and a sequence of impacts that accumulates is completed (see `Impact`).
@@ -88,6 +93,7 @@ class Guard:
     modes: tuple[int, ...] | None = None
     rate: Callable[..., Any] | None = None
     order: int | None = None
+    condition: bool = False
     impact: bool = False
     rest: Callable[..., Any] | None = None
 
@@ -266,6 +272,7 @@ class Automaton:
             (ORDER, [float(guard.order or 0) for guard in self.guards]),
             (IMPACT, [float(guard.impact) for guard in self.guards]),
             (RECORDS, [float(guard.records) for guard in self.guards]),
+            (CONDITION, [float(guard.condition or guard.impact) for guard in self.guards]),
             (CYCLIC, [float(i in self.cyclic) for i in range(len(self.states))]),
             (HIT_TIME, [-math.inf] * len(self.guards)),
             (HIT_BEGIN, [-math.inf] * len(self.guards)),

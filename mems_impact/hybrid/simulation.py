@@ -152,6 +152,7 @@ class Events:
             int(self.mode_after[row]),
             self.after[row].copy(),
             switched=bool((self.kind[first : row + 1] == workspace.SWITCH).any()),
+            initial=False,
         )
 
     def __len__(self) -> int:
@@ -497,6 +498,7 @@ class Simulation:
             t=start.time,
             mode=start.mode,
             switched=int(start.switched),
+            initial=int(start.initial),
             end_cycle=end.cycle,
             end_phase=end.time,
             events_from=start.cycle,
@@ -584,6 +586,7 @@ class Simulation:
             self.memory.state,
             self.binding.engine.export_memory(),
             bool(clock["switched"]),
+            initial=False,
         )
         return Position(
             final,

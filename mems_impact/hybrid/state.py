@@ -26,6 +26,9 @@ class HybridState:
     switched : bool
         Whether the switch of the forcing at this time, if there is one, has taken place. A run that
         ends at a switching time leaves the switch to the run that continues from there.
+    initial : bool
+        Whether no run has led here. Guards with negative margins then fire at the start of a run;
+        otherwise they wait.
     """
 
     cycle: int
@@ -34,3 +37,4 @@ class HybridState:
     y: Floats
     remembered: tuple[int, ...] = ()
     switched: bool = False
+    initial: bool = True

@@ -285,6 +285,22 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
     )
 
 
+def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool:
+    """Return whether guard `j` begins arc `i` below its zero, where it waits to be positive."""
+    automaton, segments = shooting.automaton, shooting.segments
+    guard, before = automaton.guards[j], segments[i - 1]
+    at_start = float(point.arcs[i].margins[0][j])
+    if guard.condition or guard.impact or at_start > ORBIT_MARGIN_TOLERANCE:
+        return False
+    if before.guard(len(automaton.guards)) == j:
+        return at_start < -ORBIT_MARGIN_TOLERANCE or float(point.arcs[i].rates[0][j]) < 0.0
+    watched = guard.modes is None or before.mode in guard.modes
+    mode = before.mode if watched else segments[i].mode
+    p, at_end = np.asarray(shooting.problem(point).parameters, dtype=float), point.arcs[i - 1].end
+    before_event = automaton.margins_at(mode, float(point.ends[i - 1]), at_end, p)[0][j]
+    return at_start < -ORBIT_MARGIN_TOLERANCE and before_event < ORBIT_MARGIN_TOLERANCE
+
+
 def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:
     """Return all violations of the automaton's conditions by `point`."""
     violations: list[AdmissibilityViolation] = []
@@ -299,7 +315,7 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
         (at_start, at_end), (rising, _) = arc.margins, arc.rates
         ending = segment.guard(m)
         for j, guard in enumerate(automaton.guards):
-            if guard.records:
+            if guard.records or waits(shooting, point, i, j):
                 continue  # its margin is unrestricted
             worst = float(arc.minima[j])
             if j != ending:

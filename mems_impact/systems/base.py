@@ -405,8 +405,10 @@ class HybridSystem(Result, ABC):
         time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
         mode = state.mode if state.mode is not None else self.initial.mode
         if mode is None:
-            return HybridState(0, time, self.mode_of(y, time, problem), y)
-        return self.start_in(self.mode_number(mode), time, y, problem)
+            start = HybridState(0, time, self.mode_of(y, time, problem), y)
+        else:
+            start = self.start_in(self.mode_number(mode), time, y, problem)
+        return replace(start, initial=state._initial)
 
     def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
         """Return the initial condition of a run from a state whose mode is given."""
@@ -419,6 +421,7 @@ class HybridSystem(Result, ABC):
             {name: self.out(name, value) for name, value in values},
             time=float(self.out("time", instant.time)) if self.forced else 0.0,
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
+            initial=instant.initial,
         )
 
     def mode_number(self, mode: str | int, field: str = "mode") -> int:

@@ -101,7 +101,8 @@ class State:
     State(x2=0.0, v2=0.5)
     """
 
-    __slots__ = ("_values", "mode", "time")
+    __slots__ = ("_initial", "_values", "mode", "time")
+    _initial: bool  # whether no run has led to it
     _values: dict[str, float]
     time: float
     mode: str | int | None
@@ -117,6 +118,7 @@ class State:
                 raise InvalidParameter(name, value, allowed)
         if time < 0.0:
             raise InvalidParameter("time", time, ">= 0 and below the forcing period")
+        object.__setattr__(self, "_initial", True)
         object.__setattr__(self, "_values", components)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "mode", mode)
@@ -165,7 +167,7 @@ class State:
         return f"State({', '.join(entries)})"
 
     def __reduce__(self) -> Any:
-        return state_from, (self.as_dict(), self.time, self.mode)
+        return state_from, (self.as_dict(), self.time, self.mode, self._initial)
 
     def as_dict(self) -> dict[str, float]:
         """Return the components by name."""
@@ -186,11 +188,16 @@ def with_units(state: State, units: Mapping[str, str]) -> str:
 
 
 def state_from(
-    components: Mapping[str, float], time: float = 0.0, mode: str | int | None = None
+    components: Mapping[str, float],
+    time: float = 0.0,
+    mode: str | int | None = None,
+    initial: bool = True,
 ) -> State:
-    """Return the state with components of these names."""
+    """Return the state with components of these names; not `initial` if a run has led to it."""
     values: dict[str, Any] = dict(components)
-    return State(**{"time": time, "mode": mode, **values})
+    state = State(**{"time": time, "mode": mode, **values})
+    object.__setattr__(state, "_initial", initial)
+    return state
 
 
 def is_number(value: Any) -> bool:

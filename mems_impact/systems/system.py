@@ -123,8 +123,7 @@ class System(HybridSystem):
     Raises
     ------
     InvalidParameter
-        If names repeat or are not printable, or a name, a number or a function is missing or of the
-        wrong type.
+        If names repeat, or a name, a number or a function is missing or of the wrong type.
     FunctionError
         If a function fails or is inconsistent in a short trial run.
 
@@ -228,16 +227,9 @@ class System(HybridSystem):
         )
         self._section = arguments.section(section, names)
         self.observables = arguments.observables(observables, names, guards)
-        quantities = [each.name for each in self.observables]
+        quantities = (each.name for each in self.observables)
         self._units = arguments.units(units, (*names, *self._parameters, *quantities))
         self._initial = arguments.initial(initial)
-        arguments.check_names(
-            name=[self.name],
-            modes=called,
-            guards=[guard.name for guard in guards],
-            observables=quantities,
-            **{f"unit of {name}": [unit] for name, unit in self.units.items()},
-        )
         self.typical = None
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.
@@ -515,7 +507,7 @@ class System(HybridSystem):
         y = y if np.abs(onto - y).max() <= START_TOLERANCE else onto
         if self._begin is not None:
             margins = automaton.margins_at(mode, time, y, p)[0]
-            switching = [not (guard.impact or guard.records) for guard in automaton.guards]
+            switching = [guard.condition for guard in automaton.guards]
             if (margins[switching] < -START_TOLERANCE).any():
                 mode = self.mode_of(y, time, problem, mode)
         return HybridState(0, time, mode, y)

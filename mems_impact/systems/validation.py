@@ -792,7 +792,8 @@ class DryRun:
 
     def above(self, i: int, margin: float, at: EvaluationPoint, slope: list[float]) -> bool:
         """Return whether a margin is positive, or zero and increasing."""
-        return margin > 0.0 or self.rate(i, at, slope) > 0.0
+        rate = self.rate(i, at, slope) if margin <= 0.0 else 0.0
+        return margin > 0.0 or (rate > 0.0 and margin >= -ZERO * rate * self.clock.unit)
 
     def step(
         self, at: EvaluationPoint, k1: list[float], h: float, stop: float
@@ -866,7 +867,7 @@ class DryRun:
             mode, y = self.checked.transition(kind, i, at)
             after = EvaluationPoint(mode, at.t, y)
             self.on_transition(i, at, after)
-            if not self.falls(i, after, before):
+            if not (guard.condition or guard.impact) or not self.falls(i, after, before):
                 return after
             fired += 1
             if guard.impact or fired >= INSTANT:
@@ -1063,7 +1064,7 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
     mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
     warning.
     """
-    if system.mode_by_switch:
+    if system.mode_by_switch or not start.initial:
         return  # the mode fits the state
     automaton, options = problem.automaton, problem.options
     other = system.other_mode(start, problem)
@@ -1106,9 +1107,9 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
             )
             name = automaton.guards[i].name
             message = (
-                f"the margin of {name!r} is negative at the start, but must be "
-                f"positive until its guard fires: as soon as it falls, the transition changes "
-                f"{moved}; reverse the sign of the margin, or start on its other side"
+                f"the margin of {name!r} is negative at the start, but must be positive until its "
+                f"guard fires: at once the transition changes {moved}; reverse the sign of the "
+                "margin, or start on its other side"
             )
             warn(message, StartWarning, name)
     except (ArithmeticError, ValueError, TypeError, AttributeError, IndexError, NameError):

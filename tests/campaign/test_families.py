@@ -59,7 +59,7 @@ class _Table:
     """The flying ball, as the general reference takes it."""
 
     order = np.zeros(1)
-    impact = np.array([True])
+    impact = condition = np.array([True])
     stopped = 1
 
     def __init__(self, ball):

@@ -88,7 +88,7 @@ def _endless_transition(mode, code, t, y, p):
 ENDLESS = Automaton(
     states=("y",),
     modes=("this", "that"),
-    guards=(Guard(name="limit", order=0),),
+    guards=(Guard(name="limit", order=0, condition=True),),
     flow=_endless_flow,
     margins=_endless_margins,
     transition=_endless_transition,

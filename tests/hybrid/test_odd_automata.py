@@ -175,7 +175,7 @@ def _looks_again(mode, code, t, y, p):
 @pytest.mark.parametrize("time", [0.0, 1.0])
 def test_a_transition_may_look_at_the_state_again(time, engine):
     """A start a rounding before the guard: at the event the margin is really zero or below."""
-    guards = (Guard(name="break-away", order=0), Guard(name="stick", order=1))
+    guards = (Guard(name="break-away", order=0, condition=True), Guard(name="stick", order=1))
     system = automaton(("x",), guards, _sticking, _stretched, _looks_again)
     done = simulate(system, (0.0,), [1.0 - 1e-14], 2.0, time=time, period=3.0, engine=engine)
     assert 3 < len(done.events) < 30

@@ -103,7 +103,7 @@ def handed_on():
         period=2.0 * math.pi,
         guards=[
             mi.Guard("one", _beyond_one, _to_second, modes=(FIRST,)),
-            mi.Guard("at once", _at_once, _to_third, modes=(SECOND,)),
+            mi.Guard("at once", _at_once, _to_third, modes=(SECOND,), condition=True),
             mi.Guard("back", _back, _to_first, modes=(THIRD,)),
             mi.Guard("middle", _middle),
         ],

@@ -269,7 +269,10 @@ FUNCTIONS = [
     (floor(transition=lambda mode, t, y, p: (mode, (0.0, "up"))), r"gives 'up' \(a str\) for v"),
     (floor(transition=lambda mode, t, y, p: (mode, (0.0, -p.f * y.v))), r"reads p\.f"),
     (after(FREE, 0.0, onwards), "leaves its margin at zero and falling.* reverse the rate"),
-    (floor(mi.Guard, transition=lambda mode, t, y, p: (mode, (0.0, y.v - 1.0))), "and falling"),
+    (
+        floor(mi.Guard, condition=True, transition=lambda mode, t, y, p: (mode, (0.0, y.v - 1.0))),
+        "and falling",
+    ),
     (floor(rest=lambda mode, t, y, p: (HELD, (0.0, 0.0, 0.0))), "rest of 'floor'.* returns 3"),
     (floor(rest=lambda mode, t, y, p: None), "rest of 'floor'.* returns nothing"),
     (into(no_mode), "transition of 'floor', 'no_mode', .* returns nothing; return one"),
@@ -508,30 +511,3 @@ def test_rounding_far_from_the_origin_is_no_wrong_rate():
     )
     run = mi.simulate(far, duration=60.0, options=INTERPRETED)
     assert run.final.mode == "late"
-
-
-BAD_NAMES = ["x\0y", "\ud800", "a\nb", "a\x1bb", "\u202eb", "=1+1", "-1", "+cmd", "@sum", "\uffff"]
-
-
-@pytest.mark.parametrize("name", BAD_NAMES)
-def test_a_name_that_no_file_can_hold_is_refused(name):
-    """In HTML, XML and CSV; a spreadsheet evaluates what begins like a formula."""
-    own = ball().definition.guards[0]
-    observable = mi.Observable(name, lambda y, p: y.x)
-    for changes in (
-        {"name": name},
-        {"guards": [mi.Impact(name, own.margin, own.transition, modes=(FREE,), rest=own.rest)]},
-        {"modes": ("free", name)},
-        {"units": {"x": name}},
-        {"observables": [observable]},
-        {"parameters": {name: 1.0}},
-        {"states": ("x", name)},
-    ):
-        with pytest.raises(InvalidParameter) as caught:
-            ball(**changes)
-        assert str(caught.value).isprintable()
-
-
-@pytest.mark.parametrize("name", ["x */ int injected; /*", '"; <b>&amp;', "Kugel/Stoß µ", "a ??/"])
-def test_other_names_are_taken(name):
-    assert ball(name=name).name == name

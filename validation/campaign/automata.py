@@ -23,6 +23,7 @@ INTERPRETED = 50  # one case in so many runs on the interpreted engine
 
 # p = (n, m, w, flow of each component of each mode, guards, guards in each mode).
 HEAD = 3
+CUBE = 3.0  # power of a margin
 
 
 def _slope(mode, i, t, y, p):  # type: ignore[no-untyped-def]
@@ -38,7 +39,7 @@ def _slope(mode, i, t, y, p):  # type: ignore[no-untyped-def]
 
 def _guard(guard, p):  # type: ignore[no-untyped-def]
     n = int(p[0])
-    return HEAD + MODES * n * (n + 6) + guard * (2 * n + 7)
+    return HEAD + MODES * n * (n + 6) + guard * (2 * n + 8)
 
 
 def _in_mode(mode, guard, p):  # type: ignore[no-untyped-def]
@@ -80,6 +81,9 @@ def _margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
             if p[_in_mode(mode, guard, p)] != 0.0:
                 g[guard] = _margin(mode, guard, t, y, p)
                 r[guard] = _rate(mode, guard, t, y, p)
+                if p[_guard(guard, p) + 2 * int(p[0]) + 7] == CUBE:
+                    r[guard] *= 3.0 * g[guard] ** 2
+                    g[guard] = g[guard] ** 3
 
 
 def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
@@ -98,10 +102,14 @@ def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
 
 
 @cache
-def automaton(n: int, orders: tuple[int, ...], impacts: tuple[bool, ...]) -> Automaton:
+def automaton(
+    n: int, orders: tuple[int, ...], impacts: tuple[bool, ...], conditions: tuple[bool, ...]
+) -> Automaton:
     guards = (
-        Guard(name=f"g{i}", order=order, impact=impact)
-        for i, (order, impact) in enumerate(zip(orders, impacts, strict=True))
+        Guard(name=f"g{i}", order=order, impact=impact, condition=condition)
+        for i, (order, impact, condition) in enumerate(
+            zip(orders, impacts, conditions, strict=True)
+        )
     )
     return Automaton(
         states=tuple(f"y{i}" for i in range(n)),
@@ -141,7 +149,7 @@ def parameters(drawn: Drawn, unit: Unit) -> list[float]:
         p += list(drawn.a[j] * unit.length / scale)
         p += [drawn.q[j] * unit.length, drawn.k[j], drawn.turn[j], drawn.s[j] * unit.length]
         p += [drawn.kappa[j] / scale[of], float(of), drawn.e[j]]
-        p += list(drawn.push[j] * scale / unit.speed)
+        p += [*(drawn.push[j] * scale / unit.speed), drawn.power[j]]
     for mode in range(drawn.count):
         for j in range(m):
             p += [drawn.sign[mode, j], drawn.offset[mode, j] * unit.length]
@@ -151,8 +159,16 @@ def parameters(drawn: Drawn, unit: Unit) -> list[float]:
 
 
 def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
-    """Try one automaton."""
-    drawn = Drawn(seed, number)
+    """Try one automaton whose margins are conditions of its modes."""
+    return _check("automata", Drawn(seed, number), number, unit)
+
+
+def check_guards(seed: int, number: int, unit: Unit = ONE) -> Verdict:
+    """Try one automaton with guards that wait."""
+    return _check("guards", Drawn(seed, number).with_waiting_guards(number), number, unit)
+
+
+def _check(family: str, drawn: Drawn, number: int, unit: Unit) -> Verdict:
 
     def follow(shift: float) -> tuple[list[Row], float]:
         y = drawn.start + shift * drawn.direction
@@ -164,7 +180,12 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     engine = "interpreted" if number % INTERPRETED == INTERPRETED - 1 else "compiled"
     orders = tuple(int(order) for order in drawn.order)
     problem = Problem(
-        automaton=automaton(drawn.n, orders, tuple(bool(wall) for wall in drawn.impact)),
+        automaton=automaton(
+            drawn.n,
+            orders,
+            tuple(bool(wall) for wall in drawn.impact),
+            tuple(bool(condition) for condition in drawn.condition),
+        ),
         parameters=parameters(drawn, unit),
         period=drawn.period * unit.time,
         options=Options(**unit.options, engine=engine),
@@ -172,4 +193,4 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     start = HybridState(0, 0.0, 0, drawn.start)
     mine = comparing.answer(problem, start, found.quiet, scale_of(drawn, unit), unit.time)
     story = comparing.compare(found, mine)
-    return Verdict("automata", number, len(found.rows), found.share, story)
+    return Verdict(family, number, len(found.rows), found.share, story)

@@ -84,11 +84,27 @@ class Drawn:
         self._draw_guards(rng)
         self._draw_transitions(rng)
         self.order = rng.permutation(m).astype(float)
+        self.condition, self.power = np.ones(m, dtype=bool), np.ones(m)
         self.stopped = MODES
         self.start = self._start(rng)
         direction = rng.normal(size=n)
         self.direction = direction / np.linalg.norm(direction)
         self.end = rng.uniform(8.0, 25.0)
+
+    def with_waiting_guards(self, seed: int) -> Drawn:
+        """Return the automaton with guards that wait, some with one margin in all their modes.
+
+        Some margins are cubes of those that the reference follows.
+        """
+        rng = np.random.default_rng([seed, self.m])
+        self.condition = self.impact | (rng.random(self.m) < 0.25)
+        common = ~self.condition & (rng.random(self.m) < 0.6)
+        signs = np.where(rng.random(self.m) < 0.5, 1.0, -1.0)
+        self.sign = np.where(common & (self.sign != 0.0), signs, self.sign)
+        self.offset = np.where(common, self.offset[0], self.offset)
+        self.power = np.where(rng.random(self.m) < 0.3, 3.0, 1.0)
+        self.start = self._start(rng)
+        return self
 
     def _matrix(self, rng: np.random.Generator) -> Floats:
         n = self.n

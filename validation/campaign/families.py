@@ -38,6 +38,7 @@ FAMILIES = {
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
+    "guards": Family(automata.check_guards, 2500, 20),
     "scales": Family(scales.check, 1000, 10),
     "contacts": Family(contacts.check, 5000, 8),
     "terms": Family(terms.check, 5000, 9),

@@ -35,6 +35,7 @@ class System(Protocol):
 
     order: Floats  # of the guards within one instant
     impact: NDArray[np.bool_]
+    condition: NDArray[np.bool_]  # guards that fire at once where a mode begins below their zero
     stopped: int  # the mode after a sequence of impacts, in which nothing moves
 
     def flow(self, mode: int, t: Any, y: Floats) -> Floats:
@@ -64,6 +65,7 @@ class Follower:
         self.system, self.mode, self.t, self.y = system, mode, t, y
         self.rtol = rtol
         self.steep = np.where(system.impact, SLOW, STEEP)
+        self.waiting = np.zeros(system.impact.size, dtype=bool)  # for a positive margin
         self.rows: list[Row] = []
 
     def follow(self, end: float, most: int = 60) -> tuple[list[Row], float]:
@@ -119,10 +121,19 @@ class Follower:
         values, rates = system.margins(mode, times, dense(times).T)
         below = values < 0.0
         if first:
-            below[0] = False  # margins are zero or above where an arc begins
+            below[0] = False  # margins are zero or above where an arc begins, or wait
         step = times[1] - times[0]
         down, up = rates[:-1] < 0.0, rates[1:] > 0.0
+        # A margin that waits may rise above zero and fall again between two points.
+        higher, fastest = np.maximum(values[:-1], values[1:]), np.maximum(rates[:-1], -rates[1:])
+        peaks = ~down & ~up & (higher < NEAR) & (higher > -2.0 * step * fastest)
+        rises = np.logical_or.accumulate(values > NEAR, axis=0)
+        waits = self.waiting & ~rises
+        if (peaks & waits[1:]).any():
+            raise Undecided
+        below &= ~waits
         dips = down & up & ~below[:-1] & ~below[1:] & (values[:-1] < -2.0 * step * rates[:-1])
+        dips &= ~waits[:-1]
         found = below[1:] | dips
 
         def margin(time: float, guard: int) -> float:
@@ -149,7 +160,9 @@ class Follower:
                 events.append((time, int(guard)))
             if events:
                 time, guard = min(events)
+                self.waiting = waits[k]
                 return guard, time
+        self.waiting = waits[-1]
         return None
 
     def _refine(self, t: float, y: Floats, guard: int, about: float) -> None:
@@ -172,19 +185,21 @@ class Follower:
         """Carry out all transitions of this instant."""
         system = self.system
         for _ in range(IN_AN_INSTANT):
-            last = self.mode
+            last, before = self.mode, y
             mode, y = system.fire(last, guard, self.t, y)
+            self.waiting[guard] = not system.condition[guard]
             self.rows.append(Row(self.t, guard, mode, y, fall))
             self.mode, self.y = mode, y
             if system.impact[guard] and self._rests(guard, last):
                 return
             values, rates = system.margins(mode, self.t, y)
             zero = np.abs(values) < NEAR
+            self._wait(last, before, values)
             if np.any((values < NEAR) & (values > -CLEAR) & ~(zero & (np.abs(rates) > self.steep))):
                 raise Undecided
             if np.any((values < -NEAR) & system.impact):
                 raise Undecided  # put into a wall
-            fires = (values < -CLEAR) | (zero & (rates < 0.0))
+            fires = ((values < -CLEAR) | (zero & (rates < 0.0))) & ~self.waiting
             if not fires.any():
                 return
             first = int(np.argmin(np.where(fires, system.order, math.inf)))
@@ -195,6 +210,20 @@ class Follower:
             guard = first
             fall = math.inf
         raise Undecided
+
+    def _wait(self, last: int, before: Floats, values: Floats) -> None:
+        """Let guards wait that did not watch in the mode `last`, and do not fall through zero."""
+        system, mode = self.system, self.mode
+        earlier, _ = system.margins(last, self.t, before)
+        crossed, _ = system.margins(mode, self.t, before)
+        entered = ~np.isfinite(earlier)
+        free = ~system.condition & (values < NEAR)
+        if np.any(free & entered & (np.abs(crossed) < 1e-7)):
+            raise Undecided
+        # In the new mode the guard has another margin, which may be zero by chance.
+        if np.any(free & ~entered & self.waiting & (np.abs(values) < NEAR) & (crossed != earlier)):
+            raise Undecided
+        self.waiting = free & np.where(entered & (values < -CLEAR), crossed < 0.0, self.waiting)
 
     def _rests(self, guard: int, last: int) -> bool:
         """Complete a sequence of impacts, if this is one on its last legs.

@@ -65,7 +65,7 @@ def _valve_transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
 VALVE = Automaton(
     states=("lift", "speed", "pressure"),
     modes=("open", "closed"),
-    guards=(Guard(name="seat", order=0, impact=True), Guard(name="opens", order=1)),
+    guards=(Guard(name="seat", order=0, impact=True), Guard(name="opens", order=1, condition=True)),
     flow=_valve_flow,
     margins=_valve_margins,
     transition=_valve_transition,
@@ -77,6 +77,7 @@ class Valve:
 
     order = np.zeros(1)
     impact = np.array([True])
+    condition = np.array([True])
     stopped = 1
 
     def __init__(self, rng: np.random.Generator) -> None:

@@ -194,6 +194,7 @@ static int64_t begin_run(Memory *memory, int imports)
     loop->m = GUARDS;
     loop->modes = MODES;
     loop->first_arc = 1;
+    loop->initial = 1;
     loop->pending_guard = -1;
     loop->stop = INFINITY;
     loop->max_steps = MAX_STEPS;
@@ -204,6 +205,7 @@ static int64_t begin_run(Memory *memory, int imports)
         table_row(memory, ROW_ORDER)[j] = GUARD_ORDERS[j];
         table_row(memory, ROW_IMPACT)[j] = GUARD_IMPACTS[j];
         table_row(memory, ROW_RECORDS)[j] = GUARD_RECORDS[j];
+        table_row(memory, ROW_CONDITION)[j] = GUARD_CONDITIONS[j];
         table_row(memory, ROW_HIT_TIME)[j] = -INFINITY;
         table_row(memory, ROW_HIT_BEGIN)[j] = -INFINITY;
     }

@@ -28,6 +28,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
     BUFFER_FULL,
+    CONDITION,
     CYCLE,
     CYCLIC,
     DONE,
@@ -359,7 +360,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     numbers = numbers_of(w)
     interface.reset(engine, numbers[LONGEST_STEP])
     for i in range(ROWS):
-        if i != ORDER and i != IMPACT and i != RECORDS and i != CYCLIC:
+        if i != ORDER and i != IMPACT and i != RECORDS and i != CONDITION and i != CYCLIC:
             fill = -math.inf if i in (HIT_TIME, HIT_BEGIN) else 0.0
             for j in range(s.width):
                 table_row(s, i)[j] = fill
@@ -380,6 +381,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     s.end_cycle = periods
     s.end_phase = s.t + (w.transient + w.length - periods) * s.period
     s.first_arc = 1
+    s.initial = 1
     s.switched = 0
     s.pending_guard = NONE
     s.stop = math.inf

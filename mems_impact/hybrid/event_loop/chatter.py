@@ -44,6 +44,9 @@ from mems_impact.integrators import interface
 # `margin_error_scales`) and the highest flight of its sequence, or below the absolute tolerance.
 # The sequence is then completed, while the gap still has significant digits.
 NEGLIGIBLE_FLIGHT_HEIGHT = 5e-11
+# A margin is flat at zero if early in a flight it is higher by this factor than its rate shows. The
+# lengths of the flights then give their ratio.
+FLAT_RATIO, EARLY_PART = 10.0, 2.0**-5
 SHORT_FLIGHT_FACTOR = 1e3  # flights shorter than predicted by this factor belong to no sequence
 LONG_FLIGHT_FACTOR = 100.0  # flights longer than predicted by this factor end a sequence
 CHATTER_END_RTOL = 1e-4  # error of the accumulation point relative to the last flight
@@ -68,6 +71,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     t_end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t))
     if t + remaining >= t_end:
         return False
+    s.mode_before = mode
     for j in range(s.n):
         y_before[j] = y[j]
         y_contact[j] = y[j]
@@ -149,19 +153,30 @@ def remaining_chatter_time(
     interval = t - t_previous
     hit_begin[guard], hit_interval[guard], hit_speed[guard] = t, interval, speed
     hit_mode[guard] = s.mode
-    if interval == math.inf or previous_speed <= 0.0 or (interval == 0.0 and s.transitions_now > 1):
+    if interval == math.inf or (interval == 0.0 and s.transitions_now > 1):
+        return math.inf, interval
+    is_shorter = interval < previous_interval < math.inf
+    height = 0.25 * previous_speed * interval
+    size, gain = table_row(s, SIZE)[guard], table_row(s, GAIN)[guard]
+    max_height = max(hit_height[guard], height) if is_shorter else height
+    if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + max_height), s.atol * gain):
+        hit_height[guard] = max_height
+        return math.inf, interval
+    early = EARLY_PART * interval
+    height_ahead = margin_ahead(engine, s, t, y, guard, early)
+    if height_ahead > FLAT_RATIO * max(0.0, speed) * early:
+        max_height = max(hit_height[guard], height_ahead) if is_shorter else height_ahead
+        hit_height[guard] = max_height
+        if not (is_shorter and height_ahead < NEGLIGIBLE_FLIGHT_HEIGHT * max_height):
+            return math.inf, interval
+        ratio = interval / previous_interval
+        return interval * ratio / (1.0 - ratio), interval
+    hit_height[guard] = max_height
+    if previous_speed <= 0.0:
         return math.inf, interval
     ratio = speed / previous_speed
     # A sequence needs three impacts, so that a run restarted before them detects it too.
-    is_shrinking = interval < previous_interval < math.inf and 0.0 <= ratio < 1.0
-    height = 0.25 * previous_speed * interval
-    size, gain = table_row(s, SIZE)[guard], table_row(s, GAIN)[guard]
-    max_height = (
-        max(hit_height[guard], height) if interval < previous_interval < math.inf else height
-    )
-    hit_height[guard] = max_height
-    if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + max_height), s.atol * gain):
-        return math.inf, interval
+    is_shrinking = is_shorter and 0.0 <= ratio < 1.0
     # A flight under acceleration a lasts 2 u/a. A body that another body throws back arrives much
     # sooner. With friction the acceleration changes during the flight.
     flight = max(interval, EPS * abs(t))
@@ -182,6 +197,15 @@ def remaining_chatter_time(
     if 2.0 * LONG_FLIGHT_FACTOR * previous_speed < -a * interval:
         return 0.0, interval
     return math.inf, interval
+
+
+def margin_ahead(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> float:
+    """Return the margin of `guard` after the time `h`; overwrites STATE_AHEAD."""
+    g, y_ahead = table_row(s, G), table_row(s, STATE_AHEAD)
+    rk4_probe(engine, s, s.mode, t, y, h, y_ahead)
+    interface.margins(engine, s.mode, t + h, y_ahead, g)
+    margin: float = g[guard]
+    return margin
 
 
 def acceleration(

@@ -16,7 +16,7 @@ import math
 from typing import Any
 
 from mems_impact.hybrid.event_loop.workspace import (
-    BELOW_ZERO,
+    CONDITION,
     EPS,
     GAIN,
     IMPACT,
@@ -38,6 +38,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     SUM,
     SUSPECT_SIDE,
     TIME_SIZE,
+    WAITING,
     G,
     log_event,
     next_switch,
@@ -50,6 +51,8 @@ from mems_impact.integrators import interface
 ROUNDINGS = 64.0  # rounding errors within which a value counts as zero
 CERTAINTY = 1e3  # errors below zero at which a rate is negative without another check
 TOLERANCES = 1e3  # integration errors below zero at which a margin is truly negative
+STENCIL_RATIO = 3e-3  # reach of the differences for a rate, relative to the time scale
+FLAT_RATE_RATIO = 1e-6  # of a rate at a flat zero to the mean rate over this reach
 TINY_BIAS = 1e-300  # bias of a margin that starts at zero
 
 
@@ -125,8 +128,8 @@ def rk4_probe(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: A
         out[j] = y[j] + h / 6.0 * (total[j] + slope[j])
 
 
-def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether margin `i` decreases along the flow ahead.
+def changes_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> int:
+    """Return the sign of the change of margin `i` along the flow ahead, 0 if it does not change.
 
     Requires `margin_error_scales`. The time ahead grows until the margin has changed by more than
     rounding. This decides gaps that open with zero speed and acceleration, for example when a
@@ -144,22 +147,28 @@ def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) ->
         interface.margins(engine, mode, t + h, y_ahead, g)
         change = g[i] - margin
         if abs(change) > margin_rounding + h * rate_rounding:
-            return bool(change < 0.0)
-    return False
+            return -1 if change < 0.0 else 1
+    return 0
 
 
 def is_decreasing(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     """Return whether margin `i` truly decreases at (t, y); requires `margin_error_scales`.
 
     Within the integration error of the interpolant, and within rounding, a margin may falsely
-    appear to cross zero. A clearly negative rate is accepted; otherwise the flow decides.
-    Overwrites the rows of `decreases_ahead`.
+    appear to cross zero. A clearly negative rate is accepted; otherwise the flow decides. At a flat
+    zero, as of a cube, the rate is a difference of far larger margins ahead. Overwrites the rows of
+    `changes_ahead`.
     """
-    m = s.m
-    rate = table_row(s, MARGINS_AT)[m + i]
+    m, g = s.m, table_row(s, G)
+    margin, rate = table_row(s, MARGINS_AT)[i], table_row(s, MARGINS_AT)[m + i]
     if rate < -rounding_error(s, m + i) - integration_error(s, m + i):
-        return True
-    return decreases_ahead(engine, s, mode, i, t, y)
+        h = min(STENCIL_RATIO * s.scale, 0.5 * (next_switch(s, t) - t))
+        y_ahead = table_row(s, STATE_AHEAD)
+        rk4_probe(engine, s, mode, t, y, h, y_ahead)
+        interface.margins(engine, mode, t + h, y_ahead, g)
+        if not -rate * h <= FLAT_RATE_RATIO * abs(g[i] - margin):
+            return True
+    return changes_ahead(engine, s, mode, i, t, y) < 0
 
 
 def first_violated_guard(
@@ -174,19 +183,24 @@ def first_violated_guard(
     """Return the first guard, by order, that fires at (t, y); or NONE.
 
     A guard fires if its margin is zero or negative, to rounding, and decreases; or if it is clearly
-    negative and not a gap. A guard that only records fires if its margin has reached zero now. The
-    guard `excluded_guard` does not count; then guards that only record do not either, since the
-    state is tentative. If only impacts fire, those up to `last_impact`, in order, come last.
-    Overwrites the rows of `margin_error_scales` and `decreases_ahead`.
+    negative and not a gap; unless it waits. The guard `excluded_guard` does not count; then guards
+    that only record do not either, since the state is tentative. If only impacts fire, those up to
+    `last_impact`, in order, come last. Overwrites the rows of `margin_error_scales` and
+    `changes_ahead`.
     """
-    order = table_row(s, ORDER)
+    order, waiting = table_row(s, ORDER), table_row(s, WAITING)
     margin_error_scales(engine, s, mode, t, y)
     first = next_impact = NONE
     for i in range(s.m):
-        if table_row(s, RECORDS)[i] == 1 and (
-            excluded_guard != NONE or is_recorded(engine, s, mode, i, t)
-        ):
+        if table_row(s, RECORDS)[i] == 1 and excluded_guard != NONE:
             continue
+        if table_row(s, CONDITION)[i] == 0:
+            was_waiting = waiting[i]
+            is_waiting = waits(engine, s, mode, i, t, y)
+            if excluded_guard != NONE:
+                waiting[i] = was_waiting
+            if is_waiting:
+                continue
         if i != excluded_guard and fires(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
@@ -200,30 +214,38 @@ def first_violated_guard(
     return next_impact if next_impact != NONE and table_row(s, IMPACT)[first] == 1 else first
 
 
-def is_recorded(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
-    """Return whether the crossing of guard `i`, which only records, is already recorded.
+def waits(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
+    """Return whether guard `i`, whose margin is no condition, waits for it to be positive.
 
-    Requires `margin_error_scales` of the state after a transition (STATE_BEFORE is the state before
-    it), or of a state whose margins are checked again.
+    A transition that makes the margin negative lets the guard fire. It waits if the mode begins
+    below its zero: the mode before did not watch it, and the state before was not above zero.
+    Where the new mode has the opposite margin, as a comparator has, the guard does not wait.
+    Requires `margin_error_scales`; STATE_BEFORE is the state before the latest transition.
+    Overwrites the rows of `rk4_probe`, and STATE_AHEAD.
     """
-    margin, below_zero, g = table_row(s, MARGINS_AT)[i], table_row(s, BELOW_ZERO), table_row(s, G)
-    rounding = rounding_error(s, i)
+    margin, waiting, g = table_row(s, MARGINS_AT)[i], table_row(s, WAITING), table_row(s, G)
+    before, rounding = table_row(s, STATE_BEFORE), rounding_error(s, i)
     if margin > violation_threshold(s, i):
-        below_zero[i] = 0.0
-    elif margin > rounding and below_zero[i] == 1:
-        interface.margins(engine, mode, t, table_row(s, STATE_BEFORE), g)
-        if g[i] < -rounding:
-            below_zero[i] = 0.0  # the transition lifted it, by less than the threshold
-    elif (
-        margin < -violation_threshold(s, i)
-        and below_zero[i] == 0
-        and interface.bias(engine, i) <= TINY_BIAS
-    ):
-        # A margin that is already negative when another mode activates its guard has not crossed
-        # zero.
-        interface.margins(engine, mode, t, table_row(s, STATE_BEFORE), g)
-        below_zero[i] = 2.0 if g[i] > 0.0 else 1.0
-    return bool(below_zero[i] == 1)
+        waiting[i] = 0.0
+    elif margin > rounding and waiting[i] == 1:
+        interface.margins(engine, s.mode_before, t, before, g)
+        if margin - g[i] > rounding:
+            waiting[i] = 0.0  # the transition lifted it, by less than the threshold
+    elif waiting[i] == 1 and s.mode_before != mode:
+        h = min(STENCIL_RATIO * s.scale, 0.5 * (next_switch(s, t) - t))
+        y_ahead = table_row(s, STATE_AHEAD)
+        rk4_probe(engine, s, mode, t, y, h, y_ahead)
+        interface.margins(engine, mode, t + h, y_ahead, g)
+        margin_ahead = g[i]
+        interface.margins(engine, s.mode_before, t + h, y_ahead, g)
+        if margin >= -violation_threshold(s, i) and margin_ahead < 0.0 < g[i]:
+            waiting[i] = 0.0
+    elif waiting[i] == 0 and margin < -violation_threshold(s, i) and s.mode_before != mode:
+        interface.margins(engine, s.mode_before, t, before, g)
+        if g[i] == 1.0 and g[s.m + i] == 1.0:  # inactive
+            interface.margins(engine, mode, t, before, g)
+            waiting[i] = 0.0 if g[i] > rounding else 1.0
+    return bool(waiting[i] == 1)
 
 
 def fires(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
@@ -253,18 +275,17 @@ def violation_threshold(s: Any, i: int) -> float:
 def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
     """Return a gap that is clearly negative and does not open, possible at a start only; or NONE.
 
-    At the start of a run, set BELOW_ZERO of negative guards that only record.
+    At the start of a run let guards wait that are negative and only record, or whose event another
+    run has had.
     """
     m = s.m
     margins = table_row(s, MARGINS_AT)
     margin_error_scales(engine, s, s.mode, t, y)
+    s.mode_before = s.mode
     for i in range(m):
-        if (
-            s.arcs == 0
-            and table_row(s, RECORDS)[i] == 1
-            and margins[i] < -violation_threshold(s, i)
-        ):
-            table_row(s, BELOW_ZERO)[i] = 1.0
+        may_wait = s.arcs == 0 and (table_row(s, RECORDS)[i] == 1 or s.initial == 0)
+        if may_wait and margins[i] < -violation_threshold(s, i):
+            table_row(s, WAITING)[i] = 1.0
         is_closing = table_row(s, IMPACT)[i] == 1 and margins[m + i] <= 0.0
         if is_closing and margins[i] < -violation_threshold(s, i):
             return i
@@ -299,7 +320,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
         table_row(s, RATE_CHANGE),
         table_row(s, SUSPECT_SIDE),
     )
-    below_zero = table_row(s, BELOW_ZERO)
+    waiting = table_row(s, WAITING)
     m, h = s.m, t - t_start
     for k in range(2 * m):
         margins_before[k] = margins_after[k]
@@ -325,7 +346,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
                 margins_before[i] + bias,
                 0.0 if is_root else margins_after[i] + bias,
             )
-            side = -1.0 if below_zero[i] == 1 else 1.0
+            side = -1.0 if waiting[i] == 1 else 1.0
             start_margin, end_margin = side * start_margin, side * end_margin
             is_certified = certify_no_crossing(
                 start_margin,
@@ -341,7 +362,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
                 suspect_sides[i] = side
                 is_suspect = True
         if margins_after[i] + bias > 0.0:
-            below_zero[i] = 0.0
+            waiting[i] = 0.0
     return is_suspect
 
 
@@ -382,7 +403,7 @@ def first_event_in_step(
                 and interface.root_directions(engine, m + i) > 0
                 # Zero as well: CVODE stops where a margin and its rate are zero together.
                 and margins_after[i] + bias <= 0.0
-                and table_row(s, BELOW_ZERO)[i] != 1
+                and table_row(s, WAITING)[i] != 1
             ):
                 # An earlier crossing within the step is possible.
                 end_margin = margins_after[i] + bias

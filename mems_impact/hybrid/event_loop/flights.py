@@ -23,6 +23,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     MARGINS_AFTER,
     SLOPE,
     STATE_AHEAD,
+    WAITING,
     G,
     next_switch,
     table_row,
@@ -77,10 +78,10 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
 
 
 def is_cut_off(s: Any, i: int, time: float) -> bool:
-    """Return whether a margin other than `i` reaches zero within `time` at its present rate."""
-    margins = table_row(s, MARGINS_AFTER)
+    """Return whether a guard other than `i` fires within `time` at its present rate."""
+    margins, waiting = table_row(s, MARGINS_AFTER), table_row(s, WAITING)
     result = False
     for k in range(s.m):
-        is_earlier = k != i and margins[k] > 0.0 and margins[k] + margins[s.m + k] * time < 0.0
-        result = result or is_earlier
+        is_later = margins[k] <= 0.0 or margins[k] + margins[s.m + k] * time >= 0.0
+        result = result or not (k == i or waiting[k] == 1 or is_later)
     return result

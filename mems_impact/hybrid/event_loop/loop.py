@@ -19,11 +19,13 @@ from mems_impact.hybrid.event_loop.chatter import complete_chatter, is_finite
 from mems_impact.hybrid.event_loop.event_detection import (
     TINY_BIAS,
     certainly_decreasing,
+    changes_ahead,
     detect_crossings,
     first_event_in_step,
     first_violated_guard,
     inadmissible_gap,
     init_section,
+    is_decreasing,
     margin_error_scales,
     rounding_error,
     update_margins,
@@ -33,9 +35,10 @@ from mems_impact.hybrid.event_loop.flights import sharpen
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
-    BELOW_ZERO,
     BUFFER_FULL,
     COLLAPSE_STATE,
+    CONDITION,
+    CONTACT_STATE,
     CYCLE_MARK,
     CYCLIC,
     CYCLING,
@@ -59,7 +62,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     PAUSED,
     RATE_CHANGE,
     REBASE,
-    RECORDS,
     ROOM,
     SAMPLE,
     SECTION_CROSSING,
@@ -68,6 +70,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     SWITCH,
     SWITCHES,
     TRANSITION,
+    WAITING,
     WITHOUT_EFFECT,
     Y,
     log_event,
@@ -234,24 +237,28 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     margins, rate_changes = table_row(s, MARGINS_AFTER), table_row(s, RATE_CHANGE)
     interface.margins(engine, s.mode, s.t, y, margins)
     # A negative margin that still decreases has had its transition, without effect; it gets no
-    # bias. A recorded crossing is not recorded again, even if rounding left the margin positive;
-    # such a margin may stay negative.
-    m, below_zero = s.m, table_row(s, BELOW_ZERO)
+    # bias. A guard that waits does not fire again, even if rounding left its margin positive; such
+    # a margin may stay negative.
+    m, waiting = s.m, table_row(s, WAITING)
     s.starts_negative = 0
+    s.mode_before = s.mode
     for i in range(m):
         rate_changes[i] = 0.0
+        is_waiting, is_falling = waiting[i] == 1, margins[m + i] < 0.0
         is_violated = False
-        if margins[i] < 0.0:
+        if margins[i] < 0.0 or is_waiting:
             margin_error_scales(engine, s, s.mode, s.t, y)
             is_violated = margins[i] < -violation_threshold(s, i)
-        stays_below = is_violated and below_zero[i] == 1
-        is_lifted = margins[i] <= 0.0 and margins[m + i] >= 0.0 and not stays_below
-        is_recorded = below_zero[i] == 1 and margins[i] > 0.0 and margins[m + i] < 0.0
+        if is_waiting:
+            is_falling = is_decreasing(engine, s, s.mode, i, s.t, y)
+        stays_below = is_violated and is_waiting
+        is_lifted = margins[i] <= 0.0 and not is_falling and not stays_below
+        has_fallen = is_waiting and margins[i] > 0.0 and is_falling
         if is_lifted:
-            below_zero[i] = 0.0
+            waiting[i] = 0.0
         tiny_bias = TINY_BIAS if is_lifted else -TINY_BIAS
         interface.set_bias(
-            engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or is_recorded else 0.0
+            engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or has_fallen else 0.0
         )
         if is_violated and not stays_below:
             s.starts_negative = 1
@@ -312,11 +319,8 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
     ``s.t``, which is later if a chatter sequence is completed.
     """
     m = s.m
-    margins, y_before, below_zero = (
-        table_row(s, MARGINS_AT),
-        table_row(s, STATE_BEFORE),
-        table_row(s, BELOW_ZERO),
-    )
+    margins, y_before = table_row(s, MARGINS_AT), table_row(s, STATE_BEFORE)
+    condition = table_row(s, CONDITION)
     s.restart = 1
     while guard != NONE:
         s.pending_guard = guard
@@ -337,7 +341,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
             if not is_closing:
                 margin_error_scales(engine, s, mode, s.t, y)
                 is_closing = margins[m + guard] < -rounding_error(s, m + guard)
-            if not is_closing:
+            if not is_closing and not is_lifted_by_rebound(engine, s, y, guard):
                 # The contact is not closing: a rebound would move the body into the wall.
                 code, kind = m + guard, ACCUMULATION
         s.mode = interface.transition(engine, mode, code, s.t, y)
@@ -355,8 +359,9 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
         for i in range(s.n):
             has_effect = has_effect or y_before[i] != y[i]
         log_event(s, s.t, kind, guard, mode, y_before, y)
+        s.mode_before = mode
         if kind == TRANSITION:
-            below_zero[guard] = table_row(s, RECORDS)[guard]
+            table_row(s, WAITING)[guard] = 1.0 - condition[guard]
         s.transitions_now += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
@@ -377,7 +382,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
             if not is_finite(s, y):
                 return NOT_FINITE
             guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, last_impact)
-        if not has_effect and kind != SWITCH and table_row(s, RECORDS)[last_guard] == 0:
+        if not has_effect and kind != SWITCH and condition[last_guard] == 1:
             # Without a change the same guard would fire again.
             if kind == TRANSITION and guard != NONE and table_row(s, IMPACT)[guard] == 1:
                 s.failure = guard
@@ -385,6 +390,22 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
             guard = NONE
     s.transitions_now = 0
     return DONE
+
+
+def is_lifted_by_rebound(engine: Any, s: Any, y: Any, guard: int) -> bool:
+    """Return whether a margin increases after an impact, although it has no rate before it.
+
+    At a flat zero, as of a cube, the rate does not show the speed. Overwrites CONTACT_STATE and the
+    rows of `changes_ahead`.
+    """
+    y_after = table_row(s, CONTACT_STATE)
+    for i in range(s.n):
+        y_after[i] = y[i]
+    mode = interface.transition(engine, s.mode, guard, s.t, y_after)
+    if not (0 <= mode < s.modes and is_finite(s, y_after)):
+        return False
+    margin_error_scales(engine, s, mode, s.t, y_after)
+    return changes_ahead(engine, s, mode, guard, s.t, y_after) > 0
 
 
 def is_cycling(s: Any, y: Any) -> bool:

@@ -81,10 +81,10 @@ HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_HEIGHT = 7, 8, 9, 10
 # Margins and rates at the start and end of the last step, the recent change of the rates, and for a
 # margin that may have an undetected zero the side of zero on which it began, 1 or -1.
 MARGINS_BEFORE, MARGINS_AFTER, RATE_CHANGE, SUSPECT_SIDE = 11, 12, 13, 14
-# RECORDS is 1 for a guard that only records. Its BELOW_ZERO is 1 after a recorded crossing until
-# the margin is positive again, 2 if a transition made it negative and the event is not yet
-# recorded.
-RECORDS, BELOW_ZERO = 15, 16
+# RECORDS is 1 for a guard that only records, CONDITION for one whose margin is a condition of the
+# mode. Any other guard is WAITING (1) after its event, or where a mode begins below its zero, until
+# its margin is positive.
+RECORDS, WAITING = 15, 16
 # Scratch, valid until the next call; docstrings list the results that functions leave there.
 (
     G,
@@ -103,7 +103,7 @@ RECORDS, BELOW_ZERO = 15, 16
 SIZE, GAIN, TIME_SIZE = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state at the start of a collapsed step.
-COLLAPSE_STATE, ROWS = 35, 36
+COLLAPSE_STATE, CONDITION, ROWS = 35, 36, 37
 
 # State of the loop between two calls, with the addresses of its arrays.
 LOOP_STATE = np.dtype(
@@ -120,6 +120,7 @@ LOOP_STATE = np.dtype(
         ("cycle", np.int64),  # periods completed before the time base
         ("t", np.float64),  # time since the start of that period
         ("mode", np.int64),
+        ("mode_before", np.int64),  # the latest transition, and from the next arc on the same mode
         ("modes", np.int64),  # number of modes
         ("period", np.float64),
         ("scale", np.float64),  # time scale of the problem
@@ -128,6 +129,7 @@ LOOP_STATE = np.dtype(
         ("end_cycle", np.int64),  # where the run ends
         ("end_phase", np.float64),
         ("first_arc", np.int64),  # 1 before the first arc: guards may be violated at the start
+        ("initial", np.int64),  # 1 if no other run has led to the start
         ("switched", np.int64),  # 1 after the switch of this instant
         ("restart", np.int64),  # 1 if the next step begins an arc
         ("transitions_now", np.int64),  # transitions in this instant so far, 0 between instants

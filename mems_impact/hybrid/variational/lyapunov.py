@@ -140,6 +140,7 @@ class LyapunovIntegrator:
             t=start.time,
             mode=start.mode,
             switched=int(start.switched),
+            initial=int(start.initial),
             end_cycle=start.cycle,
             end_phase=start.time,
             events_from=start.cycle,

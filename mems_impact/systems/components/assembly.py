@@ -529,6 +529,7 @@ def assemble(
                 ),
                 rate=space.get(f"rate_{i}"),
                 rest=space.get(f"rest_{i}"),
+                condition=True,
             )
         )
     for i, guard in enumerate(guards):

@@ -88,7 +88,7 @@ class Friction(Contact):
 
     Notes
     -----
-    Modes: stuck, forward, backward, which the flow reads as 0, 1 and -1. Events: ``NAME sticks``
+    Modes: stuck, forward, backward, which the flow reads as 0, 1 and -1. Events: ``NAME slip end``
     and ``NAME slips``.
 
     Examples
@@ -188,7 +188,7 @@ class Friction(Contact):
         room = self.room(names)
         return [
             GuardSpec(
-                name=f"{self.name} sticks",
+                name=f"{self.name} slip end",
                 modes=(FORWARD, BACKWARD),
                 margin=f"{sign} * {sides.slip}",
                 rate=f"{sign} * {sides.relative('x[{}]')}",

@@ -1,0 +1,280 @@
+"""When a guard fires: falls through zero, jumps over it, conditions of a mode, flat zeros."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+
+WAYS = [mi.Options(engine="interpreted", method=method) for method in ("adams", "dop853")]
+ways = pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+DOWN, UP = mi.modes("down", "up")
+
+
+def log(run):
+    return list(zip(run.events["event"], run.events["t"].round(9), strict=True))
+
+
+def to(mode_after):
+    return lambda mode, t, y, p: (mode_after, y)
+
+
+def saw(**floor):
+    """x falls at the slope 1 to -1, and rises; "floor" has the margin x in the mode that rises."""
+    return mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0 if mode == DOWN else 1.0,),
+        modes=(DOWN, UP),
+        guards=[
+            mi.Guard("turns", lambda mode, t, y, p: y.x + 1.0, to(UP), modes=(DOWN,)),
+            mi.Guard("floor", lambda mode, t, y, p: y.x, to(DOWN), modes=(UP,), **floor),
+        ],
+    )
+
+
+@ways
+def test_a_margin_that_rises_does_not_fire(options):
+    run = mi.simulate(saw(), duration=5.0, options=options)
+    assert log(run) == [("turns", 1.0)]
+    assert run.final.x == pytest.approx(3.0, abs=1e-9)
+
+
+def test_a_run_that_continues_waits_as_the_one_before():
+    half = mi.simulate(saw(), duration=1.5, options=WAYS[1])
+    assert log(mi.simulate(saw(), duration=2.0, initial=half.final, options=WAYS[1])) == []
+    fresh = mi.State(x=half.final.x, mode="up")
+    again = mi.simulate(saw(), duration=0.3, initial=fresh, options=WAYS[1])
+    assert log(again) == [("floor", 0.0)]
+    samples = mi.simulate(saw(), duration=3.0, options=WAYS[1]).samples(per_period=8, first=2.5)
+    assert set(samples["mode"]) == {"up"}
+
+
+@ways
+def test_a_condition_fires_at_once(options):
+    # It leads back at -1, where "turns" is at zero and falls.
+    with pytest.raises(mi.RunError, match="push against each other"):
+        mi.simulate(saw(condition=True), duration=5.0, options=options)
+
+
+@ways
+@pytest.mark.parametrize(("k", "d"), [(1e3, 10.0), (50.0, 0.5), (1e4, 250.0)])
+def test_a_contact_that_cannot_pull(k, d, options):
+    """A ball on a spring and damper, which it leaves where the force vanishes: SciPy, by arcs."""
+    free, on = mi.modes("free", "on")
+
+    def flow(mode, t, y, p):
+        return y.v, -9.81 - (k * y.x + d * y.v if mode == on else 0.0)
+
+    ball = mi.System(
+        states=("x", "v"), flow=flow, initial={"x": 1.0}, modes=(free, on),
+        guards=[
+            mi.Guard("touches", lambda mode, t, y, p: y.x, to(on), modes=(free,)),
+            mi.Guard("leaves", lambda mode, t, y, p: -(k * y.x + d * y.v), to(free), modes=(on,)),
+        ],
+    )  # fmt: skip
+    run = mi.simulate(ball, duration=1.6, options=options)
+    t, y, pressed, times = 0.0, np.array([1.0, 0.0]), False, []
+    while t < 1.6:
+
+        def margin(t, y, pressed=pressed):
+            return -(k * y[0] + d * y[1]) if pressed else y[0]
+
+        def slope(t, y, pressed=pressed):
+            return y[1], -9.81 - (k * y[0] + d * y[1] if pressed else 0.0)
+
+        margin.terminal, margin.direction = True, -1
+        arc = solve_ivp(slope, (t, 1.6), y, "DOP853", rtol=1e-12, atol=1e-14, events=margin,
+                        max_step=0.02)  # fmt: skip
+        t, y = arc.t[-1], arc.y[:, -1]
+        if arc.status == 1:
+            pressed = not pressed
+            times.append(t)
+    assert run.events["t"].to_numpy() == pytest.approx(times, abs=1e-7)
+    assert run.final.x == pytest.approx(y[0], abs=1e-7)
+
+
+@ways
+@pytest.mark.parametrize("order", [None, 0])
+def test_events_at_times_need_no_modes(options, order):
+    """At t = 1, 2, 2, 3: k becomes 2, 5, 7, 9, as by triggers of SBML; x' = k."""
+
+    def at(name, time, k, **more):
+        return mi.Guard(
+            name,
+            lambda mode, t, y, p: time - y.s,
+            lambda mode, t, y, p: (mode, (y.s, y.x, k)),
+            **more,
+        )
+
+    chain = mi.System(
+        states=("s", "x", "k"),
+        flow=lambda mode, t, y, p: (1.0, y.k, 0.0),
+        guards=[
+            at("d", 3.0, 9.0),
+            at("b", 2.0, 5.0),
+            at("c", 2.0, 7.0, order=order),
+            at("a", 1.0, 2.0),
+        ],
+    )
+    run = mi.simulate(chain, duration=4.0, options=options)
+    both = [("c", 2.0), ("b", 2.0)] if order == 0 else [("b", 2.0), ("c", 2.0)]
+    assert log(run) == [("a", 1.0), *both, ("d", 3.0)]
+    assert run.final.x == pytest.approx(2.0 + (5.0 if order == 0 else 7.0) + 9.0, abs=1e-9)
+
+
+@ways
+@pytest.mark.parametrize(("shift", "fires"), [(-3.0, True), (-0.5, False)])
+@pytest.mark.parametrize("watched", [True, False])
+def test_a_jump_over_a_margin_fires(options, shift, fires, watched):
+    """x = 1 + s jumps at s = 1; the margin is x, positive before."""
+    jumper = mi.System(
+        states=("s", "x", "hits"),
+        initial={"x": 1.0},
+        flow=lambda mode, t, y, p: (1.0, 1.0, 0.0),
+        modes=(DOWN, UP),
+        guards=[
+            mi.Guard("jump", lambda mode, t, y, p: 1.0 - y.s,
+                     lambda mode, t, y, p: (UP, (y.s, y.x + shift, y.hits)), modes=(DOWN,)),
+            mi.Guard("low", lambda mode, t, y, p: y.x,
+                     lambda mode, t, y, p: (mode, (y.s, y.x, y.hits + 1.0)),
+                     modes=None if watched else (UP,)),
+        ],
+    )  # fmt: skip
+    run = mi.simulate(jumper, duration=4.0, options=options)
+    assert log(run) == [("jump", 1.0), ("low", 1.0)][: 1 + fires]
+    assert run.final.hits == fires
+
+
+@ways
+def test_a_fall_at_a_switching_time(options):
+    """The margin jumps from 2 to -1 at 0.8 T, and back at T = 2."""
+
+    def margin(mode, t, y, p):
+        return 2.0 if t % 2.0 < 1.6 else -1.0
+
+    count = mi.System(
+        states=("n",), flow=lambda mode, t, y, p: (0.0,), period=2.0, switches=(1.6, 2.0),
+        guards=[mi.Guard("falls", margin, lambda mode, t, y, p: (mode, (y.n + 1.0,)),
+                         rate=lambda mode, t, y, p: 0.0)],
+    )  # fmt: skip
+    run = mi.simulate(count, periods=3, options=options)
+    falls = run.events.query("event == 'falls'")
+    assert falls["t"].to_numpy() == pytest.approx([1.6, 3.6, 5.6])
+
+
+@ways
+@pytest.mark.parametrize("band", [0.0, 0.1])
+def test_a_comparator_of_one_guard(options, band):
+    """Without hysteresis it has no motion; with a band b it switches every b."""
+    relay = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0 if mode == DOWN else 1.0,),
+        modes=(DOWN, UP),
+        initial={"x": 0.55},
+        guards=[mi.Guard("switches",
+                         lambda mode, t, y, p: y.x if mode == DOWN else p.band - y.x,
+                         lambda mode, t, y, p: (UP if mode == DOWN else DOWN, y))],
+        parameters={"band": band},
+    )  # fmt: skip
+    if band == 0.0:
+        with pytest.raises(mi.RunError, match="push against each other at 'switches'"):
+            mi.simulate(relay, duration=1.0, options=options)
+    else:
+        run = mi.simulate(relay, duration=1.0, options=options)
+        assert run.events["t"].to_numpy() == pytest.approx(0.55 + band * np.arange(5), abs=1e-9)
+
+
+# --- Orbits
+
+FIRST, SECOND = mi.modes("first", "second")
+
+
+@pytest.mark.slow
+def test_an_orbit_may_have_a_guard_that_waits():
+    """A forced oscillator changes its stiffness at zero; "deep" waits below, and never fires."""
+    bilinear = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (
+            y.v, math.cos(t) - 0.4 * y.v - (3.0 if mode == FIRST else 5.0) * y.x),
+        period=2.0 * math.pi,
+        modes=(FIRST, SECOND),
+        guards=[
+            mi.Guard("down", lambda mode, t, y, p: y.x, to(SECOND), modes=(FIRST,)),
+            mi.Guard("up", lambda mode, t, y, p: -y.x, to(FIRST), modes=(SECOND,)),
+            mi.Guard("deep", lambda mode, t, y, p: y.x - 0.01, to(FIRST), modes=(SECOND,)),
+        ],
+        initial={"x": 0.4},
+    )  # fmt: skip
+    run = mi.simulate(bilinear, periods=30, options=mi.Options(method="dop853"))
+    assert set(run.events["event"]) == {"down", "up"}
+    assert mi.find_orbit(run).stable
+
+
+# --- Flat zeros
+
+FLYING, RESTING = mi.modes("flying", "resting")
+FLAT = {
+    "cube": lambda mode, t, y, p: (y.h / p.size) ** 3,
+    "fifth power": lambda mode, t, y, p: (y.h / p.size) ** 5,
+    "x - sin x": lambda mode, t, y, p: y.h / p.size - math.sin(y.h / p.size),
+}
+
+
+@pytest.mark.parametrize(
+    ("margin", "h", "g", "e", "size", "method", "engine"),
+    [
+        (FLAT["cube"], 2.0, 1.6, 0.5, 3.0, "dop853", "interpreted"),
+        *(
+            pytest.param(FLAT[margin], *case, method, "compiled", marks=pytest.mark.slow)
+            for margin in ("cube", "fifth power")
+            for case in ((50.0, 9.8, 0.8, 1.0), (3e-6, 9.81, 0.7, 1e-6))
+            for method in ("adams", "dop853")
+        ),
+        pytest.param(FLAT["x - sin x"], 50.0, 9.8, 0.8, 1.0, "dop853", "compiled",
+                     marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_a_flat_margin_has_the_events_of_its_sign(margin, h, g, e, size, method, engine):
+    options = mi.Options(method=method, engine=engine)
+
+    def fall(guards, duration):
+        ball = mi.System(
+            states=("h", "v"),
+            flow=lambda mode, t, y, p: (y.v, -p.g) if mode == FLYING else (0.0, 0.0),
+            modes=(FLYING, RESTING),
+            initial={"h": h},
+            parameters={"g": g, "e": e, "size": size},
+            guards=guards,
+        )
+        return mi.simulate(ball, duration=duration, options=options).events
+
+    first = math.sqrt(2.0 * h / g)
+    seen = fall([mi.Guard("ground", margin)], 1.5 * first)
+    assert seen["t"].to_numpy() == pytest.approx([first], rel=1e-7)
+    impact = mi.Impact(
+        "ground",
+        margin,
+        lambda mode, t, y, p: (FLYING, (0.0, -p.e * y.v)),
+        rest=lambda mode, t, y, p: (RESTING, (0.0, 0.0)),
+        modes=(FLYING,),
+    )
+    end = first * (1.0 + e) / (1.0 - e)
+    events = fall([impact], 1.2 * end)
+    assert events["event"].iloc[-1] == "chatter ends"
+    assert events["t"].iloc[-1] == pytest.approx(end, rel=1e-8)
+
+
+# --- Friction
+
+
+def test_a_slip_that_reverses_is_not_called_sticking():
+    """A block on a spring turns at 1.01 - 0.08 n; it sticks within the friction 0.04 only."""
+    block = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -y.x), initial={"x": 1.01},
+        parts=[mi.Friction("ground", "v", mu=0.04)],
+    )  # fmt: skip
+    events = mi.simulate(block, duration=60.0, options=WAYS[1]).events
+    assert set(events["event"]) == {"ground slip end"}
+    assert (events["mode after"] == "stuck").to_numpy().nonzero()[0].tolist() == [len(events) - 1]
