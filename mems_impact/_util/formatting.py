@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Mapping
-from html import escape
+from os import PathLike
+from pathlib import PurePath
 from typing import Any
 
-__all__ = ["html_table", "label", "shown"]
+__all__ = ["escape", "html_table", "label", "printable", "shown", "stem"]
 
 # Longest value and name in a message, in characters.
 _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
+
+# Characters that neither XML nor TOML can hold.
+_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def label(name: str) -> str:
@@ -33,6 +39,21 @@ def shown(value: object) -> str:
 
 def _cut(text: str, longest: int) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """Return a text that any file can hold, without control characters and lone surrogates."""
+    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def stem(path: str | PathLike[str]) -> str:
+    """Return the name of a file without its suffix, as a title."""
+    return printable(PurePath(path).stem)
+
+
+def escape(text: str) -> str:
+    """Return a text as HTML or XML."""
+    return html.escape(printable(text))
 
 
 def html_table(caption: str, rows: Mapping[str, Any]) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from mems_impact._util.formatting import html_table, shown
+from mems_impact._util.files import file_path
+from mems_impact._util.formatting import html_table, shown, stem
 from mems_impact._util.quantities import quantities
 from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact._util.warning_scopes import warn
@@ -601,10 +602,8 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     >>> mi.load_actuator("mita2003").units
     'SI'
     """
-    if not isinstance(name_or_path, str | PathLike) or isinstance(fspath(name_or_path), bytes):
-        allowed = "the name of a preset or the path of a TOML file"
-        raise InvalidParameter("name_or_path", name_or_path, allowed)
-    source = fspath(name_or_path)
+    allowed = "the name of a preset or the path of a TOML file"
+    source = file_path(name_or_path, allowed, "name_or_path")
     if isinstance(name_or_path, str) and source in preset_names():
         raw = (_DEVICES / f"{source}.toml").read_bytes()
     else:
@@ -655,7 +654,7 @@ def device_text(name_or_path: str) -> tuple[str, str]:
     """Return name and description of a device; empty texts if its file has none."""
     source = fspath(name_or_path)
     preset = source in preset_names()
-    raw = (_DEVICES / f"{source}.toml").read_bytes() if preset else Path(source).read_bytes()
+    raw = (_DEVICES / f"{source}.toml").read_bytes() if preset else _read(source)
     content = parse_toml(raw, source, "a device file")
-    name = source if preset else content.get("name", "") or Path(source).stem
+    name = source if preset else content.get("name", "") or stem(source)
     return name, content.get("description", "")

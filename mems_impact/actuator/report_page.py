@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from html import escape
 from importlib.metadata import version
 from importlib.resources import files
 from io import BytesIO
@@ -16,6 +15,7 @@ from string import Template
 from typing import Any, NamedTuple
 
 from mems_impact._util.files import replacing
+from mems_impact._util.formatting import escape
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact.systems.result import SummaryRepr
 

@@ -6,11 +6,12 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from mems_impact._util import plugins
+from mems_impact._util.files import file_path
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, holds_drive, load_drive
 from mems_impact.actuator.parameter_base import unknown
@@ -243,9 +244,7 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
     >>> found.table["motion"].tolist()
     ['periodic', 'periodic']
     """
-    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise InvalidParameter("path", path, "the path of a TOML file")
-    source = fspath(path)
+    source = file_path(path, "the path of a TOML file")
     content = _content(source)
     try:
         for name in content:

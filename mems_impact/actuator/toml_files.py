@@ -6,11 +6,12 @@ import math
 import re
 import tomllib
 from collections.abc import Sequence
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from mems_impact._util.files import file_path, opened
 from mems_impact._util.formatting import shown
 from mems_impact._util.quantities import QuantityError, base_powers, magnitude
 from mems_impact.errors import InvalidFile, InvalidParameter
@@ -98,29 +99,22 @@ def execute_code(path: Path, request: CodeRequest) -> ModuleType:
 # --- Files of users
 
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
+_BEGINS_AS_NUMBER = re.compile(r"[\W_]*\d|[\W_]+[,;\t\s].*\d")
 _SAMPLE_NUMBER_HEADINGS = {"start", "increment"}  # headings of a record with sample numbers
 _MAX_TABLE_BYTES = 50_000_000  # bytes
 _MAX_NESTING = 20  # levels of nested tables; a burst within a burst takes one more
+_NAME = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
+_DEEP_NAME = re.compile(
+    rf"(?:^|[\[{{,])[ \t]*+{_NAME}(?:\.[ \t]*+{_NAME}){{{_MAX_NESTING}}}", re.MULTILINE
+)
 
 
 def read_bytes(
     source: str, remedy: str, *, largest: int, kind: str, missing: str = "no such file"
 ) -> bytes:
     """Return the content of the file `source`, a `kind` of at most `largest` bytes."""
-    try:
-        if source and Path(source).is_dir():
-            raise InvalidFile(source, "is a directory", remedy)
-        with open(source, "rb") as file:
-            raw = file.read(largest + 1)
-    except FileNotFoundError:
-        raise InvalidFile(source, missing, remedy) from None
-    except OSError as error:
-        raise InvalidFile(source, f"cannot be read ({error.strerror})", remedy) from None
-    except ValueError as error:
-        if isinstance(error, InvalidFile):
-            raise
-        # The path contains a null character.
-        raise InvalidFile(source, f"not a path ({error})", remedy) from None
+    with opened(source, remedy, missing) as file:
+        raw = file.read(largest + 1)
     if len(raw) > largest:
         raise InvalidFile(source, f"too large for a {kind}", remedy)
     return raw
@@ -140,22 +134,20 @@ def parse_toml(raw: bytes, source: str, remedy: str) -> dict[str, Any]:
     """Return the tables of a TOML file."""
     text = read_text(raw, source)
     try:
-        content = tomllib.loads(text)
+        # The parser's memory grows with the square of the number of dots in a name.
+        content = None if _DEEP_NAME.search(text) else tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # Very long integers and deep nesting raise errors other than TOMLDecodeError.
         reason = f"not valid TOML ({str(error).splitlines()[0]})"
         raise InvalidFile(source, reason, f"correct it: {remedy}") from None
-    if _deeper_than(_MAX_NESTING, content):
+    if content is None or _deeper_than(_MAX_NESTING, content):
         reason = f"nests tables more than {_MAX_NESTING} deep"
         raise InvalidFile(source, reason, f"correct it: {remedy}")
     return content
 
 
 def _deeper_than(depth: int, content: Any) -> bool:
-    """Return whether tables and lists are nested more than `depth` deep.
-
-    A dotted name may hold thousands of tables, which recursive functions cannot process.
-    """
+    """Return whether tables and lists are nested more than `depth` deep."""
     level = [content]
     for _ in range(depth):
         holders = [one.values() if isinstance(one, dict) else one for one in level]
@@ -170,14 +162,13 @@ def read_columns(
 
     Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are skipped,
     as are headings and settings of an oscilloscope above the numbers. Some oscilloscopes write
-    settings in three columns before the numbers of the first lines.
+    settings in three columns before the numbers of the first lines. A line above the numbers with
+    as many cells is an error if it begins with a digit.
 
     With `units`, the SI units that each column may have, numbers are converted to SI if a heading
     or comment above them has their units, such as "time [ms]", "(mV)" or "x/um".
     """
-    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise InvalidParameter("path", path, "the path of a file of numbers")
-    source = fspath(path)
+    source = file_path(path, "the path of a file of numbers")
     remedy = f"give a text file of {count} columns of numbers"
     raw = read_bytes(source, remedy, largest=_MAX_TABLE_BYTES, kind="table")
     columns: list[list[float]] = [[] for _ in range(count)]
@@ -198,6 +189,9 @@ def read_columns(
             if _SAMPLE_NUMBER_HEADINGS.issubset(cell.lower() for cell in cells):
                 reason = f"by line {number} the first column counts samples"
                 raise InvalidFile(source, reason, "multiply it by the increment in that line")
+            if len(cells) == count and _BEGINS_AS_NUMBER.match(line):
+                reason = f"line {number} holds {shown(cells[0])}, which is not a number"
+                raise InvalidFile(source, reason, "correct it, or begin a heading with #")
             continue
         if len(cells) != count:
             reason = f"line {number} holds {len(cells)} columns, not {count}"
@@ -289,7 +283,8 @@ def _is_number(cell: str) -> bool:
 
 
 def _number(cell: str) -> float | None:
+    """Return a number, which may have quotes and the sign U+2212; None for a text."""
     try:
-        return float(cell)
+        return float(cell.strip("\"'").replace("\N{MINUS SIGN}", "-"))
     except ValueError:
         return None

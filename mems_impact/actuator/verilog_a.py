@@ -6,14 +6,14 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
-from mems_impact._util.files import replacing
+from mems_impact._util.files import file_path, replacing
 from mems_impact._util.limits import BOUND_RTOL
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, PARAMETER_NAMES, Actuator
 from mems_impact.actuator.splines import COEFFICIENTS, coefficients
@@ -822,8 +822,7 @@ def wrapped(kind: str, names: Iterable[str]) -> list[str]:
 
 def write_verilog_a(actuator: Actuator, path: str | PathLike[str], electrodes: int = 1) -> None:
     """Write the module of a device, named like the file; see `Actuator.to_verilog_a`."""
-    if not isinstance(path, str | PathLike) or not isinstance(fspath(path), str):
-        raise InvalidParameter("path", path, "the path of a file, such as dev.va")
-    text = verilog_a(actuator, module_name(path), electrodes)
+    place = file_path(path, "the path of a file, such as dev.va")
+    text = verilog_a(actuator, module_name(place), electrodes)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="ascii")

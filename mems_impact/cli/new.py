@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Any
 
 import click
 
+from mems_impact._util.files import replacing
+from mems_impact._util.formatting import label, stem
 from mems_impact.actuator.design.data_sheet_quantities import QUANTITIES, Entry
 from mems_impact.cli.options import apply_decorators
 from mems_impact.cli.output import add_json_files, show
@@ -80,15 +83,12 @@ def command(*, kind: str, file: str | None, **quantities: str | None) -> None:
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
     if texts:
         text = _with_design(text, texts)
-    text = text.replace("FILE", str(path)).replace('name = "mine"', f"name = {_toml(path.stem)}")
-    try:
-        with open(path, "x", encoding="utf-8") as new:
-            new.write(text)
-    except FileExistsError:
-        raise click.ClickException(f"{path}: already exists; choose another name") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise click.ClickException(f"{path}: cannot be written ({reason})") from None
+    text = text.replace("FILE", label(str(path)))
+    text = text.replace('name = "mine"', f"name = {_toml(stem(path))}")
+    if os.path.lexists(path):
+        raise click.ClickException(f"{path}: already exists; choose another name")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     add_json_files([path])
     show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")
 

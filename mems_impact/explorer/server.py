@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable
+from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers import FunctionHandler
@@ -11,9 +12,12 @@ from bokeh.document import Document
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPServerRequest
 from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
-from tornado.routing import HostMatches, Rule, RuleRouter
+from tornado.routing import AnyMatches, Matcher, Rule, RuleRouter
+from tornado.web import Application as WebApplication
+from tornado.web import RequestHandler
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.session import Subject, slider_specs
@@ -21,8 +25,42 @@ from mems_impact.explorer.view.page import Page
 
 __all__ = ["serve"]
 
+HTTP_PORT = 80
 LOOPBACK = "127.0.0.1"
 HOST_NAMES = (LOOPBACK, "localhost")
+
+
+class OwnRequests(Matcher):
+    """Requests of the user and of the server's own pages, not of other sites.
+
+    A page of another site may send a request to this machine, and may map its host name to it.
+    Browsers say where a request comes from.
+
+    Parameters
+    ----------
+    port : int
+    """
+
+    def __init__(self, port: int) -> None:
+        number = "" if port == HTTP_PORT else f":{port}"  # browsers omit that of HTTP
+        self.origins = tuple(f"http://{name}{number}/" for name in HOST_NAMES)
+
+    def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
+        """Return no arguments for the handler; None for a request of another site."""
+        headers = request.headers
+        origins = [f"http://{headers.get('Host')}/"]
+        origins += [f"{headers[name]}/" for name in ("Origin", "Referer") if name in headers]
+        own = headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin")
+        return {} if own and all(each.startswith(self.origins) for each in origins) else None
+
+
+class Refusal(RequestHandler):
+    """Answer to a request of another site."""
+
+    def prepare(self) -> None:
+        """Refuse every method."""
+        self.set_status(403)
+        self.finish("This request comes from another page. Enter the address in the browser.")
 
 
 def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
@@ -43,8 +81,8 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
 
     Notes
     -----
-    The server listens on 127.0.0.1. It rejects requests for other host names, which a foreign page
-    could map to this machine, and accepts websockets only from its own pages.
+    The server listens on 127.0.0.1. It answers the user and its own pages only, so that another
+    site can start no computation: see `OwnRequests`.
     """
     specs = slider_specs(subject)
     pages: list[Page] = []
@@ -70,8 +108,8 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
         {"/": Application(FunctionHandler(show))},
         extra_websocket_origins=[f"{name}:{number}" for name in HOST_NAMES],
     )
-    local_hosts = "|".join(name.replace(".", r"\.") for name in HOST_NAMES)
-    http = HTTPServer(RuleRouter([Rule(HostMatches(f"^({local_hosts})$"), application)]))
+    others = Rule(AnyMatches(), WebApplication([(".*", Refusal)]))
+    http = HTTPServer(RuleRouter([Rule(OwnRequests(number), application), others]))
     http.add_sockets(sockets)
     server = BaseServer(loop, application, http)
     server.start()

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from mems_impact._util.formatting import label
+from mems_impact._util.formatting import label, stem
 from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
@@ -200,7 +199,7 @@ def subject_of_device(
     amplitude = max(volts, default=0.0)
     return Subject(
         system=system,
-        title=Path(name).stem,
+        title=stem(name),
         groups=groups,
         meanings=PARAMETER_MEANINGS,
         source=source,

@@ -17,9 +17,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
-from mems_impact._util.files import replacing
+from mems_impact._util.files import file_path, replacing
+from mems_impact._util.formatting import escape, stem
 from mems_impact._util.limits import UNLIMITED, Limits
 from mems_impact._util.quantities import base_powers
 from mems_impact._util.warning_scopes import warn
@@ -268,7 +268,7 @@ def attributes(**values: object) -> str:
             continue
         text = str(value).lower() if isinstance(value, bool) else value
         text = repr(text) if isinstance(text, float) else str(text)
-        parts.append(f"{name}={quoteattr(text)}")
+        parts.append(f'{name}="{escape(text)}"')
     return " ".join(parts)
 
 
@@ -279,7 +279,7 @@ def unit_lines(variables: Sequence[ModelVariable]) -> list[str]:
         return []
     lines = ["  <UnitDefinitions>"]
     for unit in units:
-        lines.append(f"    <Unit name={quoteattr(unit)}>{base_unit(unit)}</Unit>")
+        lines.append(f"    <Unit {attributes(name=unit)}>{base_unit(unit)}</Unit>")
     return [*lines, "  </UnitDefinitions>"]
 
 
@@ -506,9 +506,9 @@ def write_fmu(path: str | os.PathLike[str], model: ExportedModel, fmi: str = "3.
     """
     if fmi not in VERSIONS:
         raise InvalidParameter("fmi", fmi, f"one of {', '.join(VERSIONS)}")
-    target = Path(path)
+    target = Path(file_path(path))
     name = identifier(target.stem)
-    title = model.name or target.stem
+    title = model.name or stem(target)
     main = "fmi3.c" if fmi == "3.0" else "fmi2.c"
     folder = files("mems_impact.export") / "templates"
     sources = {file: (folder / file).read_text(encoding="utf-8") for file in (*TEMPLATES, main)}

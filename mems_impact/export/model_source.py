@@ -141,7 +141,7 @@ def model_header(model: ExportedModel) -> str:
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n\n".join(
         [
-            f"/* {model.name or 'A system'}, exported by the package mems_impact. */",
+            comment(f"{model.name or 'A system'}, exported by the package mems_impact."),
             "#ifndef MODEL_H\n#define MODEL_H",
             "\n".join(lines),
             "typedef struct LoopState LoopState;\ntypedef struct Engine Engine;",
@@ -207,12 +207,19 @@ def reals(name: str, values: Sequence[float]) -> str:
     return f"static const double {name}[] = {{ {', '.join(map(literal, values))} }};"
 
 
+def comment(value: str) -> str:
+    """Return a comment."""
+    return f"/* {plain(value).replace('*/', '*_')} */"
+
+
 def text(value: str) -> str:
     """Return a string literal."""
-    escaped = "".join(
-        c if c.isascii() and c.isprintable() and c not in '"\\?' else "_" for c in value
-    )
-    return f'"{escaped}"'
+    return f'"{plain(value)}"'
+
+
+def plain(value: str) -> str:
+    """Return a text without characters that C or its preprocessor interprets."""
+    return "".join(c if c.isascii() and c.isprintable() and c not in '"\\?' else "_" for c in value)
 
 
 def named_values(model: ExportedModel) -> tuple[Tuple, str]:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from mems_impact._util.files import replacing
+from mems_impact._util.files import file_path, replacing
 from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.run import Run
 from mems_impact.errors import FileNotWritten, InvalidParameter
@@ -400,7 +400,7 @@ class Animation:
 
 def check_ending(field: str, path: str | os.PathLike[str]) -> str:
     """Return the suffix of an animation file; InvalidParameter if it cannot be written."""
-    ending = Path(path).suffix.lower()
+    ending = Path(file_path(path, field=field)).suffix.lower()
     if ending not in MOVIE_SUFFIXES:
         allowed = f"a name that ends in {', '.join(MOVIE_SUFFIXES[:-1])} or {MOVIE_SUFFIXES[-1]}"
         raise InvalidParameter(field, str(path), allowed)

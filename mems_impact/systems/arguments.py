@@ -19,6 +19,7 @@ from mems_impact.systems.state import Mode, State, is_number, state_from
 __all__ = [
     "ARGUMENTS",
     "check_flow",
+    "check_names",
     "check_optional",
     "constraints",
     "function",
@@ -40,7 +41,18 @@ __all__ = [
 
 FUNCTION_KIND = "a function, written with def or lambda"
 ARGUMENTS = ("mode", "t", "y", "p")
+FORMULAS = "=+-@"  # first characters of formulas in spreadsheets
 RUN_COLUMNS = ("period", "time", "t", "mode")  # in tables of runs, beside the states
+
+
+def check_names(**names: Iterable[Any]) -> None:
+    """Raise InvalidParameter for a name or unit that tables and exported models cannot hold."""
+    for field, values in names.items():
+        for value in values:
+            plain = isinstance(value, str) and value.isprintable()
+            if not plain or value.startswith(tuple(FORMULAS)):
+                allowed = f"a text of printable characters that begins with none of {FORMULAS}"
+                raise InvalidParameter(field, value, allowed)
 
 
 def states(names_or_count: Sequence[str] | int) -> tuple[str, ...]:
@@ -212,11 +224,9 @@ def units(by_name: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, 
     """Return units by the names of states and parameters and "time"."""
     if by_name is not None and not isinstance(by_name, Mapping):
         raise InvalidParameter("units", by_name, f"units by name: {{{names[0]!r}: 'm'}}")
-    for name, unit in (by_name or {}).items():
+    for name in by_name or {}:
         if name not in (*names, "time"):
             raise InvalidParameter("units", name, f"names among {', '.join(names)}, time")
-        if not isinstance(unit, str):
-            raise InvalidParameter(f"unit of {name}", unit, "a text")
     return dict(by_name or {})
 
 

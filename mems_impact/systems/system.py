@@ -123,7 +123,8 @@ class System(HybridSystem):
     Raises
     ------
     InvalidParameter
-        If names repeat, or a name, a number or a function is missing or of the wrong type.
+        If names repeat or are not printable, or a name, a number or a function is missing or of the
+        wrong type.
     FunctionError
         If a function fails or is inconsistent in a short trial run.
 
@@ -227,9 +228,16 @@ class System(HybridSystem):
         )
         self._section = arguments.section(section, names)
         self.observables = arguments.observables(observables, names, guards)
-        quantities = (each.name for each in self.observables)
+        quantities = [each.name for each in self.observables]
         self._units = arguments.units(units, (*names, *self._parameters, *quantities))
         self._initial = arguments.initial(initial)
+        arguments.check_names(
+            name=[self.name],
+            modes=called,
+            guards=[guard.name for guard in guards],
+            observables=quantities,
+            **{f"unit of {name}": [unit] for name, unit in self.units.items()},
+        )
         self.typical = None
         sizes = arguments.sizes(typical)
         # In the user's units, in which functions and messages count.

@@ -2,12 +2,14 @@
 
 import errno
 import os
+import socket
 import stat
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from mems_impact._util.files import replacing
-from mems_impact.errors import FileNotWritten, InvalidFile
+from mems_impact._util.files import opened, replacing
+from mems_impact.errors import FileNotWritten, InvalidFile, InvalidParameter
 
 
 @pytest.fixture
@@ -76,3 +78,65 @@ def test_a_protected_file_is_not_replaced(file):
     with pytest.raises(InvalidFile, match="permission denied"), replacing(file) as temporary:
         temporary.write_text("new")
     assert file.read_text() == "old"
+
+
+def write(place, text="new"):
+    with replacing(place) as temporary:
+        temporary.write_text(text)
+
+
+def test_a_pipe_and_a_socket_stay(tmp_path):
+    pipe, port = tmp_path / "pipe", tmp_path / "socket"
+    os.mkfifo(pipe)
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(port))
+        for node in (pipe, port, "/dev/null"):
+            with pytest.raises(InvalidFile, match="is a pipe, a socket or a device"):
+                write(node)
+            with pytest.raises(InvalidFile, match="is a pipe"), opened(node, "give a file"):
+                pass
+    assert pipe.is_fifo()
+    assert port.is_socket()
+
+
+@pytest.mark.parametrize("name", ["a" * 256, "file/a", "loop", "loop/a", "none/a", "link"])
+def test_an_impossible_path_is_one_error(tmp_path, name):
+    (tmp_path / "file").write_text("old")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "link").symlink_to(tmp_path / "none" / "a")
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(InvalidFile, match=r"cannot be written \(.*\); give another place"):
+        write(tmp_path / name)
+    assert sorted(os.listdir(tmp_path)) == before
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", b"a", 3, None])
+def test_what_is_no_path_is_told(name):
+    with pytest.raises(InvalidParameter, match="must be the path of a file"):
+        write(name)
+    with pytest.raises(InvalidParameter), opened(name, "give a file"):
+        pass
+
+
+def test_the_longest_name_is_written(tmp_path):
+    write(tmp_path / ("a" * 255))
+    assert (tmp_path / ("a" * 255)).read_text() == "new"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="takes another user")
+def test_a_folder_without_search_right(file):
+    file.parent.chmod(0o600)
+    os.seteuid(65534)  # nobody
+    try:
+        with pytest.raises(InvalidFile, match="permission denied"):
+            write(file)
+    finally:
+        os.seteuid(0)
+
+
+def test_threads_write_one_file(file):
+    texts = [str(number) * 100_000 for number in range(10)]
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(lambda text: write(file, text), texts))
+    assert file.read_text() in texts
+    assert names(file) == ["table.csv"]

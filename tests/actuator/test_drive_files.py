@@ -294,3 +294,27 @@ def test_fuzzed_bytes(folder):
         (folder / "fuzz.toml").write_bytes(bytes(raw))
         with contextlib.suppress(mi.InvalidFile, mi.InvalidParameter):
             assert isinstance(mi.load_drive(folder / "fuzz.toml"), mi.Drive)
+
+
+RECORD = [(t / 20.0, 2.0 + math.sin(math.pi * t / 10.0)) for t in range(-10, 11)]
+
+
+@pytest.mark.parametrize("line", ["{:.2f},{:.5f}", '"{:.2f}";"{:.5f}"', "'{:.2f}'\t'{:.5f}'"])
+@pytest.mark.parametrize("heading", ["", "time [s],voltage [V]\n", "TIME,CH1\n", "x-axis,1\n"])
+@pytest.mark.parametrize("minus", ["-", "\N{MINUS SIGN}"])
+def test_no_row_is_taken_for_a_heading(folder, line, heading, minus):
+    rows = "\n".join(line.format(*row) for row in RECORD).replace("-", minus)
+    (folder / "wave.csv").write_text(heading + rows, encoding="utf-8")
+    record = mi.Sampled.from_csv(folder / "wave.csv")
+    assert record.period == pytest.approx(1.0, rel=1e-12)
+    assert record.voltages == pytest.approx([round(v, 5) for _, v in RECORD[:-1]], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "row",
+    ["0x0,1.5", "\u20130.5,1.5", "~0.5,1.5", "0.5s,1.5V", "=0.5,1.5", "--,1.5", "0.5.1;1", "1/2 1"],
+)
+def test_a_row_above_the_numbers_is_no_heading(folder, row):
+    (folder / "wave.csv").write_text(f"time,voltage\n{row}\n0.0,1.0\n1.0,2.0\n", encoding="utf-8")
+    with pytest.raises(mi.InvalidFile, match=r"line 2 holds .*, which is not a number; correct it"):
+        mi.Sampled.from_csv(folder / "wave.csv")

@@ -2,6 +2,7 @@ import copy
 import math
 import pickle
 import tomllib
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -237,7 +238,7 @@ def test_directory_and_missing_file(tmp_path):
         load_actuator(tmp_path / "file" / "my.toml")
 
 
-@pytest.mark.parametrize("name", ["zhao2040", "", "../devices/zhao2004", "a\0b", "x" * 5000])
+@pytest.mark.parametrize("name", ["zhao2040", "", "../devices/zhao2004", "x" * 5000])
 def test_unknown_preset_lists_presets_and_mentions_paths(name):
     with pytest.raises(InvalidFile, match=r"preset \(.*zhao2004.*\) or the path of a TOML"):
         load_actuator(name)
@@ -268,3 +269,24 @@ def test_damaged_file_loads_right_or_is_refused(tmp_path_factory, data):
         assert dict(actuator) == {**content["parameters"], "units": units}
     assert str(path) in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 20_000) + " = 1",
+        "[ " + " . ".join("a" * 10_000) + " ]",
+        "a = { b." + '."b"' * 10_000 + " = 1 }",
+        "a = " + "[" * 20_000,
+    ],
+)
+def test_a_deep_name_is_refused_before_it_is_parsed(tmp_path, text):
+    path = tmp_path / "deep.toml"
+    path.write_text(text)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InvalidFile, match=r"not valid TOML|nests tables more than 20 deep"):
+            load_actuator(path)
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()

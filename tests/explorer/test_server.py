@@ -47,8 +47,19 @@ def test_it_answers_this_machine_alone_and_ends_with_ctrl_c(served, tmp_path):
     port = urlsplit(server.address).port
     assert answer(server.address) == 200
     assert answer(server.address, Host=f"localhost:{port}") == 200
-    assert answer(server.address, Host="evil.example") == 404
-    assert answer(server.address, Host=f"127.0.0.1.evil.example:{port}") == 404
+    assert answer(server.address, Host="evil.example") == 403
+    assert answer(server.address, Host=f"127.0.0.1.evil.example:{port}") == 403
+    own = f"http://127.0.0.1:{port}"
+    assert answer(server.address, Origin=own, Referer=f"{own}/?A=1", Sec_Fetch_Site="none") == 200
+    for foreign in (  # an image, a link, a frame of another site; another server of this machine
+        {"Referer": "http://evil.example/"},
+        {"Referer": f"{own}@evil.example/"},
+        {"Origin": f"{own}1"},
+        {"Origin": "null"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site", "Referer": "http://localhost:8888/"},
+    ):
+        assert answer(server.address, **foreign) == 403
     upgrade = {
         "Connection": "Upgrade",
         "Upgrade": "websocket",

@@ -1,8 +1,10 @@
 """FMUs in FMPy have the events of `simulate`."""
 
 import math
+import re
 import tempfile
 import zipfile
+from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
@@ -545,3 +547,31 @@ def test_inputs_of_a_device(tmp_path, inputs, said):
     both = mi.TwoSided(right=drive, left=drive)
     with pytest.raises(mi.InvalidParameter, match="must be"):
         ZHAO.to_fmu(tmp_path / "device.fmu", both, inputs=inputs[:1])
+
+
+@pytest.mark.parametrize(
+    "name", ["x */ int injected; /*", "*/*/", 'a"??/ \\', "<b>&'\"]]>", "Stoß */"]
+)
+def test_names_stay_text(tmp_path, monkeypatch, name):
+    """In C, whose comments they could end, and in XML."""
+    monkeypatch.setenv("CC", "false")
+    system = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-p.k * y.x,),
+        parameters={"k": 1.0},
+        guards=[mi.Guard(name, lambda mode, t, y, p: y.x - 0.5)],
+        modes=(name,),
+        units={"x": name},
+        name=name,
+    )
+    with pytest.warns(UserWarning, match="without a binary"):
+        system.to_fmu(tmp_path / "model.fmu")
+    with zipfile.ZipFile(tmp_path / "model.fmu") as file:
+        header = file.read("sources/model.h").decode()
+        description = ElementTree.fromstring(file.read("modelDescription.xml"))
+    code = re.sub(r'/\*.*?\*/|"[^"\\\n?]*"', " ", header, flags=re.DOTALL)
+    assert "injected" not in code
+    assert '"' not in code
+    assert "*/" not in code
+    assert description.get("modelName") == name
+    assert name in description.find("ModelVariables/Int32[@name='mode']").get("description")

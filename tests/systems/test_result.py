@@ -6,6 +6,7 @@ import math
 import pickle
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -387,7 +388,7 @@ def test_files_that_are_none_are_reported(saved, tmp_path):
         assert loaded == saved[1]  # a byte that says nothing, such as a date
     with pytest.raises(mi.InvalidFile, match="no such file"):
         mi.load(tmp_path / "nowhere")
-    with pytest.raises(mi.InvalidFile, match="cannot be read"):
+    with pytest.raises(mi.InvalidFile, match="is a directory"):
         mi.load(tmp_path)
     with pytest.raises(mi.InvalidParameter, match="the path of a file"):
         mi.load(3)
@@ -469,3 +470,40 @@ def test_a_branch_is_reported_in_a_line():
     assert repr(curve).startswith(f"Curve({ends}")
     assert list(branch.summary()) == ["system", "A", "orbits", "special points", "ended"]
     assert list(curve.summary())[1:3] == ["kind", "parameters"]
+
+
+@pytest.mark.parametrize("member", ["header.json", "result.zeros.npy"])
+@pytest.mark.parametrize("saved", ["run"], indirect=True)
+def test_a_file_that_expands_too_far_is_not_read(saved, member):
+    with zipfile.ZipFile(saved[2]) as file:
+        members = {name: file.read(name) for name in file.namelist()}
+    with zipfile.ZipFile(saved[2], "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
+        with file.open(member, "w") as long:
+            long.write(b'{"padding": "')
+            for _ in range(60):
+                long.write(b"a" * 1_000_000)
+            long.write(b'", ' + members["header.json"][1:])
+        for name in members.keys() - {member}:
+            file.writestr(name, members[name])
+    tracemalloc.start()
+    try:
+        with pytest.raises(mi.InvalidFile, match=r"expands \d+ bytes to 60\d+"):
+            mi.load(saved[2], system=oscillator())
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("saved", ["run"], indirect=True)
+def test_every_bit_of_the_directory_of_a_file(saved):
+    """Flags of encryption, methods of compression, sizes, names: the end of a zip archive."""
+    path, whole = saved[2], saved[2].read_bytes()
+    for bit in range(8 * whole.index(b"PK\x01\x02"), 8 * len(whole), 3):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        try:
+            loaded = mi.load(path, system=oscillator())
+        except mi.InvalidFile:
+            continue
+        assert loaded == saved[1]

@@ -511,3 +511,30 @@ def test_rounding_far_from_the_origin_is_no_wrong_rate():
     )
     run = mi.simulate(far, duration=60.0, options=INTERPRETED)
     assert run.final.mode == "late"
+
+
+BAD_NAMES = ["x\0y", "\ud800", "a\nb", "a\x1bb", "\u202eb", "=1+1", "-1", "+cmd", "@sum", "\uffff"]
+
+
+@pytest.mark.parametrize("name", BAD_NAMES)
+def test_a_name_that_no_file_can_hold_is_refused(name):
+    """In HTML, XML and CSV; a spreadsheet evaluates what begins like a formula."""
+    own = ball().definition.guards[0]
+    observable = mi.Observable(name, lambda y, p: y.x)
+    for changes in (
+        {"name": name},
+        {"guards": [mi.Impact(name, own.margin, own.transition, modes=(FREE,), rest=own.rest)]},
+        {"modes": ("free", name)},
+        {"units": {"x": name}},
+        {"observables": [observable]},
+        {"parameters": {name: 1.0}},
+        {"states": ("x", name)},
+    ):
+        with pytest.raises(InvalidParameter) as caught:
+            ball(**changes)
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["x */ int injected; /*", '"; <b>&amp;', "Kugel/Stoß µ", "a ??/"])
+def test_other_names_are_taken(name):
+    assert ball(name=name).name == name

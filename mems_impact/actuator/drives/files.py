@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 from mems_impact._util import plugins
+from mems_impact._util.files import file_path
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.custom import Custom
@@ -93,9 +94,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     >>> mi.load_drive("wave.toml").amplitude
     0.24
     """
-    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise InvalidParameter("path", path, "the path of a TOML or CSV file")
-    source = fspath(path)
+    source = file_path(path, "the path of a TOML or CSV file")
     if source.lower().endswith(SAMPLE_SUFFIXES):
         record = Sampled.from_csv(source)
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from html import escape
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -21,6 +20,7 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure
 
+from mems_impact._util.formatting import escape
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.session import TIME, SliderSpec, best_si_prefix
 from mems_impact.explorer.snapshot import (

@@ -27,12 +27,14 @@ from concurrent.futures import (
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, cached_property, lru_cache
 from itertools import count
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import cloudpickle
 
 from mems_impact._util.ctrl_c import deferring_ctrl_c
+from mems_impact._util.formatting import label
 from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import CollectedWarning, collected_warnings
 from mems_impact.errors import InvalidParameter
@@ -248,7 +250,7 @@ class WorkerPool:
         """Replace the executor; `ExecutorLost` if that fails, or if its workers die at once."""
         if self._make is None:
             remedy = "pass as executor a function that creates one, so that it can be replaced"
-            raise ExecutorLost(reason, remedy)
+            raise ExecutorLost(reason, _guard_remedy(self._executor) or remedy)
         _end(self._executor, at_once=True)
         self._executor = self._created(self._make)
         try:
@@ -261,7 +263,7 @@ class WorkerPool:
         except (BrokenExecutor, CancelledError, OSError) as error:
             remedy = "see that memory suffices for new processes, or use threads"
             reason = f"they die before they compute anything: {error}"
-            raise ExecutorLost(reason, remedy) from None
+            raise ExecutorLost(reason, _guard_remedy(self._executor) or remedy) from None
 
     @cached_property
     def _packed(self) -> bytes:
@@ -286,6 +288,20 @@ class WorkerPool:
             self._within[number] = done
 
         return watch
+
+
+def _guard_remedy(executor: Any) -> str:
+    """Return the remedy for a script that each worker imports and runs again; empty for others."""
+    context = getattr(executor, "_mp_context", None)
+    file = getattr(sys.modules["__main__"], "__file__", None)
+    if context is None or context.get_start_method() == "fork" or file is None:
+        return ""
+    try:
+        is_guarded = b"__main__" in Path(file).read_bytes()
+    except OSError:
+        return ""
+    guard = "call the study under if __name__ == '__main__':, since each worker imports the script"
+    return "" if is_guarded else f"{guard} {label(file)}"
 
 
 def _threads_of_cluster(executor: Any) -> int:

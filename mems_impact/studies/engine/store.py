@@ -5,7 +5,7 @@
     points/000000064-000000128.parquet  points 64 to 127
 
 Files are written atomically and never changed; those of failed points may be deleted. So readers
-need no lock, and a killed process leaves at most a hidden temporary file.
+need no lock, and a killed process leaves at most a hidden folder with an incomplete file.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ import json
 import logging
 import os
 import platform
+import shutil
 import socket
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
@@ -31,7 +33,15 @@ import numpy as np
 import pandas as pd
 from filelock import FileLock, Timeout
 
-from mems_impact._util.files import replacing, unwritable
+from mems_impact._util.files import (
+    TEMPORARY_PREFIX,
+    check_expansion,
+    check_replaceable,
+    file_path,
+    opened,
+    replacing,
+    unwritable,
+)
 from mems_impact._util.formatting import label, shown
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.studies.engine.study import (
@@ -245,6 +255,7 @@ def locked(path: Path) -> Iterator[bool]:
     """
     real = Path(os.path.realpath(path))
     try:
+        check_replaceable(real)
         os.close(os.open(real, os.O_RDWR | os.O_CREAT, 0o666))
     except OSError as error:
         raise unwritable(path.parent, error) from None
@@ -293,6 +304,8 @@ def _in_use(path: Path, holder: str) -> InvalidFile:
 # --- Chunks as Parquet files
 
 KEY, CHECKSUM = b"mems_impact", b"mems_impact crc32"
+CHUNK_REMEDY = "remove it, and run the study again: other chunks are kept"
+MAX_RATIO = 200  # bytes per compressed byte
 
 
 def check() -> None:
@@ -302,70 +315,127 @@ def check() -> None:
         raise InvalidParameter("store", None, "", problem=problem)
 
 
-def packed(columns: Columns, schema: Mapping[str, str], metadata: Mapping[str, Any]) -> bytes:
-    """Return the content of the file of a chunk.
+class DamagedChunk(InvalidFile):
+    """A chunk is truncated, or does not fit its checksums."""
+
+
+class ChunkFiles:
+    """Files of the chunks of one study.
 
     Parameters
     ----------
-    columns : dict of array
-    schema : mapping of str to str
-        Schema of the study.
-    metadata : mapping
-        Metadata, stored as JSON.
+    directory : Path
+    manifest : mapping
+        Content of ``study.json``.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    text = json.dumps(metadata).encode()
-    kinds = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "str": pa.string()}
-    fields = pa.schema(
-        [pa.field(name, kinds[kind], nullable=False) for name, kind in schema.items()],
-        metadata={KEY: text, CHECKSUM: b"%08x" % crc32(text)},
-    )
-    arrays = [pa.array(columns[field.name], type=field.type) for field in fields]
-    sink = io.BytesIO()
-    table = pa.Table.from_arrays(arrays, schema=fields)
-    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
-    return sink.getvalue()
+    def __init__(self, directory: Path, manifest: Mapping[str, Any]) -> None:
+        self.directory, self.schema = directory, manifest["schema"]
+        described = {name: manifest[name] for name in ("kind", "identity", *FORM)}
+        self._study = sha256(_text(described).encode()).hexdigest()
 
+    def path(self, part: Chunk) -> Path:
+        """Return the file of a part."""
+        return self.directory / POINTS / f"{part.first:09d}-{part.last:09d}.parquet"
 
-def read_footer(path: Path) -> dict[str, Any] | None:
-    """Return the metadata of a chunk; None if its file is missing or truncated.
+    def _origin(self, part: Chunk) -> dict[str, Any]:
+        return {"study": self._study, "first": part.first, "last": part.last}
 
-    The points of a file that was truncated, for example by a crash of the machine, are computed
-    again.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    def _fields(self) -> Any:
+        import pyarrow as pa
 
-    try:
-        metadata_of_file = pq.read_metadata(path).metadata
-        if metadata_of_file[CHECKSUM] != b"%08x" % crc32(metadata_of_file[KEY]):
+        kinds = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "str": pa.string()}
+        return pa.schema(
+            [pa.field(name, kinds[kind], nullable=False) for name, kind in self.schema.items()]
+        )
+
+    def write(self, part: Chunk, columns: Columns, metadata: Mapping[str, Any]) -> None:
+        """Write columns, and metadata as JSON."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        own = {**self._origin(part), "content": self._content(columns)}
+        text = json.dumps({**metadata, **own}).encode()
+        fields = self._fields().with_metadata({KEY: text, CHECKSUM: b"%08x" % crc32(text)})
+        arrays = [pa.array(columns[field.name], type=field.type) for field in fields]
+        sink = io.BytesIO()
+        table = pa.Table.from_arrays(arrays, schema=fields)
+        pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+        _write(self.path(part), sink.getvalue())
+
+    @contextmanager
+    def _opened(
+        self, part: Chunk, missing: str | None = "no such file"
+    ) -> Iterator[tuple[Any, dict[str, Any]]]:
+        """Yield the Parquet file of a part, and its metadata."""
+        import pyarrow.parquet as pq
+
+        path = self.path(part)
+        with opened(path, CHUNK_REMEDY, missing) as raw:
+            size = os.fstat(raw.fileno()).st_size
+            try:
+                with pq.ParquetFile(raw, page_checksum_verification=True) as file:
+                    stored = file.metadata.metadata
+                    if stored[CHECKSUM] != b"%08x" % crc32(stored[KEY]):
+                        raise ValueError("metadata and checksum differ")
+                    metadata: dict[str, Any] = json.loads(stored[KEY])
+                    if {**metadata, **self._origin(part)} != metadata:
+                        reason = "holds a chunk of another study, or other points of this study"
+                        raise InvalidFile(path, reason, CHUNK_REMEDY)
+                    if not file.schema_arrow.equals(self._fields()):
+                        raise ValueError("columns and study differ")
+                    groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
+                    content = sum(group.total_byte_size for group in groups)
+                    check_expansion(path, size, content, MAX_RATIO, CHUNK_REMEDY)
+                    yield file, metadata
+            except Exception as error:  # pyarrow raises various kinds for damaged files
+                if isinstance(error, InvalidFile) or getattr(error, "errno", None) is not None:
+                    raise
+                reason = f"is damaged ({' '.join(str(error).split())[:200]})"
+                raise DamagedChunk(path, reason, CHUNK_REMEDY) from None
+
+    def required_metadata(self, part: Chunk) -> dict[str, Any]:
+        """Return the metadata of a part; InvalidFile if its file is missing or damaged."""
+        with self._opened(part) as (_, metadata):
+            return metadata
+
+    def metadata(self, part: Chunk) -> dict[str, Any] | None:
+        """Return the metadata of a part; None if its file is missing or damaged.
+
+        The points of a file that was truncated, for example by a crash of the machine, are computed
+        again.
+
+        Raises
+        ------
+        InvalidFile
+            If the file cannot be read, or is the chunk of another study or of other points.
+        """
+        try:
+            with self._opened(part, missing=None) as (_, metadata):
+                return metadata
+        except (FileNotFoundError, DamagedChunk):
             return None
-        metadata: dict[str, Any] = json.loads(metadata_of_file[KEY])
-    except (FileNotFoundError, pa.ArrowException, LookupError, TypeError):
-        return None
-    except OSError as error:
-        if error.errno is None:  # invalid metadata, not an error of the operating system
-            return None
-        reason = (error.strerror or str(error)).lower()
-        raise InvalidFile(path, f"cannot be read ({reason})", "make it readable") from None
-    return metadata
 
+    def table(self, parts: Sequence[Chunk], attrs: Mapping[str, Any]) -> pd.DataFrame:
+        """Return the table of some parts; InvalidFile if a file is damaged."""
+        chunks = []
+        for part in parts:
+            with self._opened(part) as (file, metadata):
+                table = file.read(use_threads=False)
+                columns = {name: _array(table[name]) for name in self.schema}
+                if metadata["content"] != self._content(columns):
+                    raise ValueError("values and checksum differ")
+            chunks.append(columns)
+        return frame(chunks, self.schema, attrs)
 
-def columns(path: Path, schema: Mapping[str, str]) -> Columns:
-    """Return the columns of a chunk; InvalidFile if it is damaged, by its checksums."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            table = file.read(use_threads=False)
-    except (OSError, pa.ArrowException) as error:
-        raise damaged(path, error) from None
-    if table.column_names != list(schema):
-        raise damaged(path)
-    return {name: _array(table[name]) for name in schema}
+    def _content(self, columns: Columns) -> int:
+        """Return a checksum of the values; that of Parquet does not cover how pages are decoded."""
+        checksum = 0
+        for name, kind in self.schema.items():
+            values = columns[name]
+            data = "\n".join(values).encode() if kind == "str" else values.tobytes()
+            checksum = crc32(data, checksum)
+        return checksum
 
 
 def _array(column: Any) -> Any:
@@ -373,19 +443,13 @@ def _array(column: Any) -> Any:
     return array if array.dtype.kind in "fib" else np.asarray(array, dtype=object)
 
 
-def damaged(path: Path, error: Exception | None = None) -> InvalidFile:
-    """Return the error of a chunk that cannot be read."""
-    reason = f"is damaged ({' '.join(str(error).split())[:200]})" if error else "is damaged"
-    return InvalidFile(path, reason, "remove it, and run the study again: other chunks are kept")
-
-
 # --- Directory of a study
 
 # Incremented with every change of the format; other formats are rejected.
-STORE_FORMAT = 2
+STORE_FORMAT = 3
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
+FORM = ("points", "chains", "schema")  # entries that depend on the identity and on the version
 DIRECTORY_REMEDY = "give another directory for this one"
-MAX_IDENTITY_CHARACTERS = 2000  # per entry of the identity in the metadata of a chunk
 
 
 @contextmanager
@@ -404,17 +468,21 @@ def open_store(
         If it cannot be written for another reason: the disk is full, for example.
     """
     check()
-    folder = Path(directory)
-    _make(folder)
-    with locked(folder / LOCK) as alone:
-        if (folder / MANIFEST).exists():
-            manifest = manifest_of(folder, DIRECTORY_REMEDY)
-            _check_same(folder, manifest, study)
-        else:
-            _check_empty(folder)
-            manifest = _described(study, chunk)
-            _write(folder / MANIFEST, json.dumps(manifest, indent=1).encode(), lasting=True)
-        yield DirectoryStore(folder, study, manifest, alone=alone)
+    folder = Path(file_path(directory, "the path of a directory", "store"))
+    # A directory that is refused receives no file, and a completed store may be read-only.
+    manifest = _manifest(folder, study)
+    store = None if manifest is None else DirectoryStore(folder, study, manifest)
+    with ExitStack() as stack:
+        if store is None or store.missing:
+            _make(folder)
+            alone = stack.enter_context(locked(folder / LOCK))
+            if store is None:
+                manifest = _manifest(folder, study) or _begun(folder, study, chunk)
+                store = DirectoryStore(folder, study, manifest)
+            if alone:  # no other process writes
+                _tidy(folder)
+            store.scan_completed()
+        yield store
 
 
 class DirectoryStore(ChunkStore):
@@ -426,50 +494,36 @@ class DirectoryStore(ChunkStore):
     study : Study
     manifest : mapping
         Content of ``study.json``, which determines the chunks.
-    alone : bool
-        Whether the process holds the lock, so that no other process writes.
     """
 
-    def __init__(
-        self, directory: Path, study: Study, manifest: Mapping[str, Any], *, alone: bool
-    ) -> None:
+    def __init__(self, directory: Path, study: Study, manifest: Mapping[str, Any]) -> None:
         super().__init__(study, manifest["chunk"])
-        self.directory = directory
-        self.attrs = manifest["attrs"]
+        self.files, self.attrs = ChunkFiles(directory, manifest), manifest["attrs"]
         versions = provenance()
-        self._metadata = {"study": study.kind, "versions": versions, "identity": _brief(study)}
+        self._metadata = {"kind": study.kind, "versions": versions}
         _warn_of_versions(directory, manifest["versions"], versions)
-        if alone:
-            _tidy(directory)
         self.scan_completed()
 
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Write the file of a part."""
-        part = self.parts[number]
-        entries = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
-        content = packed(columns, self.schema, {**self._metadata, **entries})
-        _write(path_of(self.directory, part), content)
+        entries = {"failed": failed, "carried": carried}
+        self.files.write(self.parts[number], columns, {**self._metadata, **entries})
 
     def failed_in(self, number: int) -> int | None:
         """Return the number of failed points of a part, from its file."""
-        footer = read_footer(path_of(self.directory, self.parts[number]))
-        return None if footer is None else footer["failed"]
+        metadata = self.files.metadata(self.parts[number])
+        return None if metadata is None else metadata["failed"]
 
     def carried(self, number: int) -> Any:
         """Return the initial data of a part, from the file of the previous part."""
         if not self.parts[number].follows:
             return None
-        before = path_of(self.directory, self.parts[number - 1])
-        footer = read_footer(before)
-        if footer is None:
-            raise damaged(before)
-        return footer["carried"]
+        return self.files.required_metadata(self.parts[number - 1])["carried"]
 
     def table(self) -> pd.DataFrame:
         """Return the table of all stored parts; InvalidFile if a file is damaged."""
         stored = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
-        chunks = [columns(path_of(self.directory, part), self.schema) for part in stored]
-        return frame(chunks, self.schema, self.attrs)
+        return self.files.table(stored, self.attrs)
 
 
 def manifest_of(
@@ -482,18 +536,23 @@ def manifest_of(
     InvalidFile
         If it is missing or has another format.
     """
-    path = directory / MANIFEST
     try:
-        content = json.loads(path.read_bytes())
-        number, version = content["format"], content["versions"]["mems_impact"]
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InvalidFile(directory, f"holds no study ({MANIFEST}: {reason})", remedy) from None
-    except (ValueError, TypeError, LookupError):
+        with opened(directory / MANIFEST, remedy) as file:
+            manifest: dict[str, Any] = json.loads(file.read())
+        if manifest.pop("crc32") != _checksum(manifest):
+            raise ValueError("content and checksum differ")
+        number, version = manifest["format"], manifest["versions"]["mems_impact"]
+    except InvalidFile as error:
+        reason = f"holds no study ({MANIFEST}: {error.reason})"
+        raise InvalidFile(directory, reason, remedy) from None
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
     check_format(directory, number, STORE_FORMAT, version, "run the study again in a new directory")
-    manifest: dict[str, Any] = content
     return manifest
+
+
+def _checksum(manifest: Mapping[str, Any]) -> str:
+    return f"{crc32(_text(manifest).encode()):08x}"
 
 
 def chunks_of(manifest: Mapping[str, Any]) -> list[Chunk]:
@@ -502,13 +561,36 @@ def chunks_of(manifest: Mapping[str, Any]) -> list[Chunk]:
     return layout(manifest["points"], chains, manifest["chunk"])
 
 
-def path_of(directory: Path, part: Chunk) -> Path:
-    """Return the file of a part."""
-    return directory / POINTS / f"{part.first:09d}-{part.last:09d}.parquet"
+def _manifest(directory: Path, study: Study) -> dict[str, Any] | None:
+    """Return the manifest of a study; None if none of a new directory, or InvalidFile."""
+    names = _names(directory)
+    if MANIFEST in names:
+        manifest = manifest_of(directory, DIRECTORY_REMEDY)
+        _check_same(directory, manifest, study)
+        return manifest
+    # Files of a study that was killed before it wrote its manifest are no obstacle.
+    ours = (LOCK, POINTS)
+    strange = [name for name in names if name not in ours and TEMPORARY_PREFIX not in name]
+    strange += [f"{POINTS}/{name}" for name in _names(directory / POINTS)]
+    if strange:
+        reason = f"holds no study, but {', '.join(map(label, sorted(strange)[:3]))}"
+        raise InvalidFile(directory, reason, "give a new directory, or an empty one")
+    return None
 
 
-def _described(study: Study, chunk: int) -> dict[str, Any]:
-    return {
+def _names(directory: Path) -> list[str]:
+    """Return the names in a directory; none if it does not exist."""
+    try:
+        return os.listdir(directory)
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise unwritable(directory, error) from None
+
+
+def _begun(directory: Path, study: Study, chunk: int) -> dict[str, Any]:
+    """Write the manifest of a study, and return it."""
+    manifest = {
         "format": STORE_FORMAT,
         "kind": study.kind,
         "identity": dict(study.identity()),
@@ -517,12 +599,16 @@ def _described(study: Study, chunk: int) -> dict[str, Any]:
         "attrs": attributes(study),
         "versions": provenance(),
     }
+    manifest = json_value(manifest)
+    text = json.dumps({**manifest, "crc32": _checksum(manifest)}, indent=1)
+    _write(directory / MANIFEST, text.encode(), lasting=True)
+    return manifest
 
 
 def _form(study: Study) -> dict[str, Any]:
-    """Return the entries that depend on the identity and on the version of the package."""
+    """Return the entries of `FORM`."""
     chains = [[each.start, each.stop] for each in study.chains]
-    return {"points": study.points, "chains": chains, "schema": dict(study.schema)}
+    return dict(zip(FORM, (study.points, chains, dict(study.schema)), strict=True))
 
 
 def _check_same(directory: Path, manifest: Mapping[str, Any], study: Study) -> None:
@@ -537,34 +623,10 @@ def _check_same(directory: Path, manifest: Mapping[str, Any], study: Study) -> N
         raise InvalidFile(directory, f"holds another study: {differing}", DIRECTORY_REMEDY)
 
 
-def _check_empty(directory: Path) -> None:
-    """Raise InvalidFile if the directory holds other files, or chunks of an unknown study."""
-    strange = [each.name for each in directory.iterdir() if not _is_ours(each.name)]
-    strange += [f"{POINTS}/{each.name}" for each in (directory / POINTS).iterdir()]
-    if strange:
-        reason = f"holds no study, but {', '.join(sorted(strange)[:3])}"
-        raise InvalidFile(directory, reason, "give a new directory, or an empty one")
-
-
-def _is_ours(name: str) -> bool:
-    # Files of a study that was killed before it wrote its manifest.
-    return name in (LOCK, POINTS) or name.startswith(f".{Path(MANIFEST).stem}-")
-
-
 def _warn_of_versions(path: Path, stored: Mapping[str, Any], present: Mapping[str, Any]) -> None:
     differing = difference(stored, present)
     if differing:
         _log.warning("%s: %s; last bits may differ between old and new points", path, differing)
-
-
-def _brief(study: Study) -> dict[str, Any]:
-    """Return the identity for the metadata of each chunk, without long entries."""
-    identity = study.identity()
-    return {
-        name: value
-        for name, value in identity.items()
-        if len(json.dumps(value)) <= MAX_IDENTITY_CHARACTERS
-    }
 
 
 def _make(directory: Path) -> None:
@@ -585,8 +647,8 @@ def _write(path: Path, content: bytes, lasting: bool = False) -> None:
 
 def _tidy(directory: Path) -> None:
     """Remove the temporary files of processes that were killed."""
-    for path in (*directory.glob(".*"), *(directory / POINTS).glob(".*")):
-        path.unlink(missing_ok=True)
+    for path in directory.rglob(f"{TEMPORARY_PREFIX}*"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 # --- Reading of a store, also while the study runs
@@ -642,7 +704,7 @@ class StoredStudy(SummaryRepr):
     failed: int
     identity: Mapping[str, Any]
     attrs: Mapping[str, Any]
-    _schema: Mapping[str, str]
+    _files: ChunkFiles
     _parts: tuple[Chunk, ...]
 
     @cached_property
@@ -654,10 +716,7 @@ class StoredStudy(SummaryRepr):
         InvalidFile
             If a file of the store is damaged.
         """
-        directory = Path(self.path)
-        files = [path_of(directory, part) for part in self._parts]
-        chunks = [columns(file, self._schema) for file in files]
-        return frame(chunks, self._schema, self.attrs)
+        return self._files.table(self._parts, self.attrs)
 
     def discard_failed(self) -> int:
         """Delete the stored chunks with failed points, so that the same call computes them again.
@@ -675,15 +734,15 @@ class StoredStudy(SummaryRepr):
         InvalidFile
             If the study runs.
         """
-        directory, points, deleted = Path(self.path), 0, False
-        with locked(directory / LOCK):
+        points, deleted = 0, False
+        with locked(Path(self.path) / LOCK):
             for part in self._parts:
-                footer = read_footer(path_of(directory, part))
-                deleted = footer is not None and (
-                    footer["failed"] > 0 or (deleted and part.follows)
+                metadata = self._files.metadata(part)
+                deleted = metadata is not None and (
+                    metadata["failed"] > 0 or (deleted and part.follows)
                 )
                 if deleted:
-                    path_of(directory, part).unlink()
+                    self._files.path(part).unlink()
                     points += part.points
         return points
 
@@ -752,18 +811,19 @@ def read_study(path: str | os.PathLike[str]) -> StoredStudy:
     True
     """
     check()
-    directory = Path(path)
+    directory = Path(file_path(path, "the directory of a study"))
     manifest = manifest_of(directory)
-    footers = {part: read_footer(path_of(directory, part)) for part in chunks_of(manifest)}
-    stored = {part: footer for part, footer in footers.items() if footer is not None}
+    files = ChunkFiles(directory, manifest)
+    found = {part: files.metadata(part) for part in chunks_of(manifest)}
+    stored = {part: metadata for part, metadata in found.items() if metadata is not None}
     return StoredStudy(
         path=os.fspath(path),
         kind=manifest["kind"],
         done=sum(part.points for part in stored),
         total=manifest["points"],
-        failed=sum(footer["failed"] for footer in stored.values()),
+        failed=sum(metadata["failed"] for metadata in stored.values()),
         identity=manifest["identity"],
         attrs=manifest["attrs"],
-        _schema=manifest["schema"],
+        _files=files,
         _parts=tuple(stored),
     )

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
-import zlib
 from importlib import import_module
 from importlib.metadata import version
-from os import PathLike, fspath
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from mems_impact._util.files import replacing
-from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
+from mems_impact._util.files import check_expansion, replacing
+from mems_impact.errors import InvalidFile, MemsImpactError
 from mems_impact.integrators.cvode.compiled import sundials_version
 from mems_impact.systems.serialization import STORABLE_MODULES
 from mems_impact.systems.serialization.codec import Writer
@@ -23,7 +22,6 @@ __all__ = [
     "FILE_FORMAT",
     "FILE_REMEDY",
     "check_format",
-    "check_path",
     "read_archive",
     "register_storables",
     "save",
@@ -35,13 +33,15 @@ __all__ = [
 FILE_FORMAT = 4
 HEADER = "header.json"
 ARRAY = ".npy"
+# Bytes per compressed byte. Headers of results have up to 8, and take ten times as much memory;
+# files have up to 10, and more if periods are equal to the last bit.
+MAX_HEADER_RATIO, MAX_RATIO = 20, 200
 FILE_REMEDY = "give a file written by a result's save(path)"
 DAMAGE_REMEDY = "save the result again, or get another copy of the file"
 
 
-def save(value: Any, path: str | PathLike[str]) -> None:
+def save(value: Any, path: str | os.PathLike[str]) -> None:
     """Write a result into the file `path`; see `mems_impact.systems.result.Result.save`."""
-    check_path(path)
     register_storables()
     writer = Writer()
     header = {
@@ -92,46 +92,38 @@ def _stored_attributes(value: Any) -> dict[str, Any]:
     return attributes
 
 
-def read_archive(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return header and arrays of a file."""
-    try:
-        with zipfile.ZipFile(source) as file:
-            names = file.namelist()
-            if HEADER not in names:
-                raise InvalidFile(source, f"holds no {HEADER}", FILE_REMEDY)
-            header = json.loads(file.read(HEADER))
-            _check_header(source, header)
-            members = {}
-            for name in names:
-                if name.endswith(ARRAY):
-                    with file.open(name) as member:
-                        array = np.lib.format.read_array(member, allow_pickle=False)
-                    members[name.removesuffix(ARRAY)] = array
-            return header, members
-    except FileNotFoundError:
-        raise InvalidFile(source, "no such file", FILE_REMEDY) from None
-    except zipfile.BadZipFile as error:
-        reason = f"is not a result file, or is truncated ({text_of_error(error)})"
-        raise InvalidFile(source, reason, FILE_REMEDY) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InvalidFile(source, f"cannot be read ({reason})", FILE_REMEDY) from None
-    except InvalidFile:
-        raise
-    except (ValueError, EOFError, zlib.error, NotImplementedError, RecursionError) as error:
-        raise InvalidFile(source, f"is damaged ({text_of_error(error)})", DAMAGE_REMEDY) from None
+def read_archive(source: str, raw: BinaryIO) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return header and arrays of an open file."""
+    size = os.fstat(raw.fileno()).st_size
+    with zipfile.ZipFile(raw) as file:
+        entries = {entry.filename: entry for entry in file.infolist()}
+        if HEADER not in entries:
+            raise InvalidFile(source, f"holds no {HEADER}", FILE_REMEDY)
+        head = entries[HEADER]
+        content = sum(entry.file_size for entry in entries.values())
+        check_expansion(source, head.compress_size, head.file_size, MAX_HEADER_RATIO, FILE_REMEDY)
+        check_expansion(source, size, content, MAX_RATIO, FILE_REMEDY)
+        header = json.loads(file.read(head))
+        _check_header(source, header)
+        members = {}
+        for name in entries:
+            if name.endswith(ARRAY):
+                with file.open(name) as member:
+                    array = np.lib.format.read_array(member, allow_pickle=False)
+                members[name.removesuffix(ARRAY)] = array
+        return header, members
 
 
 def _check_header(source: str, header: Any) -> None:
     number = header.get("format") if isinstance(header, dict) else None
-    if not isinstance(number, int) or not {"result", "tables"} <= header.keys():
+    if not isinstance(number, int) or {"versions", "result", "tables"} - header.keys():
         raise InvalidFile(source, "holds no result", FILE_REMEDY)
-    version = header.get("versions", {}).get("mems_impact", "of an unknown version")
+    version = header["versions"]["mems_impact"]
     check_format(source, number, FILE_FORMAT, version, "save the result again with this version")
 
 
 def check_format(
-    path: str | PathLike[str], number: int, read: int, version: str, remedy: str
+    path: str | os.PathLike[str], number: int, read: int, version: str, remedy: str
 ) -> None:
     """Raise InvalidFile for a format that this version does not read.
 
@@ -148,12 +140,6 @@ def check_format(
     if number != read:
         reason = f"has format {number} (mems_impact {version}); this version reads format {read}"
         raise InvalidFile(path, reason, "update mems_impact" if number > read else remedy)
-
-
-def check_path(path: Any) -> None:
-    """Raise InvalidParameter unless the argument is the path of a file."""
-    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
-        raise InvalidParameter("path", path, "the path of a file")
 
 
 def text_of_error(error: Exception) -> str:

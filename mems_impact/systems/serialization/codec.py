@@ -22,13 +22,9 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["CorruptFile", "Reader", "Writer", "register"]
+__all__ = ["Reader", "Writer", "register"]
 
 MAX_INLINE_NUMBERS = 64  # of an array within the JSON text
-
-
-class CorruptFile(Exception):
-    """A file has content that `Writer` does not write."""
 
 
 Parts = Callable[[Any], Mapping[str, Any]]
@@ -184,11 +180,11 @@ class Reader:
             return {name: self.value(part) for name, part in node["dict"].items()}
         if "table" in node:
             return self._table(node)
-        raise CorruptFile(f"an object of {', '.join(node)}")
+        raise ValueError(f"an object of {', '.join(node)}")
 
     def _object(self, node: dict[str, Any]) -> Any:
         if node["is"] not in _by_name:
-            raise CorruptFile(f"it holds an object of unknown class {node['is']!r}")
+            raise ValueError(f"it holds an object of unknown class {node['is']!r}")
         items = {name: self.value(part) for name, part in node.items() if name not in ("is", "#")}
         value = _by_name[node["is"]].constructor(items, self)
         if "#" in node:

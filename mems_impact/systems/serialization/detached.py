@@ -17,6 +17,7 @@ from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
+from mems_impact.systems.arguments import check_names
 from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.observables import Observable
 from mems_impact.systems.state import State
@@ -120,6 +121,13 @@ class DetachedSystem(HybridSystem):
 
     def __init__(self, description: Mapping[str, Any], path: str) -> None:
         self._description, self._path, self._moved = dict(description), path, False
+        check_names(
+            name=[description["name"]],
+            guards=[guard["name"] for guard in description["guards"]],
+            observables=[each["name"] for each in description["observables"]],
+            units=description["units"].values(),
+            **{field: description[field] for field in ("states", "modes", "parameters")},
+        )
         self.name = description["name"]
         self._parameters = dict(description["parameters"])
         self.typical = description.get("typical")

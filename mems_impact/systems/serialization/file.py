@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from os import PathLike, fspath
+import zipfile
+from os import PathLike
 from typing import Any
 
+from mems_impact._util.files import file_path, opened
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.archive import (
     DAMAGE_REMEDY,
     FILE_REMEDY,
-    check_path,
     read_archive,
     register_storables,
     text_of_error,
 )
-from mems_impact.systems.serialization.codec import CorruptFile, Reader
+from mems_impact.systems.serialization.codec import Reader
 
 __all__ = ["load"]
 
@@ -63,30 +64,27 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
     >>> again.impacts.equals(run.impacts)
     True
     """
-    check_path(path)
     if system is not None and not isinstance(system, HybridSystem):
         allowed = "the System of the result; for an actuator, actuator.under(drive)"
         raise InvalidParameter("system", system, allowed)
     register_storables()
-    source = fspath(path)
-    header, members = read_archive(source)
-    reader = Reader(members, source, system)
+    source = file_path(path)
     try:
+        with opened(source, FILE_REMEDY) as raw:
+            header, members = read_archive(source, raw)
+        reader = Reader(members, source, system)
         value = reader.value(header["result"])
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
-    except InvalidParameter as error:
-        if error.field == "system":
+    except InvalidFile:
+        raise
+    except zipfile.BadZipFile as error:
+        reason = f"is not a result file, or is truncated ({text_of_error(error)})"
+        raise InvalidFile(source, reason, FILE_REMEDY) from None
+    except Exception as error:  # content that `save` does not write may raise any exception
+        if isinstance(error, InvalidParameter) and error.field == "system":
             raise
-        raise InvalidFile(source, f"is damaged ({error})", DAMAGE_REMEDY) from None
-    except (
-        CorruptFile,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        RecursionError,
-    ) as error:
-        raise InvalidFile(source, f"is damaged ({text_of_error(error)})", DAMAGE_REMEDY) from None
+        reason = f"is damaged ({text_of_error(error)})"
+        raise InvalidFile(source, reason, DAMAGE_REMEDY) from error
     if not isinstance(value, Result):
         raise InvalidFile(source, "holds no result", FILE_REMEDY)
     if tables and system is None:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import (
     BrokenExecutor,
@@ -10,6 +12,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -102,6 +105,33 @@ def test_workers_that_die_before_they_compute_are_no_fault_of_the_points(forking
 
     with pytest.raises(mi.WorkersLost, match=r"die before they compute anything.*; see that mem"):
         run_study(STUDY, executor=make)
+
+
+UNGUARDED = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
+from mems_impact.studies.engine.scheduler import run_study
+from tests.studies.toys import Toy
+
+context = multiprocessing.get_context("{method}")
+run_study(Toy(size=4), executor={make}ProcessPoolExecutor(1, mp_context=context))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", ["", "lambda: "])
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_a_script_without_a_guard_is_told_so(tmp_path, method, make):
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED.format(method=method, make=make))
+    root = str(Path(mi.__file__).parents[1])
+    ended = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": root},
+    )  # fmt: skip
+    assert "__main__':, since each worker imports the script" in ended.stderr
+    assert ended.stderr.count("WorkersLost") > 0
 
 
 def test_an_executor_that_was_shut_down():

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from zlib import crc32
 
 import pyarrow.parquet as pq
 import pytest
@@ -127,8 +128,9 @@ def done_in(store):
 
 def test_what_a_killed_process_leaves_is_removed(store):
     stop = broken_off(STUDY, store, 10, chunk=3)
-    (store / "points" / ".000000009-000000012-77.parquet").write_bytes(b"PAR1 half of it")
-    (store / ".study-77.json").write_text("{")
+    for folder in (store, store / "points"):
+        (folder / ".mems_impact-77").mkdir()
+        (folder / ".mems_impact-77" / "000000009-000000012.parquet").write_bytes(b"PAR1 half of it")
     assert stop.after == f"{mi.read_study(store).done} of 30 points"
     run_study(STUDY, store=store)
     assert [name for name in chunks(store) if name.startswith(".")] == []
@@ -168,6 +170,66 @@ def test_a_wrong_bit_is_found(store):
     assert bits(run_study(STUDY, store=store)) == expected
 
 
+def test_every_bit_of_a_description_is_checked(store):
+    run_study(STUDY, store=store)
+    path = store / "study.json"
+    content = path.read_bytes()
+    for bit in range(5, 8 * len(content), 61):
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+            with pytest.raises(mi.InvalidFile, match=r"study.json is damaged"):
+                read(store)
+
+
+@pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
+@pytest.mark.parametrize("kind", ["other study", "other points", "other axis"])
+def test_a_chunk_from_elsewhere_is_refused(tmp_path, study, kind):
+    """The axis of a map has many values, which differ in the last one only."""
+    values = [0.1 * i for i in range(1000)]
+    study = replace(study, extra={"x": values})
+    other = replace(study, seed=2) if kind == "other study" else study
+    if kind == "other axis":
+        other = replace(study, extra={"x": [*values[:-1], 0.5]})
+    stores = [tmp_path / "one", tmp_path / "two"]
+    for each, store in zip((study, other), stores, strict=True):
+        run_study(each, store=store, chunk=5)
+    first, second = (stores[0] / "points" / name for name in chunks(stores[0])[:2])
+    content = second.read_bytes()
+    foreign = first if kind == "other points" else stores[1] / "points" / second.name
+    second.write_bytes(foreign.read_bytes())
+    for read in (mi.read_study, lambda store: run_study(study, store=store)):
+        with pytest.raises(mi.InvalidFile, match="another study, or other points") as caught:
+            read(stores[0])
+        assert caught.value.path == str(second)
+    second.write_bytes(content)
+    assert bits(mi.read_study(stores[0]).table) == bits(run_study(study))
+
+
+def test_a_pipe_in_place_of_a_file(store):
+    run_study(STUDY, store=store)
+    for path in (store / "points" / chunks(store)[1], store / "study.json"):
+        content = path.read_bytes()
+        path.unlink()
+        os.mkfifo(path)
+        for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+            with pytest.raises(mi.InvalidFile, match="is a pipe, a socket or a device"):
+                read(store)
+        assert path.is_fifo()
+        path.unlink()
+        path.write_bytes(content)
+
+
+def test_a_completed_store_is_only_read(store):
+    expected = bits(run_study(STUDY, store=store))
+    (store / "lock").unlink()
+    folders = (store, store / "points")
+    before = [folder.stat().st_mtime_ns for folder in folders]
+    assert bits(run_study(STUDY, store=store)) == expected
+    assert [folder.stat().st_mtime_ns for folder in folders] == before
+
+
 @pytest.mark.parametrize(
     ("other", "told"),
     [
@@ -200,6 +262,7 @@ def test_a_directory_with_something_else_is_refused(tmp_path):
     (tmp_path / "letters.txt").write_text("a")
     with pytest.raises(mi.InvalidFile, match=r"holds no study, but letters.txt; give a new"):
         run_study(STUDY, store=tmp_path)
+    assert os.listdir(tmp_path) == ["letters.txt"]
 
 
 def test_chunks_of_an_unknown_study_are_not_adopted(store):
@@ -231,14 +294,21 @@ def test_what_is_no_study_cannot_be_read(tmp_path, content):
         mi.read_study(tmp_path)
 
 
+def rewrite(store, **changes):
+    """Change entries of the manifest, with its checksum."""
+    manifest = json.loads((store / "study.json").read_text()) | changes
+    del manifest["crc32"]
+    checksum = f"{crc32(json.dumps(manifest, sort_keys=True).encode()):08x}"
+    (store / "study.json").write_text(json.dumps({**manifest, "crc32": checksum}))
+
+
 @pytest.mark.parametrize(
     ("number", "remedy"),
     [(99, "update mems_impact"), (1, "run the study again in a new directory")],
 )
 def test_another_format_is_refused(store, number, remedy):
     run_study(STUDY, store=store)
-    manifest = json.loads((store / "study.json").read_text())
-    (store / "study.json").write_text(json.dumps({**manifest, "format": number}))
+    rewrite(store, format=number)
     with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
         run_study(STUDY, store=store)
     with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
@@ -355,9 +425,7 @@ def test_the_modules_of_studies_import_where_there_is_no_fcntl():
 
 def test_other_versions_are_reported(store, caplog):
     broken_off(STUDY, store, 10, chunk=3)
-    manifest = json.loads((store / "study.json").read_text())
-    manifest["versions"]["numpy"] = "1.26.0"
-    (store / "study.json").write_text(json.dumps(manifest))
+    rewrite(store, versions={**mi.read_study(store).attrs["versions"], "numpy": "1.26.0"})
     run_study(STUDY, store=store)
     assert "numpy is '1.26.0' there" in caplog.text
 
@@ -366,7 +434,7 @@ def test_a_chunk_says_where_it_comes_from(store):
     run_study(Toy(extra={"x": list(range(1000))}), store=store)
     told = pq.read_metadata(store / "points" / chunks(store)[0]).metadata[b"mems_impact"]
     found = json.loads(told)
-    assert found["identity"] == {"seed": 1, "size": 20}  # what is long stands in study.json
+    assert found["kind"] == "toy"
     assert set(found["versions"]) == {"mems_impact", "numpy", "SUNDIALS", "python"}
     assert (found["first"], found["last"]) == (0, 3)
 
