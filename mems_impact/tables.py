@@ -427,11 +427,18 @@ def parameter_columns(
     }
 
 
+def _column(values: list[Any]) -> Any:
+    """Return a column; the stability of a neutral orbit, None, is missing."""
+    import pandas as pd
+
+    return pd.array(values, dtype="boolean") if None in values else np.array(values)
+
+
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the columns that describe orbits, those of their location first."""
     leading = ("value", "values", "label", "kind", "criticality", "type", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in leading]
-    columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
+    columns: dict[str, Any] = {name: _column([row[name] for row in rows]) for name in names}
     for state in rows[0]["states"] if rows else ():
         columns_of_state = max(len(row["states"][state]) for row in rows)
         for i in range(max(1, columns_of_state)):

@@ -56,6 +56,7 @@ from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
+from mems_impact.orbits.spectrum import stability_name
 from mems_impact.studies.sweep import sweep
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.state import State, is_number, whole
@@ -335,9 +336,9 @@ class ReportMaker:
             orbit: Any = find_orbit(self.run)
         except OrbitError:
             orbit = None
-        if orbit is None or not orbit.stable:  # a run leaves an unstable orbit
+        if orbit is None or orbit.stable is False:  # a run leaves an unstable orbit
             return "not periodic within the search"
-        text = f"periodic, period {orbit.periods}, stable"
+        text = f"periodic, period {orbit.periods}, {stability_name(orbit.stable)}"
         final = orbit.step / orbit.periods
         if abs(final - step) > max(SETTLED_RTOL * abs(final), LEAST_STEP * self.actuator.delta):
             return f"settling to a step per cycle of {self.text(final, 'm')} ({text})"

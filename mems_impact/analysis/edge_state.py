@@ -421,7 +421,7 @@ def _saddle(
             solution = find_orbit(system, guess=guess)
     except (OrbitError, RunError, InvalidParameter, ValueError):
         return None
-    if solution is None or solution.stable:
+    if solution is None or solution.stable is not False:
         return None
     if not system.forced and isinstance(solution, Orbit):
         return solution  # it starts elsewhere on the cycle

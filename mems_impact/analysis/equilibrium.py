@@ -14,6 +14,7 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
+from mems_impact.orbits.spectrum import stability_name
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
@@ -59,7 +60,7 @@ class Equilibrium(Result):
     kept: ClassVar[tuple[str, ...]] = ()
 
     def __repr__(self) -> str:
-        kind = "stable" if self.stable else "unstable"
+        kind = stability_name(self.stable)
         kind += f" in its mode, on the boundary {self.boundaries[0]!r}" if self.boundaries else ""
         kind += "" if self.admissible else ", virtual"
         kind += f", one of a continuum of dimension {self.neutral}" if self.neutral else ""
@@ -71,7 +72,7 @@ class Equilibrium(Result):
         return {
             "system": repr(self.system),
             "state": repr(self.state),
-            "stable": self.stable,
+            "stability": stability_name(self.stable),
             "boundaries": ", ".join(self.boundaries) or "none",
             "eigenvalues": ", ".join(f"{each:.6g}" for each in largest),
             "admissible": self.admissible or f"beyond {', '.join(self.violated_guards)}",
@@ -104,10 +105,12 @@ class Equilibrium(Result):
         return self.found.neutral
 
     @property
-    def stable(self) -> bool:
+    def stable(self) -> bool | None:
         """Whether all eigenvalues have negative real parts: states of its mode approach it.
 
-        On a boundary, stability depends on the flow beyond as well.
+        None ("neutral") if one is imaginary within its error, 1e-9 of the entries of the Jacobian
+        matrix of the flow, and none has a positive real part. On a boundary, stability depends on
+        the flow beyond as well.
         """
         return self.found.stable
 

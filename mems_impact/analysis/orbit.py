@@ -32,6 +32,7 @@ from mems_impact.orbits.period_detection import (
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY
+from mems_impact.orbits.spectrum import stability_name
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
@@ -118,7 +119,7 @@ class Orbit(Result):
     )
 
     def __repr__(self) -> str:
-        kind = "stable" if self.stable else "unstable"
+        kind = stability_name(self.stable)
         kind += "" if self.admissible else ", inadmissible"
         hits = len(self._hits)
         length = f"periods={self.periods}" if self.system.forced else f"period={self.period:.9g}"
@@ -134,7 +135,7 @@ class Orbit(Result):
             **({"periods": self.periods} if self.system.forced else {lasts: self.period}),
             "state": repr(self.state),
             "impacts": len(self._hits),
-            "stable": self.stable,
+            "stability": stability_name(self.stable),
             "multipliers": ", ".join(f"{each:.6g}" for each in largest),
             "admissible": self.admissible or "; ".join(self.defects),
         }
@@ -172,8 +173,12 @@ class Orbit(Result):
         return self.found.multipliers
 
     @property
-    def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
+    def stable(self) -> bool | None:
+        """Whether all multipliers lie inside the unit circle.
+
+        None ("neutral") if one lies on it within its error, 1e-7 of the largest entry of the
+        monodromy matrix, and none beyond, as of conservative motions and at bifurcations.
+        """
         return self.found.stable
 
     @property
@@ -591,7 +596,7 @@ def find_orbit(
             error.partial = system.state_of(error.partial)
         raise
     # A state of rest repeats with any period; a motion that leaves it does not.
-    if system.forced and not solution.stable and not is_time_dependent(problem, start.y):
+    if system.forced and solution.stable is False and not is_time_dependent(problem, start.y):
         raise _unforced(system)
     meets = mode_monitor(system, problem)
     if meets is not None:

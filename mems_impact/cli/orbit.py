@@ -28,6 +28,7 @@ from mems_impact.cli.output import (
     show_values,
 )
 from mems_impact.integrators.options import Options
+from mems_impact.orbits.spectrum import stability_name
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
@@ -80,11 +81,11 @@ def command(
 def _show(orbit: ActuatorOrbit) -> None:
     state = orbit.state
     multipliers = ", ".join(f"{m:.9g}" if m.imag else f"{m.real:.9g}" for m in orbit.multipliers)
-    stable = "stable" if orbit.stable else "unstable"
+    stability = stability_name(orbit.stable)
     closes = f"closes after {orbit.periods} forcing period{'s' if orbit.periods > 1 else ''}"
     components = {"x2": "m", "v2": "m/s", "v1": "m/s"}
     lines = {
-        "orbit": OutputValue(stable, text=f"{stable}, {closes}"),
+        "orbit": OutputValue(stability, text=f"{stability}, {closes}"),
         "forcing period": OutputValue(orbit.period, "s"),
         **{
             name: OutputValue(getattr(state, name), unit, f"{getattr(state, name):.12g}")

@@ -212,7 +212,7 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
         raise InvalidParameter(
             field="monitor", value=monitor, allowed="the closest approach of a free orbit"
         )
-    if not orbit.stable:
+    if orbit.stable is False:
         return AFTER_FOLD
     sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
     if sequence is None:

@@ -21,6 +21,7 @@ from mems_impact.continuation.branch_points import BranchPoints
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAINED
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.newton import P, Solvable
+from mems_impact.orbits.spectrum import EIGENVALUE_RTOL, MULTIPLIER_RTOL
 
 # --- Crossings of the border of stability
 
@@ -149,7 +150,7 @@ IMAGINARY_AXIS = Border(
     size=lambda values: np.asarray(np.abs(values)),
     distance=lambda one, other: np.asarray(np.abs(one - other)),
     center=0.0,
-    accuracy=1e-9,
+    accuracy=EIGENVALUE_RTOL,
     fold_distance=np.inf,
 )
 """The imaginary axis, for the eigenvalues of equilibria."""
@@ -159,7 +160,7 @@ CIRCLE = Border(
     size=lambda values: np.ones(values.shape),
     distance=_chord,
     center=1.0,
-    accuracy=1e-7,
+    accuracy=MULTIPLIER_RTOL,
     fold_distance=0.1,
 )
 """The unit circle, for the multipliers of orbits."""

@@ -32,6 +32,7 @@ from mems_impact.explorer.session import (
     unit_of_time,
 )
 from mems_impact.hybrid.simulation import Events
+from mems_impact.orbits.spectrum import stability_name
 from mems_impact.plotting.trajectories import MIN_DRAWN_JUMP, interleaved
 from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import is_shown
@@ -626,6 +627,7 @@ def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
         length = f"{periods} forcing period{'s' if periods > 1 else ''}"
     else:
         length = f"{picture.system.label('period')} {orbit.period:.6g}"
-    kind = "stable" if orbit.stable else "unstable"
-    description = f"{kind}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
+    description = (
+        f"{stability_name(orbit.stable)}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
+    )
     return Floquet(multipliers=orbit.multipliers, description=description)

@@ -20,6 +20,7 @@ from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
+from mems_impact.orbits.spectrum import eigenvalues_stable
 
 DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to a value, or to 1 if that is larger
 CANCELLATION_RTOL = 1e-11  # error of an entry by the basis, relative to the largest of its row
@@ -225,6 +226,9 @@ class EquilibriumState:
         for an isolated equilibrium.
     margins : float array, shape (m,)
         Margins of all guards; positive for guards that are not active in the mode.
+    stable : bool or None
+        Whether all eigenvalues have negative real parts; None if one is imaginary within its error
+        and none has a positive real part.
     """
 
     family: Family
@@ -233,6 +237,7 @@ class EquilibriumState:
     eigenvalues: NDArray[np.complex128]
     neutral: int
     margins: Floats
+    stable: bool | None
 
     @property
     def equations(self) -> EquilibriumEquations:
@@ -243,11 +248,6 @@ class EquilibriumState:
     def state(self) -> Floats:
         """The whole state, shape (n,)."""
         return self.equations.state(self.balance.unknowns)
-
-    @property
-    def stable(self) -> bool:
-        """Whether nearby states of the mode stay close to it."""
-        return bool(np.all(self.eigenvalues.real < 0.0))
 
     @property
     def admissible(self) -> bool:
@@ -312,6 +312,7 @@ def make_equilibrium(
         eigenvalues=eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))],
         neutral=neutral,
         margins=equations.margins(balance),
+        stable=eigenvalues_stable(matrix, neutral),
     )
 
 

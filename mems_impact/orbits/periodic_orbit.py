@@ -24,6 +24,7 @@ from mems_impact.orbits.shooting import (
     without_flow_direction,
 )
 from mems_impact.orbits.signature import Segment
+from mems_impact.orbits.spectrum import multipliers_stable, stability_name
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
 MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14
@@ -72,6 +73,9 @@ class PeriodicOrbit:
         rest contact, a single 0, since perturbations vanish in finite time.
     defects : tuple of AdmissibilityViolation
         Empty if the orbit is admissible.
+    stable : bool or None
+        Whether all multipliers lie inside the unit circle; None if one lies on it within its error
+        and none beyond.
     """
 
     family: Family
@@ -80,13 +84,13 @@ class PeriodicOrbit:
     point: ShootingEvaluation
     multipliers: NDArray[np.complex128]
     defects: tuple[AdmissibilityViolation, ...]
+    stable: bool | None
 
     def __repr__(self) -> str:
-        kind = "stable" if self.stable else "unstable"
         values = ", ".join(f"{name}={value:.9g}" for name, value in self.family.values.items())
         return (
-            f"PeriodicOrbit({kind}, admissible={self.admissible}, periods={self.periods}, "
-            f"impacts={len(self.impacts)}, {values})"
+            f"PeriodicOrbit({stability_name(self.stable)}, admissible={self.admissible}, "
+            f"periods={self.periods}, impacts={len(self.impacts)}, {values})"
         )
 
     @property
@@ -133,11 +137,6 @@ class PeriodicOrbit:
     def admissible(self) -> bool:
         """Whether the orbit violates no condition of the automaton."""
         return not self.defects
-
-    @property
-    def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
-        return bool(np.all(np.abs(self.multipliers) < 1.0))
 
     @property
     def touches(self) -> bool:
@@ -282,6 +281,7 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
         point=point,
         multipliers=multipliers[np.argsort(-np.abs(multipliers))],
         defects=defects(shooting, point),
+        stable=multipliers_stable(matrix, _sizes(shooting, point)),
     )
 
 
@@ -299,6 +299,21 @@ def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool
     p, at_end = np.asarray(shooting.problem(point).parameters, dtype=float), point.arcs[i - 1].end
     before_event = automaton.margins_at(mode, float(point.ends[i - 1]), at_end, p)[0][j]
     return at_start < -ORBIT_MARGIN_TOLERANCE and before_event < ORBIT_MARGIN_TOLERANCE
+
+
+def _sizes(shooting: Shooting, point: ShootingEvaluation) -> Floats | float:
+    """Return the magnitudes of the components of the reduced monodromy matrix along the orbit."""
+    if shooting.phase is not None:
+        return 1.0  # combinations of components
+    lengths = np.maximum(point.ends - point.starts, 0.0)
+    along = [
+        np.abs([state, arc.end, length * arc.slope_start, length * arc.slope_end]).max(axis=0)
+        for state, arc, length in zip(
+            shooting.unpack(point.unknowns)[0], point.arcs, lengths, strict=True
+        )
+    ]
+    sizes = np.max(along, axis=0)[shooting.free][reduced_components(shooting, point)]
+    return np.asarray(np.where(sizes > 0.0, sizes, 1.0))
 
 
 def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:

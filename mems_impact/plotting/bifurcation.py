@@ -12,6 +12,7 @@ import pandas as pd
 
 from mems_impact.continuation.sliding import TYPE_LABELS
 from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.spectrum import stability_name
 from mems_impact.plotting.labels import (
     Label,
     Mark,
@@ -51,6 +52,11 @@ POINT_MARKS = {
     "NS": ("D", "torus"),
 }
 POINT_MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
+STABILITY_LINES: dict[str, tuple[str, Any]] = {
+    "stable": ("motion", "-"),
+    "unstable": ("unstable", (0, (4, 1.5))),
+    "neutral": ("motion", (0, (4, 1.5, 1, 1.5))),
+}
 BRANCH_SAME = 0.01  # distance at which points coincide, as a part of the axes
 MARKER_FACE = "white"  # of subcritical and branch points, and points named after a guard
 
@@ -228,7 +234,13 @@ def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:
 def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
     """Draw successive orbits of equal stability as one line, up to the next line."""
     values = table.iloc[:, 0].to_numpy()
-    kind = np.where(table["stable"], "stable", "unstable")
+    stable = [None if pd.isna(each) else bool(each) for each in table["stable"]]
+    kind = np.array([stability_name(each) for each in stable])
+    # A single one is where the stability changes, and belongs to the line that ends there.
+    for i in np.flatnonzero(kind == "neutral"):
+        beside = [kind[j] for j in (i - 1, i + 1) if 0 <= j < kind.size]
+        if "neutral" not in beside:
+            kind[i] = next(iter(beside), kind[i])
     kind = np.where(table["admissible"], kind, "")
     # One column per crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
@@ -243,10 +255,9 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
         # One additional orbit closes the gap to the next line.
         more = end < len(table) and kind[end] != ""
         rows = slice(begin, end + more)
-        style: dict[str, Any] = {"color": color("motion"), "linewidth": 1.2 * thickness(thin)}
-        if not stable:
-            style = {"color": color("unstable"), "linewidth": thickness(thin)}
-            style["linestyle"] = (0, (4, 1.5))
+        name, dashes = STABILITY_LINES[str(kind[begin])]
+        style: dict[str, Any] = {"color": color(name), "linestyle": dashes}
+        style["linewidth"] = (1.2 if stable else 1.0) * thickness(thin)
         # Set off from the dots of chaos below; a rim of dashes would look like a ladder.
         style["zorder"] = 4 + stable
         if stable:

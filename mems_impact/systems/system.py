@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -39,8 +40,9 @@ from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
+from mems_impact.systems.components.friction import Friction, NegativeFriction
 from mems_impact.systems.components.sliding import SlidingMotions
-from mems_impact.systems.observables import Observable
+from mems_impact.systems.observables import EventObserver, Observable
 from mems_impact.systems.state import Mode, State
 from mems_impact.systems.statistics import RunStatistics, measure_names, measures
 from mems_impact.systems.typical_scales import typical_of
@@ -156,6 +158,8 @@ class System(HybridSystem):
     _section: Section | None
     _begin: Callable[..., int] | None = None
     _sliding: SlidingMotions | None = None
+    _parts: tuple[Part, ...] = ()
+    _masses: Mapping[str, Quantity] = MappingProxyType({})
     definition: Definition
 
     def __init__(
@@ -210,6 +214,7 @@ class System(HybridSystem):
                 assembled[:-1]
             )
             self._sliding = assembled.sliding
+            self._parts, self._masses = tuple(parts), dict(masses or {})
         called = arguments.mode_names(modes, guards)
         self.definition = Definition(
             states=names,
@@ -320,6 +325,20 @@ class System(HybridSystem):
         checks.check_end(self, other.definition, self.problem(Options()))
         return other
 
+    def validity(self, problem: Problem, start: HybridState) -> EventObserver | None:
+        """Return an observer that warns of friction that adds energy."""
+        parts = [
+            part
+            for part in self._parts
+            if isinstance(part, Friction) and (callable(part.mu) or callable(part.normal))
+        ]
+        p = self._to_user(problem)
+
+        def values(time: float, y: Floats) -> tuple[float, Any, Any]:
+            return float(self.out("time", time)), self._state(y), p
+
+        return NegativeFriction(parts, problem, values, start) if parts else None
+
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
@@ -421,6 +440,12 @@ class System(HybridSystem):
             switches=tuple(switch / time for switch in switches),
             time_scale=scale,
         )
+
+    @cached_property
+    def _checked_numbers(self) -> ProblemParameters:
+        for limit in assembly.limits(self._parts, self._masses):
+            limit.check(self._named(self._parameters.values()))
+        return super()._checked_numbers
 
     def export_model(
         self,

@@ -35,6 +35,7 @@ from mems_impact.systems.components.base import (
     Contact,
     ContactSides,
     GuardSpec,
+    Limit,
     Part,
     Quantity,
 )
@@ -438,6 +439,12 @@ def check(
         if guard.modes is not None:
             allowed = "None: with parts, a margin reads their modes as mode.name"
             raise InvalidParameter(f"modes of {guard.name!r}", guard.modes, allowed)
+
+
+def limits(parts: Sequence[Part], masses: Mapping[str, Quantity]) -> tuple[Limit, ...]:
+    """Return the limits of the quantities of parts, and of masses."""
+    of_masses = [Limit(f"mass of {v}", mass, exclusive=True) for v, mass in masses.items()]
+    return (*of_masses, *(limit for part in parts for limit in part.limits()))
 
 
 def assemble(

@@ -10,6 +10,7 @@ contact.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ __all__ = [
     "Contact",
     "ContactSides",
     "GuardSpec",
+    "Limit",
     "Part",
     "Quantity",
 ]
@@ -90,6 +92,62 @@ class Constraint:
     value: str
     slopes: Mapping[int, str]
     linear: bool = True
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of a quantity of a part, beyond which the part adds energy or has no mode that fits.
+
+    Attributes
+    ----------
+    field : str
+        Name of the quantity in errors.
+    quantity : Quantity
+        A function takes ``p``.
+    low, high : Quantity
+        Its bounds.
+    of_low : str
+        Name of the lower bound, if it is a quantity of the part.
+    exclusive : bool
+        Whether the lower bound itself is excluded.
+    """
+
+    field: str
+    quantity: Quantity
+    low: Quantity = 0.0
+    high: Quantity = math.inf
+    of_low: str = ""
+    exclusive: bool = False
+
+    def check(self, p: Any) -> None:
+        """Raise InvalidParameter, with the name of the parameter, if a value is beyond."""
+        value, low, high = (_at(each, p) for each in (self.quantity, self.low, self.high))
+        if not (value < low or value > high or (self.exclusive and value == low)):
+            return
+        bound = f"{'>' if self.exclusive else '>='} {low:g}"
+        if high < math.inf:
+            bound = f"between {low:g} and {high:g}"
+        if self.of_low:
+            name = f"{self.low}, " if isinstance(self.low, str) else ""
+            bound += f" ({name}{self.of_low})"
+        if isinstance(self.quantity, str):
+            raise InvalidParameter(self.quantity, value, f"{bound}; it is {self.field}")
+        if callable(self.quantity):
+            values = ", ".join(f"{name} = {each:g}" for name, each in p._asdict().items())
+            bound += f"; it is a function of {values}" if values else ""
+        raise InvalidParameter(self.field, value, bound)
+
+
+def _at(quantity: Quantity, p: Any) -> float:
+    """Return a quantity at given parameters; a function that fails there has no limits."""
+    if isinstance(quantity, str):
+        return float(getattr(p, quantity))
+    if not callable(quantity):
+        return float(quantity)
+    try:
+        return float(quantity(p))
+    except Exception:  # the checks of user functions report it
+        return math.nan
 
 
 @dataclass(frozen=True)
@@ -253,6 +311,10 @@ class Part:
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints that hold in its modes."""
+        return []
+
+    def limits(self) -> list[Limit]:
+        """Return the limits of its quantities."""
         return []
 
 

@@ -2,22 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import warn
+from mems_impact.errors import ValidityWarning
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.components.base import (
     ZERO_FORCE_RATIO,
     CodeNames,
     Contact,
     ContactSides,
     GuardSpec,
+    Limit,
     Quantity,
     sides,
 )
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
+NEGATIVE_RTOL = 1e-9  # of the largest value, above which a negative one is no rounding
 NEAR_LIMIT = "1e-10"  # of the limit: a force this close to it holds
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """A coefficient of friction at zero speed."""
+
+    mu: Callable[..., float]
+
+    def __call__(self, p: Any) -> float:
+        """Return the coefficient."""
+        return self.mu(0.0, p)
 
 
 @dataclass(frozen=True)
@@ -29,7 +48,7 @@ class Stribeck:
     Parameters
     ----------
     static, dynamic, speed, viscous : float or str
-        Numbers, or names of parameters; `viscous` is 0 by default.
+        Numbers, or names of parameters, none below 0 and `speed` above; `viscous` is 0 by default.
 
     See Also
     --------
@@ -70,14 +89,14 @@ class Friction(Contact):
     velocity : str
         The state on which it acts.
     mu : float, str, callable or Stribeck
-        The coefficient of sliding friction: a number, a parameter, or ``mu(speed, p)`` of the
-        relative speed (>= 0), or a `Stribeck` law.
+        The coefficient of sliding friction, >= 0: a number, a parameter, or ``mu(speed, p)`` of
+        the relative speed (>= 0), or a `Stribeck` law.
     normal : float, str or callable, optional
-        The normal force: a number, a parameter or ``normal(t, y, p)``. By default 1, so that `mu`
-        is the force itself.
+        The normal force, >= 0: a number, a parameter or ``normal(t, y, p)``. By default 1, so
+        that `mu` is the force itself.
     static : float, str or callable, optional
-        The coefficient of static friction: a number, a parameter or ``static(p)``; by default `mu`
-        at zero speed.
+        The coefficient of static friction: a number, a parameter or ``static(p)``, at least `mu`
+        at zero speed, the default.
     surface : float, str or callable, optional
         The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
         another velocity of the system. If that velocity has a mass, the reaction acts on it.
@@ -181,6 +200,36 @@ class Friction(Contact):
         """Return the mode before, or stuck if it comes to rest."""
         return f"({STUCK} if own < 0 and {self.holding_condition(names)} else {names.last})"
 
+    def limits(self) -> list[Limit]:
+        """Return the limits of the quantities that do not depend on the state."""
+        law, sliding, limits = self.mu, f"mu of {self.name!r}", []
+        if isinstance(law, Stribeck):
+            fields = {name: getattr(law, name) for name in ("static", "dynamic", "viscous")}
+            limits += [Limit(f"{name} of {sliding}", value) for name, value in fields.items()]
+            limits.append(Limit(f"speed of {sliding}", law.speed, exclusive=True))
+            at_rest = law.static
+        else:
+            at_rest = AtRest(law) if callable(law) else law
+            limits.append(Limit(sliding, at_rest))
+        if not callable(self.normal):
+            limits.append(Limit(f"normal of {self.name!r}", self.normal))
+        if self.static is not None:
+            limits.append(Limit(f"static of {self.name!r}", self.static, at_rest, of_low=sliding))
+        return limits
+
+    def along_motion(self, t: float, y: Any, p: Any) -> dict[str, float]:
+        """Return the quantities that depend on the state, each of which must be >= 0."""
+        values = {}
+        if callable(self.normal):
+            values["normal"] = float(self.normal(t, y, p))
+        if callable(self.mu):
+            surface = self.surface
+            if isinstance(surface, str):
+                surface = getattr(y if surface in y._fields else p, surface)
+            surface = surface(p) if callable(surface) else surface
+            values["mu"] = float(self.mu(abs(getattr(y, self.velocity) - surface), p))
+        return values
+
     def guards(self, names: CodeNames) -> list[GuardSpec]:
         """Return the guards of the end of a slip and of break-away."""
         sides = self.sides(names)
@@ -203,3 +252,51 @@ class Friction(Contact):
                 leads=f"{FORWARD} if {names.back} < {names.front} else {BACKWARD}",
             ),
         ]
+
+
+class NegativeFriction:
+    """A search of the events of a run for negative coefficients of friction and normal forces.
+
+    Parameters
+    ----------
+    parts : sequence of Friction
+    problem : Problem
+    values : callable
+        ``values(time, y)`` returns the arguments ``t, y, p`` of the user's functions.
+    start : HybridState
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Friction],
+        problem: Problem,
+        values: Callable[[float, Floats], tuple[float, Any, Any]],
+        start: HybridState,
+    ) -> None:
+        self._parts, self._period, self._values = parts, problem.period, values
+        self._lowest: dict[str, tuple[float, float]] = {}
+        self._largest: dict[str, float] = {}
+        self._take(start.cycle, start.time, start.y)
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+        for i in range(len(events)):
+            for y in (events.before[i], events.after[i]):
+                self._take(int(events.cycle[i]), float(events.time[i]), y)
+
+    def _take(self, cycle: int, time: float, y: Floats) -> None:
+        arguments = self._values(time, y)
+        for part in self._parts:
+            for name, value in part.along_motion(*arguments).items():
+                label = f"{name} of {part.name!r}"
+                self._largest[label] = max(abs(value), self._largest.get(label, 0.0))
+                if value < self._lowest.get(label, (0.0, 0.0))[0]:
+                    self._lowest[label] = value, self._values(cycle * self._period + time, y)[0]
+
+    def warn(self, final: HybridState) -> None:
+        """Warn of each quantity that was negative beyond rounding."""
+        self._take(final.cycle, final.time, final.y)
+        for label, (value, t) in self._lowest.items():
+            if value < -NEGATIVE_RTOL * self._largest[label]:
+                problem = f"{label} is {value:.6g} at t = {t:.6g}, where friction adds energy"
+                warn(f"{problem}; it must be >= 0 throughout the motion", ValidityWarning)

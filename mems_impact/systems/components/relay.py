@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from mems_impact.systems.components.base import CodeNames, GuardSpec, Part, Quantity
+from mems_impact.systems.components.base import CodeNames, GuardSpec, Limit, Part, Quantity
 
 LOW, HIGH = 0, 1
 
@@ -62,6 +62,11 @@ class Relay(Part):
             return names.call(self.input, "t, y, p"), lower, upper, None
         index = names.index("input", self.input)
         return f"y[{index}]", lower, upper, f"x[{index}]"
+
+    def limits(self) -> list[Limit]:
+        """Return the limit of the upper threshold."""
+        upper, lower = (f"{field} of {self.name!r}" for field in ("upper", "lower"))
+        return [Limit(upper, self.upper, low=self.lower, of_low=lower, exclusive=True)]
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of low and high."""

@@ -14,6 +14,7 @@ from mems_impact.systems.components.base import (
     Contact,
     ContactSides,
     GuardSpec,
+    Limit,
     Quantity,
     sides,
 )
@@ -40,7 +41,8 @@ class Stopper(Contact):
         lower``. A number, a parameter or a function of ``p``. Between two bodies, a bound of their
         distance.
     restitution : float, str or callable
-        Coefficient of restitution: a number (>= 0), a parameter or ``restitution(p)``.
+        Coefficient of restitution: a number, a parameter or ``restitution(p)``, from 0 to 1. An
+        `Impact` of your own may add energy.
     against : str or tuple of str, optional
         Position and velocity of the other body; its velocity alone if `position` is the distance
         from it. A body without a mass moves as the flow prescribes, unaffected by impacts.
@@ -161,6 +163,10 @@ class Stopper(Contact):
                 leads=str(FREE),
             ),
         ]
+
+    def limits(self) -> list[Limit]:
+        """Return the limits of the coefficient of restitution."""
+        return [Limit(f"restitution of {self.name!r}", self.restitution, high=1.0)]
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints of a closed gap and zero relative speed where it holds."""

@@ -136,6 +136,8 @@ class Writer:
             if isinstance(column.dtype, pd.CategoricalDtype):
                 codes = column.cat.codes.to_numpy().astype(np.int64)
                 values: Any = {"codes": codes, "categories": tuple(column.cat.categories)}
+            elif isinstance(column.dtype, pd.BooleanDtype):
+                values = tuple(None if pd.isna(each) else bool(each) for each in column)
             elif column.dtype.kind in "biufc":
                 values = column.to_numpy()
             else:
@@ -207,7 +209,9 @@ class Reader:
             column = self.value(part)
             if isinstance(column, dict):
                 column = pd.Categorical.from_codes(column["codes"], list(column["categories"]))
-            if isinstance(column, tuple):  # texts
+            if isinstance(column, tuple) and None in column:
+                column = pd.array(list(column), dtype="boolean")
+            elif isinstance(column, tuple):  # texts
                 column = list(column) or np.empty(0, str)
             columns[name] = column
         table = pd.DataFrame(columns)

@@ -132,16 +132,38 @@ def test_a_limited_current_makes_a_ramp():
     assert run.statistics["share slipping"] == 0.0
 
 
-def limited_flow(resistance, limit, parasitic, volts):
-    """Block and charge, with the current as a piecewise function."""
+def limited_arc(resistance, limit, parasitic, volts, span, y, stops=()):
+    """Block and charge until the end or a stop: time, state, and whether a stop is reached.
 
-    def rates(t, y):
+    Each arc between two corners of the limited current is smooth.
+    """
+
+    def demand(t, y):
+        return (volts(t) - y[2] / (2.0 / (1.0 - y[0]) + parasitic)) / resistance
+
+    def rates(t, y, sign):
         x, v, q = y
         node = q / (2.0 / (1.0 - x) + parasitic)
-        current = min(max((volts(t) - node) / resistance, -limit), limit)
+        current = sign * limit if sign else demand(t, y)
         return [v, node**2 / (1.0 - x) ** 2 - x - 0.04 * v, current]
 
-    return rates
+    def corner(t, y, sign):
+        return sign * demand(t, y) - limit if sign else limit - abs(demand(t, y))
+
+    for event in (corner, *stops):
+        event.terminal, event.direction = True, -1
+    t, end = span
+    current = demand(t, y)
+    sign = 0.0 if abs(current) < limit else math.copysign(1.0, current)
+    while True:
+        arc = solve_ivp(
+            rates, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, args=(sign,),
+            events=(corner, *stops),
+        )  # fmt: skip
+        t, y = arc.t[-1], arc.y[:, -1]
+        if arc.status == 0 or not arc.t_events[0].size:
+            return t, y, arc.status == 1
+        sign = 0.0 if sign else math.copysign(1.0, demand(t, y))
 
 
 def test_orbit_with_a_limited_current_is_that_of_scipy():
@@ -150,12 +172,12 @@ def test_orbit_with_a_limited_current_is_that_of_scipy():
     drive = mi.Sine(amplitude=0.2, omega=omega)
     orbit = mi.find_orbit(FIRM.adding(term), drive, options=INTERPRETED, transient=3, periods=1)
     assert (orbit.events["event"] == "current limit").sum() == 4
-    rates = limited_flow(0.4, 0.25, 0.2, lambda t: 0.2 * math.cos(omega * t))
+
+    def volts(t):
+        return 0.2 * math.cos(omega * t)
 
     def after(y):
-        return solve_ivp(
-            rates, (0, turn), y, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.05
-        ).y[:, -1]
+        return limited_arc(0.4, 0.25, 0.2, volts, (0.0, turn), y)[1]
 
     start = np.array([orbit.state.x2, orbit.state.v2, orbit.state.charge])
     np.testing.assert_allclose(after(start), start, rtol=0, atol=2e-9)
@@ -179,29 +201,24 @@ def test_impacts_under_a_limited_current_are_those_of_scipy():
     )  # fmt: skip
     assert {"stuck-free-source", "stuck-free-sink"} <= set(run.events["mode before"])
     period = drive.period
-    rates = limited_flow(0.3, 0.3, 0.2, lambda t: 0.5 if t % period < period / 2 else 0.0)
 
-    def right(t, y):
+    def right(t, y, sign):
         return 0.5 - y[0]
 
-    def left(t, y):
+    def left(t, y, sign):
         return 0.5 + y[0]
 
-    for event in (right, left):
-        event.terminal, event.direction = True, -1
     t, y, hits = 0.0, [0.0, 0.6, 0.0], []
-    for corner in (0.5, 1.0, 1.5, 2.0):
-        while t < corner * period:
-            arc = solve_ivp(
-                rates, (t, corner * period - 1e-13), y, method="DOP853", rtol=1e-10, atol=1e-12,
-                max_step=0.05, events=(right, left),
-            )  # fmt: skip
-            t, y = arc.t[-1], arc.y[:, -1]
-            if arc.status == 1:
+    for half in range(4):
+        volts, end = 0.5 * (half % 2 == 0), 0.5 * (half + 1) * period
+        struck = True
+        while struck:
+            t, y, struck = limited_arc(
+                0.3, 0.3, 0.2, lambda t, volts=volts: volts, (t, end), y, (right, left)
+            )
+            if struck:
                 hits.append(t)
                 y = [math.copysign(0.5, y[0]), -0.8 * y[1], y[2]]
-            else:
-                t = corner * period
     assert len(hits) >= 2
     np.testing.assert_allclose(run.impacts["t"], hits, rtol=0, atol=1e-7)
     assert run.final.charge == pytest.approx(y[2], abs=1e-7)

@@ -1,0 +1,73 @@
+"""Stability by the eigenvalues of a matrix whose entries have errors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Complexes, Floats
+
+MULTIPLIER_RTOL = 1e-7  # error of a monodromy matrix, relative to its largest entry
+EIGENVALUE_RTOL = 1e-9  # error of each entry of the Jacobian of a flow, relative to it
+NAMES = {True: "stable", False: "unstable", None: "neutral"}
+
+
+def stability_name(stable: bool | None) -> str:
+    """Return the name of a stability."""
+    return NAMES[stable]
+
+
+def multipliers_stable(matrix: Floats, sizes: Floats | float = 1.0) -> bool | None:
+    """Return whether all multipliers of a monodromy matrix lie inside the unit circle.
+
+    None if errors of the matrix could place one on either side and none is beyond for certain.
+    `sizes` are the magnitudes of the components.
+    """
+    scaled = matrix * sizes / np.reshape(sizes, (-1, 1))
+    errors = np.full(matrix.shape, MULTIPLIER_RTOL * np.abs(scaled).max(initial=0.0))
+    values = np.linalg.eigvals(scaled).astype(complex)
+    moduli = np.abs(values)
+    nearest = np.divide(values, moduli, out=np.ones_like(values), where=moduli > 0.0)
+    return _stable(scaled, errors, values, moduli < 1.0, nearest)
+
+
+def eigenvalues_stable(matrix: Floats, nullity: int) -> bool | None:
+    """Return whether all eigenvalues but `nullity` zeros have negative real parts.
+
+    None as for multipliers.
+    """
+    values = np.linalg.eigvals(matrix).astype(complex)
+    values = values[np.argsort(np.abs(values))][nullity:]
+    errors = EIGENVALUE_RTOL * np.abs(matrix)
+    return _stable(matrix, errors, values, values.real < 0.0, 1j * values.imag)
+
+
+def _stable(
+    matrix: Floats,
+    errors: Floats,
+    values: Complexes,
+    within: NDArray[np.bool_],
+    border: Complexes,
+) -> bool | None:
+    """Return the stability; `border` has the nearest point of the border to each eigenvalue."""
+    # On the border another eigenvalue may lie, and does not matter halfway.
+    paths = zip(border.tolist(), (0.5 * (values + border)).tolist(), strict=True)
+    certain = np.array(
+        [not all(_may_be_eigenvalue(z, matrix, errors) for z in path) for path in paths], bool
+    )
+    if (certain & ~within).any():
+        return False
+    return True if certain.all() else None
+
+
+def _may_be_eigenvalue(z: complex, matrix: Floats, errors: Floats) -> bool:
+    """Return whether a matrix within the errors of the entries may have the eigenvalue `z`.
+
+    It has none if the spectral radius of ``|inv(z - matrix)| errors`` is below 1.
+    """
+    try:
+        resolvent = np.abs(np.linalg.inv(z * np.eye(len(matrix)) - matrix))
+        radius = np.abs(np.linalg.eigvals(resolvent @ errors)).max()
+    except np.linalg.LinAlgError:
+        return True
+    return not radius < 1.0
