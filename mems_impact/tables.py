@@ -398,7 +398,8 @@ def _special(
     rows_table = _table(first_columns, rows, labels)
     for name in solutions.columns:
         if name not in rows_table:
-            rows_table[name] = solutions[name].iloc[:0]
+            empty = solutions[name].iloc[:0]
+            rows_table[name] = empty.astype(bool) if empty.dtype == "boolean" else empty
     measures = [name for name in solutions.columns if name not in first_columns]
     more = [
         name for name in rows_table.columns if name not in first_columns and name not in measures

@@ -510,16 +510,16 @@ class System(HybridSystem):
         when, state = self.out("time", time), self._state(y)
         try:
             fitting = int(self._begin(mode, when, state, self._to_user(problem)))
-            if self.mode_failure is not None and fitting < 0:
-                reason, _ = self.mode_failure(fitting, HybridState(0, time, mode, y))
-                raise InvalidParameter("initial", str(state), f"another state, since {reason}")
-            return fitting
-        except ArithmeticError as error:
+        except Exception as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
             location = innermost_user_line(error.__traceback__, self._begin)
             if location[0]:  # in a function of the user
                 remedy = "make it return a value for every initial state"
             raise FunctionError("the flow with its parts", raised, remedy, *location) from error
+        if self.mode_failure is not None and fitting < 0:
+            reason, _ = self.mode_failure(fitting, HybridState(0, time, mode, y))
+            raise InvalidParameter("initial", str(state), f"another state, since {reason}")
+        return fitting
 
     def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
         """Return the initial condition of a run from a state whose mode is given.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -368,18 +369,41 @@ def fit(
             raise InvalidParameter("targets", target.value, "", problem=problem)
     barrier = np.full(len(targets), BARRIER * max(1.0, float(np.abs(first).max())))
 
-    def residuals(unknowns: Floats) -> Floats:
+    @lru_cache(maxsize=1)  # of the values at which a Jacobian matrix follows
+    def known(unknowns: tuple[float, ...]) -> Floats:
         try:
-            result = (computed(at(unknowns)) - measured) / weights
+            result = (computed(at(np.array(unknowns))) - measured) / weights
         except MemsImpactError:
             return barrier  # without a run there is no fit
         return result if np.isfinite(result).all() else barrier
 
+    def residuals(unknowns: Floats) -> Floats:
+        return known(tuple(unknowns.tolist()))
+
+    def beside(unknowns: Floats, j: int) -> Iterator[tuple[float, Floats]]:
+        """Yield the unknowns one step of a difference away, within the bounds, and the step."""
+        for sign in (1.0, -1.0):
+            moved = unknowns.copy()
+            moved[j] += sign * JACOBIAN_STEP / ORIGIN * abs(unknowns[j])
+            if ends[j, 0] <= moved[j] <= ends[j, 1]:
+                yield float(moved[j] - unknowns[j]), moved
+
+    def jacobian(unknowns: Floats) -> Floats:
+        now = residuals(unknowns)
+        columns = np.zeros((now.size, unknowns.size))
+        for j in range(unknowns.size):
+            for step, moved in beside(unknowns, j):
+                aside = residuals(moved)
+                if aside is not barrier:
+                    columns[:, j] = (aside - now) / step
+                    break
+        return columns
+
     solved = least_squares(
         residuals,
         start,
+        jac=jacobian,
         bounds=(ends[:, 0], ends[:, 1]),
-        diff_step=JACOBIAN_STEP / ORIGIN,
         x_scale=1.0,
         xtol=1e-10,
         ftol=1e-12,
@@ -419,6 +443,7 @@ def fit(
         *_jumping(targets, free, jumps),
         *_undetermined(free, sizes, directions, errors),
         *_at_bounds(free, solved.active_mask),
+        *_at_limits(free, at, lambda j: [moved for _, moved in beside(solved.x, j)]),
         *_indifferent(targets, np.asarray(solved.jac)),
     ]
     fitted = Fit(
@@ -575,6 +600,18 @@ def _at_bounds(free: Sequence[str], at_bound: Floats) -> list[str]:
         for name, stands in zip(free, at_bound, strict=True)
         if stands
     ]
+
+
+def _at_limits(
+    free: Sequence[str], at: Callable[[Floats], Actuator], beside: Callable[[int], list[Floats]]
+) -> Iterator[str]:
+    """Yield a sentence about each parameter next to whose value there is no device."""
+    for j, name in enumerate(free):
+        for unknowns in beside(j):
+            try:
+                at(unknowns)
+            except InvalidParameter as error:
+                yield f"{name} is at a limit of the device: {error}"
 
 
 def _indifferent(targets: Sequence[Target], jacobian: Floats) -> list[str]:

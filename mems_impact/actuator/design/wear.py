@@ -18,6 +18,8 @@ from mems_impact.systems.state import is_number
 
 __all__ = ["WearLife", "life"]
 
+MAX_FRICTION = 1.0  # static friction over weight, above which another force presses the frame
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class WearLife(SummaryRepr):
@@ -71,7 +73,12 @@ class WearLife(SummaryRepr):
 
 
 def life(
-    motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth: float
+    motion: ActuatorRun | ActuatorOrbit,
+    *,
+    wear: float,
+    area: float,
+    depth: float,
+    normal_force: float | None = None,
 ) -> WearLife:
     """Estimate the life of a device whose frame wears by slip.
 
@@ -86,6 +93,9 @@ def life(
         Contact area of the frame [m^2], > 0.
     depth : float
         Allowed wear depth [m], > 0.
+    normal_force : float, optional
+        Normal force of the frame on the ground [N], > 0. By default that of the weight; required
+        if static friction exceeds it, as in a clamped device given by its friction forces.
 
     Returns
     -------
@@ -94,7 +104,8 @@ def life(
     Raises
     ------
     InvalidParameter
-        If a number is out of range, or `motion` is neither run nor orbit.
+        If a number is out of range, `motion` is neither run nor orbit, or the friction is larger
+        than the weight and no normal force is given.
 
     See Also
     --------
@@ -104,7 +115,7 @@ def life(
     -----
     The volume is the wear rate times normal force times path (J. F. Archard, "Contact and rubbing
     of flat surfaces", J. Appl. Phys. 24, 981 (1953)). The coefficients of friction are assumed
-    constant, and the normal force equals the weight.
+    constant.
 
     Examples
     --------
@@ -118,11 +129,15 @@ def life(
     area = quantity("area", area, "m^2" if si else None, "device")
     depth = quantity("depth", depth, "m" if si else None, "device")
     wear = quantity("wear", wear, "m^2/N" if si else None, "device")  # m^3/(N m)
-    for field, value in (("wear", wear), ("area", area), ("depth", depth)):
+    numbers = {"wear": wear, "area": area, "depth": depth}
+    if normal_force is not None:
+        normal_force = quantity("normal_force", normal_force, "N" if si else None, "device")
+        numbers["normal_force"] = normal_force
+    for field, value in numbers.items():
         if not (is_number(value) and value > 0.0):
             raise InvalidParameter(field, value, "a finite number > 0")
     balance = energy(motion)
-    force = normal_force(balance.system)
+    force = of_weight(balance.system) if normal_force is None else normal_force
     slip = balance.slip_path / balance.periods
     if isinstance(motion, ActuatorOrbit):
         blows = len(balance.by_blow) / balance.periods
@@ -144,12 +159,20 @@ def life(
     )
 
 
-def normal_force(system: ActuatorSystem) -> float:
-    """Return the normal force of the frame on the ground."""
+def of_weight(system: ActuatorSystem) -> float:
+    """Return the normal force of the weight; InvalidParameter if friction requires a larger one."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters.copy()
     p[eq.MU_S] = 1.0  # static friction is then the force itself
-    return float(system.scales.out(model.static_limit(p), "N"))
+    force, friction = float(system.scales.out(model.static_limit(p), "N")), system.actuator.mu_s
+    if friction > MAX_FRICTION:
+        unit = " N" if system.scales.named else ""
+        problem = (
+            f"the static friction of {friction * force:.4g}{unit} is {friction:.4g} times the "
+            f"weight, which alone does not press the frame to the ground: give normal_force="
+        )
+        raise InvalidParameter("normal_force", None, "", problem=problem)
+    return force
 
 
 def _walked(motion: ActuatorRun | ActuatorOrbit) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dis import get_instructions
 from typing import Any, NamedTuple
 
 from mems_impact.errors import FunctionError
@@ -206,6 +207,8 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
                 case.function.role, problem, INTERPRETED_REMEDY, file, attempt.line or line
             )
         problem = _mismatch(attempt.returned, case)
+        if problem and not _returns(call):
+            return case.function.explain_exception(_raised(call, case.arguments))[0]
         if problem:
             remedy = "return the same kind of thing on every path"
             return case.function.error(f"returns {problem}", remedy)
@@ -286,6 +289,21 @@ def _mismatch(returned: Any, case: _Case) -> str:
     if case.after_mode:
         return "" if is_number(returned) else f"{_name(returned)}, not the mode"
     return numbers(returned, case.numbers)
+
+
+def _returns(call: Callable[..., Any]) -> bool:
+    """Return whether a function may return: one that raises on every path has no instruction to."""
+    return any(each.opname.startswith("RETURN") for each in get_instructions(call))
+
+
+def _raised(call: Callable[..., Any], kinds: Sequence[Any]) -> Exception:
+    """Return the exception of a function that raises on every path."""
+    named = (getattr(kind, "instance_class", None) for kind in kinds)
+    try:
+        call(*(make(*[0.0] * len(make._fields)) if make else 0.0 for make in named))
+    except Exception as error:
+        return error
+    raise AssertionError("a function without a return instruction returned")
 
 
 def _name(kind: Any) -> str:

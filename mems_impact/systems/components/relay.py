@@ -66,7 +66,7 @@ class Relay(Part):
     def limits(self) -> list[Limit]:
         """Return the limit of the upper threshold."""
         upper, lower = (f"{field} of {self.name!r}" for field in ("upper", "lower"))
-        return [Limit(upper, self.upper, low=self.lower, of_low=lower, exclusive=True)]
+        return [Limit(upper, self.upper, low=self.lower, of_low=lower)]
 
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions of low and high."""

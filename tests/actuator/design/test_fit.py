@@ -190,3 +190,21 @@ def test_wrong_fits(arguments):
     target = mi.Target(quantity="pull-in voltage", value=30.0)
     with pytest.raises(mi.InvalidParameter):
         mi.fit(**{"actuator": DEVICE, "targets": [target], **arguments})
+
+
+@pytest.mark.slow
+def test_a_value_at_a_limit_of_the_device_is_named_and_has_a_derivative_from_within():
+    """The speed is smooth up to mu_d = mu_s, beyond which there is no device."""
+    device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
+    given = {"initial": mi.kicked_state(device)}
+    limit = device.replace(mu_d=device.mu_s)
+    run = mi.simulate(limit, drive, periods=400, window=(300, 400), **given)
+    speed = mi.Target(quantity="mean speed", value=run.statistics["mean speed"], drive=drive)
+    found = mi.fit(
+        device.replace(mu_d=0.7 * device.mu_s), [speed], ["mu_d"], transient=300, **given
+    )
+    assert found.actuator.mu_d == pytest.approx(device.mu_s, rel=1e-3)
+    assert found.note.startswith("mu_d is at a limit of the device")
+    assert "mu_s = 0.4" in found.note
+    assert not any(word in found.note for word in ("jumps", "depends on none", "determine"))
+    assert 0.0 < found.parameters["standard error"].iloc[0] < math.inf

@@ -71,6 +71,20 @@ def test_life_by_hand(orbit):
     assert found.distance == pytest.approx(0.5 * 1e-3 / (2e-6 * force), rel=1e-8)
 
 
+def test_friction_larger_than_the_weight_asks_for_the_normal_force():
+    clamped = MITA.replace(g=MITA.g / 100.0, mu_s=100.0 * MITA.mu_s, mu_d=100.0 * MITA.mu_d)
+    one, other = (
+        mi.simulate(each, mi.Sine(amplitude=100, omega=2 * math.pi), 2, options=OPTIONS)
+        for each in (MITA, clamped)
+    )
+    assumed = {"wear": 1e-13, "area": 1e-8, "depth": 1e-7}
+    exact = mi.life(one, **assumed)
+    with pytest.raises(mi.InvalidParameter, match=r"N is 40 times the weight.*normal_force="):
+        mi.life(other, **assumed)
+    found = mi.life(other, **assumed, normal_force=exact.normal_force)
+    assert found.time == pytest.approx(exact.time, rel=1e-6)
+
+
 def test_life_of_a_run(run):
     found = mi.life(run, wear=2e-6, area=0.5, depth=1e-3)
     grid = run.samples(400, 3.2, 14.1)

@@ -261,7 +261,7 @@ def test_mistakes_are_one_sentence(changes, message):
 
 
 def test_a_mass_of_zero_and_a_line_of_the_users_that_fails_where_a_run_starts():
-    with pytest.raises(mi.FunctionError, match=r"parts raises ZeroDivisionError.*masses above 0$"):
+    with pytest.raises(mi.InvalidParameter, match="mass of v = 0: must be > 0"):
         block([GROUND], masses={"v": 0.0})
 
     def failing(mode, t, y, p):

@@ -59,8 +59,8 @@ def stribeck(**changes):
         (lambda: block({"w": 0.0}, mu=stribeck(speed="w")), "w = 0: must be > 0; it is speed"),
         (lambda: block(mu=stribeck(dynamic=-0.1)), "dynamic of mu of 'ground' = -0.1: must be"),
         (lambda: block(mu=0.1, masses={"v": -2.0}), "mass of v = -2: must be > 0"),
-        (lambda: room(1.2, 1.1), "upper of 'heater' = 1.1: must be > 1.2"),
-        (lambda: room("low", 1.0, low=1.0), r"= 1: must be > 1 \(low, lower of 'heater'\)"),
+        (lambda: room(1.2, 1.1), "upper of 'heater' = 1.1: must be >= 1.2"),
+        (lambda: room("low", 1.0, low=1.5), r"= 1: must be >= 1.5 \(low, lower of 'heater'\)"),
     ],
 )
 def test_a_quantity_beyond_its_limit_is_refused_by_name(make, message):
@@ -97,4 +97,8 @@ def test_friction_that_adds_energy_during_a_run_is_warned_of(friction, message):
 
 
 def test_limits_themselves_are_allowed():
-    ball(0.0), ball(1.0), block(mu=0.0), block(mu=0.2, static=0.2), block(mu=0.1, normal=0.0)
+    for e in (0.0, 1.0):
+        ball(e)
+    room(1.0, 1.0)
+    for friction in ({"mu": 0.0}, {"mu": 0.2, "static": 0.2}, {"mu": 0.1, "normal": 0.0}):
+        block(**friction)
