@@ -13,6 +13,7 @@ import numpy as np
 from mems_impact import tables as orbit_tables
 from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import parameter_progress
+from mems_impact._util.warning_scopes import warn
 from mems_impact.analysis.boundary_equilibrium_type import type_of_boundary
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
 from mems_impact.analysis.homoclinic import HomoclinicEnd
@@ -42,6 +43,7 @@ from mems_impact.continuation.branch_switching import (
 )
 from mems_impact.continuation.branching_equation import FirstPoint
 from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
+from mems_impact.continuation.corners import corners
 from mems_impact.continuation.equilibrium_branch import (
     EQUILIBRIUM_LABELS,
     Equilibria,
@@ -63,7 +65,7 @@ from mems_impact.continuation.test_functions import (
     kind_of,
 )
 from mems_impact.continuation.user_test_functions import FunctionTest
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import DiscontinuityWarning, InvalidParameter
 from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.systems.base import HybridSystem
@@ -620,6 +622,7 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
         )
         for s in branch.special_points
     )
+    warn_of_corners(system, branch)
     return Branch(
         system=system,
         parameter=parameter,
@@ -628,6 +631,28 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
         ended=branch.ended if branch.passage is None else _beyond_bounds(system, branch),
         found=branch,
     )
+
+
+def warn_of_corners(system: HybridSystem, branch: OrbitBranch) -> None:
+    """Warn of each transition that is not smooth on a branch, which no test function shows."""
+    guards, parameter, names = system.automaton.guards, branch.parameter, set()
+    for corner in corners([point.orbit for point in branch.points], parameter):
+        is_switch = corner.code == system.automaton.switch_code
+        name = "switch_transition" if is_switch else (
+            f"the transition of {guards[corner.code % len(guards)].name!r}")  # fmt: skip
+        if name in names:
+            continue
+        names.add(name)
+        at = ", ".join(
+            f"{system.label(state)} = {float(system.out(state, value)):.6g}"
+            for state, value in zip(system.states, corner.y.tolist(), strict=True)
+        )
+        message = (
+            f"{name} is not smooth near {at}, which the branch meets near {parameter} = "
+            f"{float(system.out(parameter, corner.value)):.6g}: no special point is located there; "
+            "let each path of the function be a mode of its own, with a guard between them"
+        )
+        warn(message, DiscontinuityWarning)
 
 
 def _beyond_bounds(system: HybridSystem, branch: OrbitBranch) -> str:

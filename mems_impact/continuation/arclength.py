@@ -29,6 +29,7 @@ from mems_impact.orbits.shooting import (
 # --- Pseudo-arclength steps
 
 MAX_CORRECTOR_ITERATIONS = 8
+MAX_RESOLVED_GROWTH = 1e13  # of perturbations along an arc; more leaves a tangent no digits
 MIN_TURN_COSINE = 0.9  # least cosine of the angle between the tangents at both ends of a step
 FAST_ITERATIONS, SLOW_ITERATIONS = (
     2,
@@ -642,7 +643,8 @@ class Continuation(Generic[P, R, E]):
             located = problem.locate(step, reach, self._before, after)
             ahead = problem.tangent(following, direction)
             if ahead @ direction < MIN_TURN_COSINE and not located.corner:
-                raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER_STEP_REMEDY)
+                reason = _turn(problem.noun, following, float(ahead @ direction))
+                raise OrbitError(reason, SHORTER_STEP_REMEDY)
             if located.loss is None and not self.low <= following.values[-1] <= self.high:
                 last = self._at_bound(step, following)
         except CONTINUATION_ERRORS as error:
@@ -727,3 +729,15 @@ class Continuation(Generic[P, R, E]):
         moved = abs(float(self._direction[-1])) * self._length / self.problem.norm(self._direction)
         part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
         return budget_message(self.steps, self._length, self._reduction_reason, parameter, part)
+
+
+def _turn(noun: str, following: Linearized, cosine: float) -> str:
+    """Return why a step is rejected whose ends have different directions."""
+    growth = float(np.abs(following.jacobian).max(initial=0.0))
+    if growth > MAX_RESOLVED_GROWTH:
+        return (
+            f"perturbations grow {growth:.0e} times along an arc, which leaves no digits for the "
+            f"direction of the {noun}"
+        )
+    angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+    return f"the {noun} turns by {angle:.0f} degrees within a step"

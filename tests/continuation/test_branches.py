@@ -166,7 +166,7 @@ def test_a_branch_that_is_held_back_says_by_what():
     steps = StepControl(initial_step=3.0, max_step=3.0, max_points=2)
     branch = follow(silent_orbit(0.2355, 0.45), "amplitude", low=0.1, high=0.3, steps=steps)
     assert "steps are down to a length of" in branch.ended
-    assert "too sharply" in branch.ended
+    assert "degrees within a step" in branch.ended
 
 
 # Steps.
