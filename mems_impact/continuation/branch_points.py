@@ -13,7 +13,6 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.linear_equations import SparseFactorization, is_sparse
 from mems_impact.orbits.newton import Linearized, P, Solvable, newton
-from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 KERNEL_STEP = 1e-4  # difference step for second derivatives along the null vectors
 MIN_FOLD_DISTANCE = 1e-5  # least distance on a branch of a fold from a branch point
@@ -93,7 +92,7 @@ class BranchPoints(Generic[P]):
         if (
             not -radius <= position <= length + radius
             or aside > abs(position) + radius
-            or beta > RESIDUAL_TOLERANCE
+            or beta > self._equations.error
         ):
             raise OrbitError(NOT_LOCATED, "take a shorter step", solution.point)
         self._known.append((x, radius))

@@ -400,12 +400,9 @@ class Bifurcations(Generic[P]):
         center, is_short = complex(self._border.center), length < self._short_length
         bifurcations = []
         if (first < 0.0) != (last < 0.0):
-            try:
-                position, point = self.branch_points.locate(step, length, first, last)
-                bifurcations.append(Bifurcation(position, BRANCH_POINT, point, center))
-            except OrbitError:
-                if not is_short:
-                    raise
+            # Without a branch point there, the end of the step lies on another branch.
+            position, point = self.branch_points.locate(step, length, first, last)
+            bifurcations.append(Bifurcation(position, BRANCH_POINT, point, center))
         continuum = self._is_continuum(step, length)
         for position in () if continuum else self._folds(step, length):
             bifurcations.append(Bifurcation(position, FOLD, step.at(position).point, center))

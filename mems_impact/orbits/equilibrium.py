@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,8 @@ class EquilibriumEquations:
     family: Family
     mode: int
     active: tuple[str, ...] = ()
+
+    error: ClassVar[float] = 1e-12  # of the flow, by rounding
 
     @cached_property
     def automaton(self) -> Automaton:

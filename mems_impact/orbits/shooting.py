@@ -19,7 +19,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -257,6 +257,8 @@ class Shooting:
     phase : Phase, optional
         Phase condition of a limit cycle, whose period is then an unknown.
     """
+
+    error: ClassVar[float] = RESIDUAL_TOLERANCE
 
     def __init__(
         self,

@@ -212,6 +212,22 @@ def test_results_are_values(tmp_path):
     assert list(branch.table.columns[:4]) == ["r", "stable", "admissible", "largest real part"]
 
 
+@pytest.mark.parametrize("imperfection", [1e-10, 1e-8, 1e-6, -1e-7])
+def test_an_imperfect_pitchfork_is_no_branch_point(imperfection):
+    """x' = m x - x^3 + e: the branch from m < 0 turns to the side of e, without a special point."""
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (p.m * y.x - y.x**3 + p.e,),
+        parameters={"m": -1.0, "e": imperfection},
+    )  # fmt: skip
+    (rest,) = mi.find_equilibria(system, guess={"x": imperfection})
+    branch = mi.continue_equilibrium(rest, "m", stop=1.0)
+    assert branch.special_points == ()
+    last = branch.equilibria[-1]
+    exact = math.copysign(max(np.roots([1.0, 0.0, -1.0, -abs(imperfection)]).real), imperfection)
+    assert last.state.x == pytest.approx(exact, abs=1e-10)
+    assert last.stable
+
+
 def test_figure_of_a_branch():
     (first,) = mi.find_equilibria(LORENZ)
     branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(max_step=0.5))
