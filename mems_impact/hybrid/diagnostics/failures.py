@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dis import get_instructions
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import Definition, automaton_of, named_tuple, writes_into_arrays
@@ -75,11 +77,37 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
     if fault.error is not None:
         return _exception_error(automaton, fault.role, fault.error)
     time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
+    for case in _named_cases(definition) if definition is not None else ():
+        exception = _compiled_error(definition, case, parameters, fault)
+        if exception is not None:
+            problem = f"fails compiled at t = {time:.6g}: {exception}"
+            return case.function.error(problem, REAL_REMEDY)
     problem = f"fails compiled at t = {time:.6g}, but not interpreted"
-    remedy = 'use Options(engine="interpreted")'
-    if definition is None:
-        return function.error(problem, remedy)
-    return FunctionError(f"a {function.kind} of the system", problem, remedy)
+    return function.error(problem, 'use Options(engine="interpreted")')
+
+
+REAL_REMEDY = "use real numbers, such as 1.0 in place of 1, or Options(engine='interpreted')"
+
+
+def _compiled_error(
+    definition: Any, case: _Case, parameters: Sequence[float], fault: Fault
+) -> Exception | None:
+    """Return the exception that a function of the failed role raises compiled, or None."""
+    from mems_impact.integrators.jit.closures import compiled_exception
+
+    roles = {FLOW: ("flow",), MARGINS: ("margin", "rate", "flow"), JACOBIAN: ("jacobian",)}
+    guards, m = definition.guards, max(1, len(definition.guards))
+    owner = guards[fault.code % m].name if fault.role == TRANSITION and fault.code < 2 * m else ""
+    kinds = roles.get(fault.role, ("transition", "rest") if owner else ("switch_transition",))
+    if case.function.kind not in kinds or (owner and case.function.guard != owner):
+        return None
+    n, count = len(definition.states), len(definition.parameters)
+    p = named_tuple("Parameters", definition.parameters)(*parameters[:count])
+    y: Any = fault.y
+    if not writes_into_arrays(definition.flow):
+        y = named_tuple("State", definition.states)(*fault.y.tolist())
+    outputs = [np.zeros((n,) * kind.ndim, order="F") for kind in case.arguments[4:]]
+    return compiled_exception(case.function.call, (fault.mode, fault.time, y, p, *outputs))
 
 
 def find_invalid_value(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import builtins
 import hashlib
+import math
 import operator
 import re
 import threading
@@ -18,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from dis import EXTENDED_ARG, opmap
 from enum import Enum, EnumMeta
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import BuiltinFunctionType, CellType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -30,9 +31,10 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 from numba.extending import overload
 
-from mems_impact.integrators.jit import integer_arithmetic  # noqa: F401  # registers its rewrite
-from mems_impact.integrators.jit.numba_support import INNER, JIT
-from mems_impact.integrators.jit.trigonometry import SUBSTITUTES, substitute
+from mems_impact.integrators import library
+from mems_impact.integrators.jit import trigonometry
+from mems_impact.integrators.jit.integer_arithmetic import CHECKED, COPIES
+from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
 
 __all__ = ["try_compile"]
 
@@ -43,12 +45,17 @@ INLINED_BYTES = 500  # of bytecode: larger generated functions are called
 # numba has its own implementations for these, and their constants do not change.
 LIBRARIES = ("math", "numba", "numpy")
 
+# Functions of compiled code by those of Python.
+SUBSTITUTES = {**trigonometry.SUBSTITUTES, **library.FUNCTIONS}
+SUBSTITUTED = (math, np)  # modules of these functions
+MIXED = (types.Tuple, types.NamedTuple)  # tuples over which numba does not iterate
+
 LOAD_GLOBAL = opmap["LOAD_GLOBAL"]
 
 _registration_lock = threading.Lock()  # numba's registries are not thread-safe
 
 # Functions with overloads of their own.
-_overloads: set[Callable[..., Any]] = {*SUBSTITUTES.values()}
+_overloads: set[Callable[..., Any]] = {*trigonometry.SUBSTITUTES.values()}
 
 
 def mark_overloaded(*functions: Callable[..., Any]) -> None:
@@ -152,6 +159,12 @@ def _is_library(name: str | None) -> bool:
     return (name or "").partition(".")[0] in LIBRARIES
 
 
+def _is_own(function: FunctionType) -> bool:
+    """Return whether a function is of the package, so that its integers are small."""
+    module = function.__module__ or ""
+    return module.partition(".")[0] == "mems_impact" and module != library.__name__
+
+
 def _is_external(function: FunctionType) -> bool:
     return function in _overloads or _is_library(function.__module__)
 
@@ -194,10 +207,12 @@ def _names_of_globals(code: CodeType) -> Iterator[str]:
 
 
 def _globals(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Yield the globals that `function` may read."""
+    """Yield the globals that `function` may read, and builtin functions with substitutes."""
     for name in _global_names(function.__code__):
         if name in function.__globals__:
             yield name, function.__globals__[name]
+        elif getattr(builtins, name, None) in SUBSTITUTES:
+            yield name, getattr(builtins, name)
 
 
 def _attributes(module: ModuleType, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
@@ -208,12 +223,17 @@ def _attributes(module: ModuleType, names: tuple[str, ...]) -> Iterator[tuple[st
 
 
 def _contents(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Yield the closure variables of `function`; None for one that is not set yet."""
+    """Yield the closure variables of `function`."""
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            yield name, cell.cell_contents
-        except ValueError:
-            yield name, None
+        yield name, _content(cell)
+
+
+def _content(cell: CellType, _name: str = "") -> Any:
+    """Return the value of a closure variable; None for one that is not set yet."""
+    try:
+        return cell.cell_contents
+    except ValueError:
+        return None
 
 
 @cache
@@ -318,9 +338,15 @@ class _Reader:
             self.reads.append((function.__getattribute__, name, getattr(function, name)))
         scope, global_names = function.__globals__, _global_names(function.__code__)
         self.reads += [(scope.get, name, scope.get(name)) for name in global_names]
-        for cell, (_, value) in zip(function.__closure__ or (), _contents(function), strict=True):
-            if value is not None:
-                self.reads.append((cell.__getattribute__, "cell_contents", value))
+        self.reads += [
+            (partial(_content, cell), name, value)
+            for cell, (name, value) in zip(
+                function.__closure__ or (), _contents(function), strict=True
+            )
+        ]
+        # These change in place.
+        keywords = function.__kwdefaults__ or {}
+        self.reads += [(keywords.get, name, value) for name, value in keywords.items()]
         for name, value in (*_contents(function), *_globals(function)):
             self.put(name)
             self.value(value, names)
@@ -382,11 +408,14 @@ class _Copier:
 
     def _value(self, value: Any, names: tuple[str, ...]) -> Any:
         """Return a value with copies of all functions in it."""
-        value = substitute(_python_function(value))
+        value = _python_function(value)
+        if isinstance(value, BuiltinFunctionType | type | np.ufunc):
+            value = SUBSTITUTES.get(value, value)
         if isinstance(value, FunctionType):
             return self.function(value)
-        if isinstance(value, ModuleType) and not _is_library(value.__name__):
-            return self._module(value, names)
+        if isinstance(value, ModuleType):
+            is_copied = value in SUBSTITUTED or not _is_library(value.__name__)
+            return self._module(value, names) if is_copied else value
         if type(value) is tuple:
             parts = (self._value(part, names) for part in value)
             # numba calls functions in a tuple only if they are compiled.
@@ -400,20 +429,29 @@ class _Copier:
         cells = tuple(CellType() for _ in function.__closure__ or ())
         # numba imports the module of a function when it loads it from the cache.
         space = {"__builtins__": builtins, "__name__": __name__}
+        is_of_library = function.__module__ == library.__name__
         code, defaults = _without_keyword_only(function)
         copy = FunctionType(code, space, function.__name__, defaults, cells)
-        copy.__module__ = __name__
+        copy.__module__ = COPIES if _is_own(function) else CHECKED
         copy.__qualname__ = f"{function.__qualname__}_{name}"
         self._copied[function] = copy  # before its dependencies, since it may be recursive
         for cell, (_, value) in zip(cells, _contents(function), strict=True):
             cell.cell_contents = self._value(value, names)
         for name, value in _globals(function):
-            space[name] = self._value(value, names)
+            # The functions of `library` call those of numba.
+            stays = is_of_library and not isinstance(value, FunctionType)
+            space[name] = value if stays else self._value(value, names)
         # Inlined into each caller, and these into theirs, generated functions grow exponentially.
         code = copy.__code__
         is_large = code.co_filename.startswith("<") and len(code.co_code) > INLINED_BYTES
         options = {**self._options, "forceinline": False} if is_large else self._options
-        overload(copy, jit_options=options, strict=False)(lambda *_, **__: copy)
+
+        @overload(copy, jit_options=options, strict=False)
+        def implementation(*kinds: Any, **_: Any) -> Any:
+            if is_of_library and type(next(iter(kinds), None)) in MIXED:
+                return lambda values, *rest: copy(as_reals(values), *rest)
+            return copy
+
         return copy
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:
@@ -442,16 +480,33 @@ def _without_keyword_only(function: FunctionType) -> tuple[CodeType, tuple[Any, 
 
 # --- Errors of numba
 
-# Messages of numba about a constant that it cannot compile, and about memory management, which is
-# disabled.
-_CONSTANT = (
-    re.compile(r"Untyped global name '(?P<name>\w+)'.*<class '(?:.*\.)?(?P<kind>\w+)'>"),
-    re.compile(r"\((?P<kind>List)\(.*\n.* = freevar\((?P<name>\w+): "),
-    re.compile(r"The use of a reflected (?P<kind>\w+)\(.* to variable '(?P<name>\w+)' in globals"),
+# Messages of numba, and what they mean.
+_WITHOUT = "has no compiled form"
+_REASONS = (
+    (r"Untyped global name '(\w+)'.*<class '(?:.*\.)?(\w+)'>", "it reads {0}, of type {1}"),
+    (r"\(List\(.*\n.* = freevar\((\w+): ", "it reads {0}, of type list"),
+    (r"reflected (\w+)\(.* to variable '(\w+)' in globals", "it reads {1}, of type {0}"),
+    (r"(it has an integer beyond 64 bits among integers)", "{0}"),
+    (
+        r"NRT|Only accept returning of array|reflected list",
+        "it creates a list, an array or a string at run time",
+    ),
+    (r"yield in a closure", "it has a generator expression in place of a loop"),
+    (r"exception_match|unsupported opcode", f"it has a statement that {_WITHOUT}"),
+    (r"resolve_getattr", f"it reads an attribute that {_WITHOUT}"),
+    (r"Type of variable '", "the type of a value cannot be determined"),
+    (
+        r"No implementation of function Function\(<(?:built-in |function |class |ufunc )*'?(\w+)",
+        f"{{0}} {_WITHOUT} for these arguments",
+    ),
+    (r"Unknown attribute '(\w+)' of type Module\(<module '([\w.]+)'", f"{{1}}.{{0}} {_WITHOUT}"),
+    (r"Unknown attribute '(\w+)'", "it reads the attribute '{0}' of a value without it"),
+    (r"NumPy function '([\w.]+)'", f"{{0}} {_WITHOUT}"),
+    (r"getiter", "it loops over a value that is no range, array or tuple of numbers"),
+    (r"Cannot unify", "a variable or a result has values of several types"),
+    (r"", f"it has an expression that {_WITHOUT}"),
 )
-_ALLOCATION = ("NRT required", "Only accept returning of array", "NRT", "reflected list")
 _LOCATION = re.compile(r'File "(?P<a>[^"]+)", line (?P<i>\d+)|at (?P<b>\S+) \((?P<j>\d+)\)')
-_FRAME = ("Failed in", "File ", "During", "raised from", ">>>", "There are", "- Of which")
 
 
 class CompileOutcome(NamedTuple):
@@ -474,8 +529,6 @@ class CompileOutcome(NamedTuple):
 
 def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> CompileOutcome:
     """Compile a single function for arguments of the given numba types."""
-    from numba import njit
-
     file = function.__code__.co_filename
     forget_copies()  # which may be of an equal function at another line
     try:
@@ -488,24 +541,27 @@ def try_compile(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Com
     return CompileOutcome("", 0, dispatcher.overloads[arguments].signature.return_type)
 
 
-def summarize_numba_error(message: str) -> str:
-    """Return the problem in numba's message, without its context.
+def compiled_exception(
+    function: Callable[..., Any], arguments: tuple[Any, ...]
+) -> Exception | None:
+    """Return the exception that a compiled function raises, or None."""
+    (copy,) = take_snapshot(function).frozen()
+    try:
+        njit(**JIT)(copy)(*arguments)
+    except Exception as error:
+        return error
+    return None
 
-    This is the innermost report, after the last heading.
-    """
-    for pattern in _CONSTANT:
-        if match := pattern.search(message):
-            kind = match["kind"].replace("List", "list")  # numba's name
-            return f"it reads {match['name']}, of type {kind}"
-    if any(phrase in message for phrase in _ALLOCATION):
-        return "it creates a list, an array or a string at run time"
-    section = message.rpartition("Failed in nopython mode pipeline")[2].partition("\n")
-    lines = [line.strip() for line in (section[2] or message).splitlines() if line.strip()]
-    reports = [line for line in lines if not line.startswith(_FRAME)]
-    text = (reports or lines or ["no reason given"])[0]
-    text = re.sub(r"Type of variable '\$.*", "the type of a value cannot be determined", text)
-    text = re.sub(r"<function (\w+?)_[0-9a-f]{32} at 0x[0-9a-f]+>", r"\1", text)
-    return re.sub(r"_[0-9a-f]{32}", "", text)[:200].rstrip(" .")
+
+def summarize_numba_error(message: str) -> str:
+    """Return the problem in numba's message, in words of Python."""
+    message = re.sub(r"_[0-9a-f]{32}", "", message)
+    innermost = message.rpartition("Failed in nopython mode pipeline")[2]
+    matches = (
+        (reason, re.search(pattern, innermost) or re.search(pattern, message))
+        for pattern, reason in _REASONS
+    )
+    return next(reason.format(*match.groups()) for reason, match in matches if match)
 
 
 def _line(message: str, file: str) -> int:

@@ -135,6 +135,16 @@ def view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> 
 
 
 @intrinsic
+def as_reals(_typing: Any, values: Any) -> Any:
+    """Convert a tuple of numbers to one of doubles."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return context.cast(builder, args[0], values, signature.return_type)
+
+    return types.UniTuple(types.float64, len(values))(values), codegen
+
+
+@intrinsic
 def pointer(_typing: Any, address: Any) -> Any:
     """Convert an address to a pointer to double."""
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 from llvmlite import ir
@@ -25,7 +24,7 @@ from numba.extending import intrinsic, overload
 
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 
-__all__ = ["SUBSTITUTES", "cos", "sin", "substitute"]
+__all__ = ["SUBSTITUTES", "cos", "sin"]
 
 LARGEST_ARGUMENT = 1e9  # rad, up to which three parts of pi/2 suffice
 
@@ -155,15 +154,3 @@ _overload(cos, math.cos, _cosine)
 
 SUBSTITUTES: dict[Any, Callable[..., Any]] = {math.sin: sin, math.cos: cos}
 """Functions of compiled code by those of Python."""
-
-_mathematics = ModuleType("math")
-vars(_mathematics).update({**vars(math), "sin": sin, "cos": cos})
-
-
-def substitute(value: Any) -> Any:
-    """Return what stands for `value` in compiled code: `math` and its sine and cosine."""
-    if value is math:
-        return _mathematics
-    if isinstance(value, type(math.sin)):
-        return SUBSTITUTES.get(value, value)
-    return value
