@@ -112,12 +112,15 @@ def round_to_digits(x, digits):
             nearest += math.copysign(1.0, rest)
         return math.copysign(nearest / unit, x)
     size = abs(x)
+    if size >= 4.0 * ALL_INTEGER * unit or (digits == 0 and size >= ALL_INTEGER):
+        return x
+    if size >= ALL_INTEGER * unit:
+        raise ValueError("more digits than a real number has")
     rest = np.fmod(size, unit)
-    nearest = size - rest
-    is_odd = np.fmod(nearest / unit, 2.0) != 0.0
-    if 2.0 * rest > unit or (2.0 * rest == unit and is_odd):
-        nearest += unit
-    return math.copysign(nearest, x)
+    nearest = np.rint((size - rest) / unit)
+    if 2.0 * rest > unit or (2.0 * rest == unit and np.fmod(nearest, 2.0) != 0.0):
+        nearest += 1.0
+    return math.copysign(nearest * unit, x)
 
 
 def round(number, ndigits=None):

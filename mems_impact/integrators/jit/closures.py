@@ -495,6 +495,7 @@ _REASONS = (
     (r"exception_match|unsupported opcode", f"it has a statement that {_WITHOUT}"),
     (r"resolve_getattr", f"it reads an attribute that {_WITHOUT}"),
     (r"Type of variable '", "the type of a value cannot be determined"),
+    (r"getiter", "it loops over a value that is no range, array or tuple of numbers"),
     (
         r"No implementation of function Function\(<(?:built-in |function |class |ufunc )*'?(\w+)",
         f"{{0}} {_WITHOUT} for these arguments",
@@ -502,7 +503,6 @@ _REASONS = (
     (r"Unknown attribute '(\w+)' of type Module\(<module '([\w.]+)'", f"{{1}}.{{0}} {_WITHOUT}"),
     (r"Unknown attribute '(\w+)'", "it reads the attribute '{0}' of a value without it"),
     (r"NumPy function '([\w.]+)'", f"{{0}} {_WITHOUT}"),
-    (r"getiter", "it loops over a value that is no range, array or tuple of numbers"),
     (r"Cannot unify", "a variable or a result has values of several types"),
     (r"", f"it has an expression that {_WITHOUT}"),
 )

@@ -248,6 +248,36 @@ def ramps():
     return run(problem, HybridState(0, 0.0, 0, np.zeros(3)), 1.0).final.y
 
 
+def test_values_that_change_in_place():
+    def outer(rate):
+        def scaled(x, *, factor=2.0, table=None):
+            return x if rate is None else factor * table[0][0] * x
+
+        def set_rate(value):
+            nonlocal rate
+            rate = value
+
+        return scaled, set_rate
+
+    scaled, set_rate = outer(None)
+    scaled.__kwdefaults__["table"] = (np.array([1.0]),)
+    nested = function("def f(x):\n    def g(v):\n        return h(v)\n    return g(x)", h=scaled)
+    changes = (
+        lambda: set_rate(1.0),
+        lambda: scaled.__kwdefaults__.update(factor=5.0),
+        lambda: scaled.__kwdefaults__["table"][0].fill(7.0),
+        lambda: setattr(scaled, "__kwdefaults__", {"factor": 3.0, "table": (np.ones(1),)}),
+    )
+    for each in (scaled, nested):
+        names = [take_snapshot(each).name]
+        for change in changes:
+            change()
+            names.append(take_snapshot(each).name)
+        assert len(set(names)) == len(names)
+        set_rate(None)
+        scaled.__kwdefaults__ = {"factor": 2.0, "table": (np.array([1.0]),)}
+
+
 def test_numbers_that_change_between_two_runs(monkeypatch):
     assert ramps() == pytest.approx([1.0, 1.0, 1.0])
     monkeypatch.setitem(globals(), "GAIN", 2.0)
