@@ -113,7 +113,10 @@ def _show_version(ctx: click.Context, _parameter: click.Parameter, requested: bo
     if requested:
         from importlib.metadata import version
 
+        from mems_impact.integrators.jit.cache_directory import cache_directory
+
         click.echo(f"{PROGRAM} {version('mems-impact')}")
+        click.echo(f"compiled code: {cache_directory() or 'not kept, no folder can be written'}")
         ctx.exit()
 
 
@@ -124,7 +127,7 @@ def _show_version(ctx: click.Context, _parameter: click.Parameter, requested: bo
     is_eager=True,
     expose_value=False,
     callback=_show_version,
-    help="Show the version and exit.",
+    help="Show the version and the folder of compiled code, and exit.",
 )
 def main_group() -> None:
     """Simulate impact microactuators: a block inside a frame strikes it, and the frame walks.

@@ -2,7 +2,7 @@
 
 ``python -m mems_impact.hybrid.precompilation`` compiles the code of runs for this processor;
 ``--distribute`` compiles that of orbits, attractors and exponents too, for all instruction sets of
-a wheel (`mems_impact.integrators.jit.precompiled`).
+a wheel (`mems_impact.integrators.jit.machine_code`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.hybrid.variational.lyapunov import LyapunovIntegrator
 from mems_impact.hybrid.variational.saltation import NO_EVENT
-from mems_impact.integrators.jit import precompiled
+from mems_impact.integrators.jit import machine_code
 from mems_impact.integrators.options import METHODS, Options
 
 
@@ -89,9 +89,9 @@ def replace_code(distribute: bool) -> None:
     CalledProcessError
         If it cannot be compiled.
     """
-    for file in precompiled.DIRECTORY.glob("*.code"):
+    for file in machine_code.DIRECTORY.glob("*.code"):
         file.unlink()
-    names = precompiled.instruction_sets()
+    names = machine_code.instruction_sets()
 
     def compile_set(instruction_set: str) -> None:
         options = [RECORD, DISTRIBUTE] if distribute else [RECORD]
@@ -111,7 +111,7 @@ def main(options: Sequence[str]) -> None:
     if RECORD not in options:
         replace_code(distribute)
         return
-    precompiled.record()
+    machine_code.record()
     compile_runs()
     if distribute:
         compile_studies()

@@ -7,11 +7,12 @@ import logging
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
 from numba import config, njit, types
-from numba.core.caching import Cache, FunctionCache, NullCache, make_library_cache
+from numba.core.caching import NullCache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
@@ -20,8 +21,8 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from mems_impact._util.garbage import pause_collection
-from mems_impact.errors import EngineUnavailable
-from mems_impact.integrators.jit import precompiled
+from mems_impact.errors import EngineUnavailable, FileNotWritten, InvalidFile
+from mems_impact.integrators.jit import machine_code
 
 # --- Options and pointers
 
@@ -222,7 +223,7 @@ def address(_typing: Any, handle: Any) -> Any:
     return types.int64(handle), codegen
 
 
-# --- Compilation and numba's cache on disk
+# --- Compilation, and machine code on disk
 
 _log = logging.getLogger("mems_impact")
 
@@ -230,125 +231,73 @@ LOOP_NOTICE = "compiling the event loop, about 7 s, once per installation"
 SYSTEM_NOTICE = "compiling the functions of a system, about 1 s"
 
 
-class _NamedCache(Cache):
-    """A cache with a name as its key, which tolerates invalid files and directories.
+class _Cache(NullCache):
+    """Machine code of a function on disk, for numba.
 
-    numba itself detects changes of the function's file and closure, but not of the dependencies of
-    called functions.
+    numba's own cache detects changes of the function's file and closure, but neither those of the
+    dependencies of called functions nor damaged files. Code without a name is not kept.
     """
 
-    notice: str
-
-    def __init__(self, function: Callable[..., Any], name: str) -> None:
-        super().__init__(function)
-        self._function, self._key_name = function, name
-
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return sig, codegen.magic_tuple(), self._key_name
+    def __init__(
+        self, function: Callable[..., Any], name: str | None, library_only: bool = False
+    ) -> None:
+        self._function, self._name, self._library_only = function, name, library_only
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return compiled code, or None if none can be read.
+        """Return compiled code of the installation or from the cache, or None.
 
         Only compilation requires numba's implementations of functions, so they are not imported
         here, unlike in numba's own method.
         """
-        try:
-            with self._guard_against_spurious_io_errors():
-                code = self._load_overload(sig, target_context)
-        except Exception as error:  # unpickling a damaged file may raise any exception
-            _log.info("compiled code in %s cannot be read (%s)", self.cache_path, error)
-            code = None
-            self._discard()
-        if code is None:
-            announce(self.notice)
-        return code
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code if the directory is writable."""
-        try:
-            super().save_overload(sig, data)
-        except OSError as error:
-            _log.info("compiled code cannot be kept in %s (%s)", self.cache_path, error)
-
-    def _discard(self) -> None:
-        try:
-            self.flush()
-        except OSError as error:
-            _log.info("%s cannot be written (%s)", self.cache_path, error)
-
-
-class _FunctionCache(_NamedCache, FunctionCache):
-    """The cache of the loop and of the methods, which the installation may contain."""
-
-    notice = LOOP_NOTICE
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return compiled code of the installation or from disk, or None."""
-        code = _installed_code(self._function, self._key_name, sig, target_context)
-        return super().load_overload(sig, target_context) if code is None else code
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code, as that of the installation while it is prepared."""
-        if precompiled.is_recording():
-            content = self._impl.reduce(data)
-            precompiled.write(self._function, self._key_name, sig, content)
-        else:
-            super().save_overload(sig, data)
-
-
-def _installed_code(function: Callable[..., Any], name: str, sig: Any, target_context: Any) -> Any:
-    """Return compiled code of the installation, or None."""
-    try:
-        content = precompiled.read(function, name, sig)
-        return None if content is None else CompileResult._rebuild(target_context, *content)
-    except Exception as error:  # unpickling a damaged file may raise any exception
-        _log.info("compiled code in %s cannot be read (%s)", precompiled.DIRECTORY, error)
+        for file in self._files(sig):
+            try:
+                content = machine_code.read(file)
+                if content is not None:
+                    machine_code.touch(file)
+                    if self._library_only:
+                        return target_context.codegen().unserialize_library(content)
+                    return CompileResult._rebuild(target_context, *content)
+            except Exception as error:  # of another build of the same version of numba
+                _log.info("compiled code in %s cannot be read (%s)", file, error)
+        announce(SYSTEM_NOTICE if self._library_only else LOOP_NOTICE)
         return None
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save compiled code if the folder is writable, as that of the installation if recorded."""
+        library = data if self._library_only else data.library
+        if self._name is None or library.has_dynamic_globals:
+            return
+        content = data.serialize_using_object_code() if self._library_only else data._reduce()
+        is_shipped = machine_code.is_recording() and not self._library_only
+        find = machine_code.recorded_file if is_shipped else machine_code.cache_file
+        file = find(self._function, self._name, sig)
+        if file is None:
+            return
+        try:
+            machine_code.write(file, content)
+            if not is_shipped:
+                machine_code.prune(file.parent)
+        except (OSError, InvalidFile, FileNotWritten) as error:
+            _log.info("compiled code cannot be kept in %s (%s)", file.parent, error)
 
-class _LibraryCache(_NamedCache, make_library_cache("mems_impact")):  # type: ignore[misc]
-    """The cache of the functions of automata."""
-
-    notice = SYSTEM_NOTICE
-
-
-class _NoCache(NullCache):
-    """Stand-in for a cache in a directory that is not writable, and for code without a name."""
-
-    def __init__(
-        self, function: Callable[..., Any], name: str | None, cache: type[_NamedCache]
-    ) -> None:
-        self._function, self._key_name, self._cache = function, name, cache
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        code = None
-        if self._key_name is not None and self._cache is _FunctionCache:
-            code = _installed_code(self._function, self._key_name, sig, target_context)
-        if code is None:
-            announce(self._cache.notice)
-        return code
-
-
-def _cache_of(
-    function: Callable[..., Any], name: str | None, cache: type[_NamedCache] = _FunctionCache
-) -> Any:
-    if name is None:
-        return _NoCache(function, None, cache)
-    try:
-        return cache(function, name)
-    except RuntimeError as error:  # no directory is writable
-        _log.info("compiled code is not kept: %s", error)
-        return _NoCache(function, name, cache)
+    def _files(self, sig: Any) -> list[Path]:
+        """Return the files that may contain the code, the best first."""
+        if self._name is None:
+            return []
+        key = self._function, self._name, sig
+        shipped = [] if self._library_only else machine_code.shipped_files(*key)
+        file = machine_code.cache_file(*key)
+        return shipped if file is None else [*shipped, file]
 
 
 def library_cache(name: str, lasting: bool) -> Any:
     """Return the cache of the code with a name, in which nothing is kept unless it is `lasting`."""
 
     def location() -> None:
-        """Determine the directory and the name of the files."""
+        """Give the file its name."""
 
     location.__qualname__ = name
-    return _cache_of(location, name if lasting else None, _LibraryCache)
+    return _Cache(location, name if lasting else None, library_only=True)
 
 
 def compile_callback(
@@ -369,7 +318,7 @@ def compile_callback(
     compiled: Any = CFunc(
         function, (signature.args, signature.return_type), {}, {**FOR_C, **options}
     )
-    compiled._cache = _cache_of(function, name)
+    compiled._cache = _Cache(function, name)
     with pause_collection():
         compiled.compile()
     return compiled
@@ -390,7 +339,7 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
     entry.__qualname__ = function.__qualname__
     entry.__module__ = __name__
     compiled: Any = njit(nogil=True, **JIT)(entry)
-    compiled._cache = _cache_of(function, name)
+    compiled._cache = _Cache(function, name)
     result: Callable[..., Any] = compiled
     return result
 
@@ -401,7 +350,7 @@ def announce(notice: str) -> None:
 
     The message goes to a terminal, or else to the log ``mems_impact``.
     """
-    if notice == LOOP_NOTICE and precompiled.exists():
+    if notice == LOOP_NOTICE and machine_code.is_installed():
         notice += (
             "; the code compiled at installation is for other sources, or for another version of "
             "Python, numba or llvmlite"

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import types
-from numba.core.caching import FunctionCache
 
-from mems_impact.integrators.jit import numba_support
+from mems_impact.integrators.jit import machine_code, numba_support
 
 ROOT = Path(__file__).parents[3]
 NOTICE = numba_support.SYSTEM_NOTICE
@@ -105,10 +104,9 @@ def test_a_number_in_another_file_or_from_the_environment(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_a_broken_file_is_replaced(folder, kind):
+def test_a_broken_file_is_replaced(folder):
     for share in (0.5, 0.0):  # cut short, and empty
-        files = list(folder.compiled.rglob(f"*flow_kernel*.{kind}"))
+        files = list(folder.compiled.rglob("flow_kernel*.code"))
         assert files
         for file in files:
             file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
@@ -119,7 +117,7 @@ def test_a_broken_file_is_replaced(folder, kind):
 @pytest.mark.slow
 def test_an_edit_keeps_the_code_of_other_functions(folder):
     def kept(role):
-        return {file.name for file in folder.compiled.rglob(f"*{role}_kernel*.nbc")}
+        return {file.name for file in folder.compiled.rglob(f"{role}_kernel*.code")}
 
     before = {role: kept(role) for role in ("flow", "margins", "transition")}
     folder.write("system.py", SYSTEM.replace("return mode", "return mode + 0"))
@@ -141,10 +139,7 @@ def compiled():
 
 
 def test_no_directory_can_be_written(monkeypatch):
-    def refuse(*_):
-        raise RuntimeError("cannot cache function: no locator available")
-
-    monkeypatch.setattr(FunctionCache, "__init__", refuse)
+    monkeypatch.setattr(machine_code, "cache_directory", lambda: None)
     assert compiled() == 6.0
 
 
@@ -152,8 +147,8 @@ def test_the_disk_is_full(monkeypatch, caplog):
     def refuse(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(FunctionCache, "load_overload", lambda *_: None)
-    monkeypatch.setattr(FunctionCache, "save_overload", refuse)
+    monkeypatch.setattr(machine_code, "read", lambda *_: None)
+    monkeypatch.setattr(machine_code, "write", refuse)
     with caplog.at_level(logging.INFO, "mems_impact"):
         assert compiled() == 6.0
     assert "No space left" in caplog.text

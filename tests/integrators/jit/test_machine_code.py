@@ -1,4 +1,4 @@
-"""Machine code of an installation: loaded where it fits exactly, and nowhere else."""
+"""Machine code of an installation and of the cache: loaded where it fits, and nowhere else."""
 
 import io
 import logging
@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba import types
 
@@ -16,7 +17,7 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.integrators.auto import compiled as auto
 from mems_impact.integrators.cvode import compiled as cvode
 from mems_impact.integrators.dop853 import compiled as dop853
-from mems_impact.integrators.jit import kernels, numba_support, precompiled
+from mems_impact.integrators.jit import kernels, machine_code, numba_support
 
 ROOT = Path(__file__).parents[3]
 SIGNATURE = types.float64(types.float64)
@@ -29,41 +30,43 @@ def half(x):
 @pytest.fixture
 def place(tmp_path, monkeypatch):
     """An empty installation, and no prescription of a processor."""
-    monkeypatch.setattr(precompiled, "DIRECTORY", tmp_path / "precompiled")
-    monkeypatch.setattr(precompiled.config, "CPU_NAME", None)
-    monkeypatch.setattr(precompiled.config, "CPU_FEATURES", None)
+    monkeypatch.setattr(machine_code, "DIRECTORY", tmp_path / "precompiled")
+    monkeypatch.setattr(machine_code.config, "CPU_NAME", None)
+    monkeypatch.setattr(machine_code.config, "CPU_FEATURES", None)
     return tmp_path / "precompiled"
 
 
 def write(instruction_set, content="code"):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(precompiled.config, "CPU_NAME", instruction_set)
-        precompiled.write(half, "of a test", SIGNATURE, content)
+        patch.setattr(machine_code.config, "CPU_NAME", instruction_set)
+        file = machine_code.recorded_file(half, "of a test", SIGNATURE)
+        machine_code.write(file, content)
 
 
 def read():
-    return precompiled.read(half, "of a test", SIGNATURE)
+    files = machine_code.shipped_files(half, "of a test", SIGNATURE)
+    return next(filter(None, map(machine_code.read, files)), None)
 
 
 @pytest.mark.usefixtures("place")
 def test_the_best_instruction_set_of_the_processor_is_read(monkeypatch):
-    monkeypatch.setattr(precompiled, "instruction_sets", lambda: ("best", "baseline"))
+    monkeypatch.setattr(machine_code, "instruction_sets", lambda: ("best", "baseline"))
     assert read() is None
-    assert not precompiled.exists()
+    assert not machine_code.is_installed()
     write("beyond")
     assert read() is None
     write("baseline", "slow")
     assert read() == "slow"
     write("best", "fast")
     assert read() == "fast"
-    assert precompiled.exists()
+    assert machine_code.is_installed()
 
 
 def test_a_processor_without_fused_multiply_add_takes_the_baseline(monkeypatch):
-    features = dict.fromkeys((*precompiled.X86_64_V3, "sse2"), True)
-    monkeypatch.setattr(precompiled.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
-    monkeypatch.setattr(precompiled.llvm, "get_host_cpu_features", lambda: features)
-    sets = precompiled.instruction_sets.__wrapped__
+    features = dict.fromkeys((*machine_code.X86_64_V3, "sse2"), True)
+    monkeypatch.setattr(machine_code.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_features", lambda: features)
+    sets = machine_code.instruction_sets.__wrapped__
     assert sets() == ("x86-64-v3", "x86-64")
     features["fma"] = False
     assert sets() == ("x86-64",)
@@ -73,17 +76,17 @@ def test_a_processor_without_fused_multiply_add_takes_the_baseline(monkeypatch):
 @pytest.mark.parametrize(
     ("owner", "name", "other"),
     [
-        (precompiled.numba, "__version__", "0.1"),
-        (precompiled.llvmlite, "__version__", "0.1"),
-        (precompiled.sys.implementation, "cache_tag", "cpython-3"),
-        (precompiled.llvm, "get_process_triple", lambda: "aarch64-apple-darwin"),
-        (precompiled.config, "USING_SVML", not precompiled.config.USING_SVML),
-        (precompiled.config, "CPU_NAME", "generic"),
-        (precompiled.config, "CPU_FEATURES", "-avx"),
+        (machine_code.numba, "__version__", "0.1"),
+        (machine_code.llvmlite, "__version__", "0.1"),
+        (machine_code.sys.implementation, "cache_tag", "cpython-3"),
+        (machine_code.llvm, "get_process_triple", lambda: "aarch64-apple-darwin"),
+        (machine_code.config, "USING_SVML", not machine_code.config.USING_SVML),
+        (machine_code.config, "CPU_NAME", "generic"),
+        (machine_code.config, "CPU_FEATURES", "-avx"),
     ],
 )
 def test_code_of_another_installation_is_not_read(monkeypatch, owner, name, other):
-    monkeypatch.setattr(precompiled, "instruction_sets", lambda: ("baseline",))
+    monkeypatch.setattr(machine_code, "instruction_sets", lambda: ("baseline",))
     write("baseline")
     assert read() == "code"
     monkeypatch.setattr(owner, name, other)
@@ -91,13 +94,63 @@ def test_code_of_another_installation_is_not_read(monkeypatch, owner, name, othe
 
 
 def test_a_damaged_file_is_compiled_again(place, caplog):
-    write(precompiled.instruction_sets()[0])
+    write(machine_code.instruction_sets()[0])
     (file,) = place.iterdir()
     file.write_bytes(file.read_bytes()[:5])
     with caplog.at_level(logging.INFO, "mems_impact"):
         done = numba_support.compile_callback(half, SIGNATURE, "of a test")
     assert done.ctypes(3.0) == 1.5
     assert "cannot be read" in caplog.text
+
+
+def damaged(data, generator):
+    """Data with a bit flipped, cut off, or with a block exchanged."""
+    kind, place = generator.integers(3), int(generator.integers(len(data)))
+    if kind == 0:
+        flipped = data[place] ^ (1 << int(generator.integers(8)))
+        return data[:place] + bytes([flipped]) + data[place + 1 :]
+    return data[:place] if kind == 1 else data[place:] + data[:place] + b"\0"
+
+
+def test_a_file_with_a_changed_bit_or_of_another_function_is_not_read(tmp_path):
+    generator = np.random.default_rng(1)
+    one, other = tmp_path / "one.code", tmp_path / "other.code"
+    machine_code.write(one, ("code", bytes(1000)))
+    machine_code.write(other, ("code", bytes(1000)))
+    data = one.read_bytes()
+    for _ in range(300):
+        one.write_bytes(damaged(data, generator))
+        assert machine_code.read(one) is None
+    other.replace(one)
+    assert machine_code.read(one) is None
+    one.write_bytes(data)
+    assert machine_code.read(one) == ("code", bytes(1000))
+
+
+def test_the_cache_keeps_the_files_used_last(tmp_path):
+    files = [tmp_path / f"{i}.code" for i in range(10)]
+    for i, file in enumerate(files):
+        file.write_bytes(bytes(100))
+        os.utime(file, (1000.0 + i, 1000.0 + i))
+    machine_code.touch(files[0])
+    machine_code.prune(tmp_path, 450.0)
+    assert sorted(tmp_path.iterdir()) == sorted([files[0], *files[7:]])
+    machine_code.prune(tmp_path, 450.0)
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_processes_may_remove_files_at_the_same_time(tmp_path, monkeypatch):
+    for i in range(50):
+        (tmp_path / f"{i}.code").write_bytes(bytes(100))
+    unlink = Path.unlink
+
+    def twice(self, **options):
+        unlink(self, missing_ok=True)
+        unlink(self, **options)
+
+    monkeypatch.setattr(Path, "unlink", twice)
+    machine_code.prune(tmp_path, 1000.0)
+    assert len(list(tmp_path.iterdir())) == 10
 
 
 @pytest.mark.usefixtures("place")
@@ -121,13 +174,13 @@ def test_the_loop_finds_its_fields_in_every_handle(module):
 RUN = """
     import logging, sys
     from pathlib import Path
-    from mems_impact.integrators.jit import precompiled
-    precompiled.DIRECTORY = Path(sys.argv[1])
+    from mems_impact.integrators.jit import machine_code
+    machine_code.DIRECTORY = Path(sys.argv[1])
     from mems_impact.hybrid import precompilation
     from mems_impact.hybrid.simulation import run
     logging.basicConfig(level=logging.INFO)
     if "record" in sys.argv:
-        precompiled.record()
+        machine_code.record()
     print(repr(run(precompilation.decay("dop853"), precompilation.START, 1.0).final.y[0]))
 """
 
@@ -144,9 +197,9 @@ def test_a_first_run_compiles_the_automaton_only(tmp_path):
             check=True,
         )
 
-    first = go(precompiled.DIRECTORY)
+    first = go(machine_code.DIRECTORY)
     if numba_support.LOOP_NOTICE in first.stderr:  # not installed so, or edited since
-        (name, *_) = precompiled.instruction_sets()
+        (name, *_) = machine_code.instruction_sets()
         go(tmp_path / "code", "record", NUMBA_CPU_NAME=name, NUMBA_CPU_FEATURES="")
         first = go(tmp_path / "code")
     assert numba_support.LOOP_NOTICE not in first.stderr
