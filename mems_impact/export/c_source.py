@@ -28,6 +28,7 @@ import numpy as np
 
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.definition import GENERATED
+from mems_impact.integrators import library
 
 __all__ = [
     "BOOLEAN",
@@ -283,6 +284,7 @@ REAL_FUNCTIONS: dict[Any, str] = {
 }
 REAL_FUNCTIONS |= {
     math.gamma: "tgamma",
+    math.ldexp: "scaled",
     math.degrees: "to_degrees",
     math.radians: "to_radians",
     np.abs: "fabs",
@@ -329,7 +331,7 @@ REAL_FUNCTIONS |= {
     np.trunc: "trunc",
 }
 OF_TWO = {"atan2", "copysign", "fmod", "greater", "heaviside", "hypot", "lesser", "nextafter"}
-OF_TWO |= {"pow", "remainder"}  # C functions of two arguments
+OF_TWO |= {"pow", "remainder", "scaled"}  # C functions of two arguments
 INTEGER_FUNCTIONS: dict[Any, str] = {
     math.ceil: "ceil",
     math.floor: "floor",
@@ -381,6 +383,14 @@ SIGNS: dict[type, str] = {
     ast.BitXor: "^",
     ast.LShift: "<<",
     ast.RShift: ">>",
+}
+# Operators of integers whose results may need more bits.
+CHECKED = {
+    ast.Add: "sum_i",
+    ast.Sub: "difference_i",
+    ast.Mult: "product_i",
+    ast.LShift: "left_i",
+    ast.RShift: "right_i",
 }
 COMPARISONS: dict[type, tuple[Callable[..., Any], str]] = {
     ast.Eq: (operator.eq, "=="),
@@ -558,6 +568,9 @@ class FunctionWriter:
         self.node: ast.AST = self.text.tree
         self.variables: dict[str, Any] = {}
         self.result: Any = None
+        # Integers of the package are small.
+        module = function.__module__ or ""
+        self.checks = module.partition(".")[0] != "mems_impact" or module == library.__name__
         self.closure = inspect.getclosurevars(function).nonlocals if function.__closure__ else {}
 
     def write(self) -> CFunction:
@@ -809,6 +822,13 @@ class FunctionWriter:
         falls_through = self.block(statements)
         self.depth -= 1
         return falls_through
+
+    def do_Raise(self, node: ast.Raise) -> bool:
+        """Translate an exception to a fault, which ends the run."""
+        self.emit("(void)faulty();")
+        is_void = self.result is None or self.result == NOTHING or isinstance(self.result, Fixed)
+        self.emit("return;" if is_void else f"return {_no_value(self.result)};")
+        return False
 
     def do_Pass(self, node: ast.Pass) -> None:
         """Translate nothing."""
@@ -1351,6 +1371,8 @@ class FunctionWriter:
         if operand.fixed and _is_number(operand.kind.value):
             return constant(UNARY[type(node.op)](operand.kind.value))
         number = self.number(operand, "a sign")
+        if self.checks and isinstance(node.op, ast.USub) and number.kind != REAL:
+            return Expression(INTEGER, f"difference_i(0, {number.code})")
         kind = INTEGER if number.kind == BOOLEAN else number.kind
         mark = {ast.USub: "-", ast.UAdd: "+", ast.Invert: "~"}[type(node.op)]
         return Expression(kind, f"({mark}{number.code})")
@@ -1379,7 +1401,9 @@ class FunctionWriter:
         a, b = self.number(left, role), self.number(right, role)
         result = max(a.kind, b.kind, INTEGER, key=RANKS.__getitem__)
         if kind is ast.Div:
-            return Expression(REAL, f"((double){a.code} / (double){b.code})")
+            return Expression(
+                REAL, f"((double){self.exact(a).code} / (double){self.exact(b).code})"
+            )
         if kind is ast.Pow:
             return self.power(a, b, right, result)
         if kind in (ast.FloorDiv, ast.Mod):
@@ -1388,6 +1412,8 @@ class FunctionWriter:
             return Expression(result, f"{name}{suffix}({a.code}, {b.code})")
         if kind not in SIGNS:
             self.refuse(role, "use arithmetic of numbers", node)
+        if result == INTEGER and self.checks and kind in CHECKED:
+            return Expression(INTEGER, f"{CHECKED[kind]}({a.code}, {b.code})")
         if result == INTEGER:
             codes = [f"(int64_t){each.code}" for each in (a, b)]
         else:
@@ -1515,6 +1541,8 @@ class FunctionWriter:
         if a.fixed and b.fixed:
             return constant(bool(compare(a.kind.value, b.kind.value)))
         left, right = self.number(a, "a comparison"), self.number(b, "a comparison")
+        if REAL in (left.kind, right.kind):
+            left, right = self.exact(left), self.exact(right)
         return Expression(BOOLEAN, f"({left.code} {mark} {right.code})")
 
     # --- Calls
@@ -1644,9 +1672,9 @@ class FunctionWriter:
                 pass
         if keywords and is_pure:
             self.refuse("arguments by name", "give them by position", node)
-        if function in REAL_FUNCTIONS:
-            name = REAL_FUNCTIONS[function]
-            count = 2 if name in OF_TWO else 1
+        name = REAL_FUNCTIONS.get(function, "")
+        count = 2 if name in OF_TWO else 1
+        if name and (len(arguments) == count or function not in library.FUNCTIONS):
             if len(arguments) != count:
                 self.refuse(f"{function.__name__} of {len(arguments)} numbers", f"give {count}")
             codes = ", ".join(self.number(each, "a function").code for each in arguments)
@@ -1655,7 +1683,7 @@ class FunctionWriter:
             return Expression(REAL, f"{name}({codes})")
         if function in INTEGER_FUNCTIONS and len(arguments) == 1:
             code = self.number(arguments[0], "a function").code
-            return Expression(INTEGER, f"((int64_t){INTEGER_FUNCTIONS[function]}({code}))")
+            return Expression(INTEGER, self.integer(f"{INTEGER_FUNCTIONS[function]}({code})"))
         if function in TESTS:
             result = self.number(arguments[0], "a test")
             return Expression(BOOLEAN, f"({TESTS[function]}((double){result.code}) != 0)")
@@ -1663,6 +1691,8 @@ class FunctionWriter:
             result = self.number(arguments[0], "a conversion")
             if result.kind == CASTS[function]:
                 return result
+            if CASTS[function] == INTEGER and result.kind == REAL:
+                return Expression(INTEGER, self.integer(result.code))
             if function in (bool, np.bool_):
                 return Expression(BOOLEAN, f"({result.code} != 0)")
             return Expression(CASTS[function], f"(({CASTS[function].ctype}){result.code})")
@@ -1672,9 +1702,8 @@ class FunctionWriter:
             return Expression(REAL if result.kind == REAL else INTEGER, f"{name}({result.code})")
         if function in (min, max):
             return self.extreme(function, arguments, node)
-        if function is math.log:
-            logs = [f"log({self.number(each, 'log').code})" for each in arguments]
-            return Expression(REAL, logs[0] if len(logs) == 1 else f"({logs[0]} / {logs[1]})")
+        if function is math.log and len(arguments) == 1:
+            return Expression(REAL, f"log({self.number(arguments[0], 'log').code})")
         if function is pow and len(arguments) == 2:
             return self.binary(ast.Pow(), arguments[0], arguments[1], node)
         if function is len:
@@ -1709,7 +1738,18 @@ class FunctionWriter:
             for i, item in enumerate(items):
                 self.emit(f"{result.code}[{i}] = {item.code};")
             return result
-        return None
+        other = library.FUNCTIONS.get(function)
+        return None if other is None else self.call(other, arguments, keywords, node)
+
+    def exact(self, expression: Expression) -> Expression:
+        """Return an integer as a real number."""
+        if not self.checks or expression.kind != INTEGER:
+            return expression
+        return Expression(REAL, f"exact_real({expression.code})")
+
+    def integer(self, code: str) -> str:
+        """Return the integer of a real number."""
+        return f"integer_of({code})" if self.checks else f"((int64_t){code})"
 
     def new_array(self, function: Any, length: Expression, node: ast.AST) -> Expression:
         """Return a new local array of constant length."""

@@ -296,7 +296,7 @@ def remembering(x):
 
 
 def of_three(x):
-    return math.hypot(x, x, 1.0)
+    return math.fsum((x, x, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -307,7 +307,7 @@ def of_three(x):
         (integer_power, "a power of integers with a variable exponent"),
         (identical, "compare them by =="),
         (remembering, "an assignment to an item of a constant"),
-        (of_three, "hypot of 3 numbers; give 2"),
+        (of_three, "the function math.fsum"),
         (vector_sum, "the operator Mult of an array"),
         (generator, "GeneratorExp"),
         (of_scipy, "norm"),

@@ -74,6 +74,7 @@ static void engine_flow(Engine *engine, int64_t mode, double t, double *y, doubl
     int j;
     for (j = 0; j < STATES; j++) dy[j] = NAN;
     MODEL_FLOW(mode, t, y, engine->parameters, dy);
+    if (take_integer_fault()) dy[0] = NAN;
 }
 
 static void engine_margins(Engine *engine, int64_t mode, double t, double *y, double *out)
@@ -81,10 +82,14 @@ static void engine_margins(Engine *engine, int64_t mode, double t, double *y, do
     int i;
     for (i = 0; i < 2 * GUARDS; i++) out[i] = 1.0;
     MODEL_MARGINS(mode, t, y, engine->parameters, out, out + GUARDS);
+    if (take_integer_fault()) out[0] = NAN;
 }
 
 static int64_t engine_transition(Engine *engine, int64_t mode, int64_t code, double t, double *y)
-{ return MODEL_TRANSITION(mode, code, t, y, engine->parameters); }
+{
+    int64_t new_mode = MODEL_TRANSITION(mode, code, t, y, engine->parameters);
+    return take_integer_fault() ? INT64_MIN : new_mode;
+}
 
 static void engine_restart(Engine *engine, int64_t mode, double t, double *y, double stop)
 {

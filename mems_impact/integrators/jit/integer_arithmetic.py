@@ -76,7 +76,7 @@ def _with_overflow(name: str) -> Any:
 
 
 def _of_reals(function: Callable[..., Any], result: Any) -> Any:
-    """Return an intrinsic of an operation of which integers are operands as real numbers."""
+    """Return an intrinsic that converts integer operands to real numbers, if they are exact."""
 
     @intrinsic
     def operation(_typing: Any, a: Any, b: Any) -> Any:
