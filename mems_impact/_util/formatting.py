@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import PurePath
 from typing import Any
 
-__all__ = ["escape", "html_table", "label", "printable", "shown", "stem"]
+__all__ = ["class_name", "escape", "html_table", "label", "printable", "shown", "stem"]
 
 # Longest value and name in a message, in characters.
 _LONGEST_VALUE = 60
@@ -17,6 +17,17 @@ _LONGEST_NAME = 300
 
 # Characters that neither XML nor TOML can hold.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+def class_name(kind: str) -> str:
+    """Return the name of the class of a kind: "pulse-and-hold" and "pulse_and_hold" alike.
+
+    Examples
+    --------
+    >>> class_name("pulse-and-hold")
+    'PulseAndHold'
+    """
+    return "".join(word.capitalize() for word in kind.replace("-", "_").split("_"))
 
 
 def label(name: str) -> str:

@@ -6,12 +6,14 @@ multiplication or division, so that the round trip is exact to one rounding.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["DIMENSIONLESS", "PREFIXED", "SI_PREFIXES", "Scales"]
+__all__ = ["DIMENSIONLESS", "PREFIXED", "SI_PREFIXES", "Scales", "si_prefixed"]
 
 SI_PREFIXES = {
     -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
@@ -20,6 +22,25 @@ SI_PREFIXES = {
 """SI prefixes by their powers of ten."""
 PREFIXED = ("m", "s", "V", "Hz", "J", "N", "F", "W", "C", "A", "Pa", "ohm")
 """Units that take prefixes, alone or as the first factor; not the kilogram, which has one."""
+
+
+def si_prefixed(unit: str, size: float) -> tuple[int, str]:
+    """Return the power of ten of the prefix for numbers of a size, and the unit with the prefix.
+
+    The first factor of a unit takes the prefix; 0 and the unit itself if it takes none.
+
+    Examples
+    --------
+    >>> si_prefixed("m", 5e-6), si_prefixed("kg", 2e-6), si_prefixed("rad/s", 750.0)
+    ((-6, 'µm'), (-6, 'mg'), (0, 'rad/s'))
+    """
+    first = re.split("[ /]", unit)[0]
+    kilo = 3 if first == "kg" else 0  # the prefix that the kilogram has
+    if not (kilo or first in PREFIXED) or not 0.0 < size < math.inf:
+        return 0, unit
+    power = 3 * math.floor((math.log10(size) + kilo) / 3.0 + 1e-9)
+    power = min(max(power, min(SI_PREFIXES)), max(SI_PREFIXES))
+    return power - kilo, SI_PREFIXES[power] + unit.removeprefix("k" if kilo else "")
 
 
 @dataclass(frozen=True, kw_only=True)

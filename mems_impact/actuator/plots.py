@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.closing import Closing
     from mems_impact.actuator.design.energy import Energy
     from mems_impact.actuator.design.load_curve import LoadCurve
+    from mems_impact.actuator.design.operating_chart import OperatingChart
     from mems_impact.actuator.design.soft_landing import SoftLanding
     from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
@@ -74,28 +75,8 @@ INSET = (0.42, 0.28)  # width and height, relative to the axes
 TITLE = 0.07  # height of its title
 
 
-class ChartData(Protocol):
-    """Interface of `plot_chart` to an `OperatingChart`."""
-
-    @property
-    def parameters(self) -> tuple[str, str]:
-        """Names of the parameters of the two axes."""
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per point of a boundary."""
-
-    @property
-    def types(self) -> pd.DataFrame:
-        """One row per type."""
-
-    @property
-    def special_table(self) -> pd.DataFrame:
-        """One row per point of codimension two."""
-
-
 @styled
-def plot_chart(chart: ChartData, ax: Any = None) -> Any:
+def plot_chart(chart: OperatingChart, ax: Any = None) -> Any:
     """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
     Crosses are simulated values, other points are continued. The types of the paper are shaded,

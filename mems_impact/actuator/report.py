@@ -65,7 +65,6 @@ from mems_impact.tables import sweep_summary, unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.actuator.plots import ChartData
 
 __all__ = ["report"]
 
@@ -360,10 +359,9 @@ class ReportMaker:
             f"Voltages at which the device switches on, and off again, between {amount(low, unit)} "
             f"and {amount(high, unit)}{RESONANCES.get(force_periods, '')}."
         )
-        data: ChartData = chart
         blocks: list[Block] = [
             text,
-            picture(lambda: plot_chart(data).figure, "On- and off-voltage over the frequency."),
+            picture(lambda: plot_chart(chart).figure, "On- and off-voltage over the frequency."),
         ]
         if any(boundary == "slip" for boundary, *_ in chart.pieces):
             blocks.append("The frame slips above the solid line.")

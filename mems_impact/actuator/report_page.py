@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from mems_impact._util.files import replacing
 from mems_impact._util.formatting import escape
-from mems_impact._util.units import PREFIXED, SI_PREFIXES
+from mems_impact._util.units import si_prefixed
 from mems_impact.systems.result import SummaryRepr
 
 __all__ = [
@@ -154,7 +154,7 @@ class DeviceReport(SummaryRepr):
 # --- Numbers as text
 
 DIGITS = 4
-LEAST_POWER = -15  # of ten, of the smallest prefix
+LEAST_SIZE = 1e-15  # of a number with a prefix: smaller prefixes are little known
 
 
 def amount(value: float, unit: str = "") -> str:
@@ -170,16 +170,13 @@ def amount(value: float, unit: str = "") -> str:
     if math.isinf(value):
         return "unlimited" if value > 0.0 else "−∞"
     power, size = 0, abs(float(f"{value:.{DIGITS}g}"))
-    if unit == "kg" and 0.0 < size < 1e-3:
-        value, unit, size = 1e3 * value, "g", 1e3 * size
     if unit == "m^2" and 0.0 < size < 1e-4:
         value, unit = (1e12 * value, "µm^2") if size < 1e-9 else (1e6 * value, "mm^2")
-    first = unit.partition("/")[0].split(" ")[0]
-    if (first in PREFIXED or first == "g") and size > 0.0 and not 1.0 <= size < 1e3:
-        power = 3 * math.floor(math.log10(size) / 3.0)
-        power = power if LEAST_POWER <= power <= (0 if first == "s" else 9) else 0
+    least, most = {"kg": (1e-3, math.inf), "s": (1.0, math.inf)}.get(unit, (1.0, 1e3))
+    if LEAST_SIZE <= size < least or size >= most:
+        power, unit = si_prefixed(unit, size)
     number = f"{value / 10.0**power:.{DIGITS}g}".replace("e+0", "e").replace("e-0", "e-")
-    text = f"{number} {SI_PREFIXES[power]}{unit}".rstrip()
+    text = f"{number} {unit}".rstrip()
     return text.replace("^2", "²").replace("^3", "³")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from mems_impact._util.formatting import label, stem
-from mems_impact._util.units import PREFIXED, SI_PREFIXES
+from mems_impact._util.units import si_prefixed
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import PARAMETER_MEANINGS, Actuator, load_actuator
@@ -63,22 +63,10 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     >>> best_si_prefix("m", 5e-6), best_si_prefix("kg", 2e-6), best_si_prefix("rad/s", 750.0)
     ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))
     """
-    first, rest = unit, ""
-    for position, letter in enumerate(unit):
-        if letter in " /":
-            first, rest = unit[:position], unit[position:]
-            break
-    gram = first == "kg"
-    prefixable = gram or first in PREFIXED
-    if not prefixable or not (abs(size) > 0.0 and math.isfinite(size)):
+    if 0.1 <= abs(size) < 1e4 and not unit.startswith("kg"):  # 0.24 V and 1500 Hz need no prefix
         return 1.0, unit
-    power = math.log10(abs(size))
-    if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz need no prefix
-        return 1.0, unit
-    thousands = 3 * math.floor((power + (3 if gram else 0)) / 3.0 + 1e-9)
-    thousands = min(max(thousands, min(SI_PREFIXES)), max(SI_PREFIXES))
-    factor = 10.0 ** (thousands - (3 if gram else 0))
-    return factor, f"{SI_PREFIXES[thousands]}{'g' if gram else first}{rest}"
+    power, name = si_prefixed(unit, abs(size))
+    return 10.0**power, name
 
 
 # --- Subject of a page

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import class_name
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     EngineFallbackWarning,
@@ -308,7 +309,7 @@ def _module(form: str, options: Options) -> Any:
 
 def _engine_class(form: str, options: Options) -> Any:
     """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""
-    name = f"{form.capitalize()}{FOLDERS[str(options.method)].capitalize()}"
+    name = class_name(f"{form}_{FOLDERS[str(options.method)]}")
     return getattr(_module(form, options), name)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -39,6 +39,10 @@ from mems_impact.plotting.style import (
 )
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.tables import NUMBER, PERIOD, impact_changes, sweep_summary, without_units
+
+if TYPE_CHECKING:
+    from mems_impact.analysis.branch import Curve
+    from mems_impact.studies.bifurcation_diagram import BifurcationDiagram
 
 __all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
 
@@ -162,20 +166,10 @@ def plot_branch(
     return ax
 
 
-class BranchTree(Protocol):
-    """Interface of `mems_impact.studies.bifurcation_diagram.BifurcationDiagram`."""
-
-    @property
-    def branches(self) -> Sequence[Diagram]:
-        """The branches."""
-
-    @property
-    def cloud(self) -> pd.DataFrame:
-        """The attractors on the section."""
-
-
 @styled
-def plot_diagram(diagram: BranchTree, ax: Any = None, *, quantity: str | None = None) -> Any:
+def plot_diagram(
+    diagram: BifurcationDiagram, ax: Any = None, *, quantity: str | None = None
+) -> Any:
     """Draw a bifurcation diagram: its branches over its attractors.
 
     Stable orbits are solid lines, unstable ones dashed, with the labels of `plot_branch`; dots are
@@ -312,24 +306,8 @@ SOLID = (LINES[0], LINES[1], LINES[3], (0, (8, 2)))  # inadmissible parts are do
 CURVE_SAME = 0.005  # distance at which points coincide, as a part of the axes
 
 
-class Boundary(Protocol):
-    """Interface of `mems_impact.analysis.branch.Curve` for `plot_curve`."""
-
-    @property
-    def kind(self) -> str:
-        """Kind of the special point."""
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per orbit, the two parameters first."""
-
-    @property
-    def special_table(self) -> pd.DataFrame:
-        """One row per point of codimension two."""
-
-
 @styled
-def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
+def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Any:
     """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
 
     The axes are those of the first curve; others may have the two parameters in either order.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact._util.units import PREFIXED, SI_PREFIXES
+from mems_impact._util.units import si_prefixed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -550,9 +550,9 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
     power = math.floor(math.log10(largest))
     if -2 <= power <= 3:
         return 0, unit
-    thousands = 3 * (power // 3)
-    if unit.split("/")[0] in PREFIXED and thousands in SI_PREFIXES:
-        return thousands, SI_PREFIXES[thousands] + unit
+    thousands, name = si_prefixed(unit, largest)
+    if thousands:
+        return thousands, name
     return power, " ".join(filter(None, (f"$10^{{{power}}}$", unit)))
 
 

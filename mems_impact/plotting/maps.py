@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, legend_above, parameter_label
 from mems_impact.plotting.style import LINES, boundary_line, new_figure, styled, thickness
-from mems_impact.studies.attractor_matching import ATTRACTOR, label_partial
+from mems_impact.studies.attractor_matching import ATTRACTOR, PartialBasins, label_partial
 from mems_impact.studies.attractor_study import (
     MOTION,
     STATIONARY_STATUSES,
@@ -24,6 +24,9 @@ from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.systems.statistics import CHAOTIC, FAILED, OFF, QUASI_PERIODIC, RESTING, UNSETTLED
 from mems_impact.tables import without_units
+
+if TYPE_CHECKING:
+    from mems_impact.studies.basins import Basins
 
 __all__ = ["plot_basins", "plot_map"]
 
@@ -37,25 +40,9 @@ OTHER_COLOR, FAILED_COLOR = "0.6", "white"
 MARKERS = "os^Dv<>"
 
 
-class BasinsLike(Protocol):
-    """Interface of `Basins` for `plot_basins`."""
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per point."""
-
-    @property
-    def attractors(self) -> pd.DataFrame:
-        """One row per attractor, the largest share first."""
-
-    @property
-    def returns(self) -> pd.DataFrame:
-        """The states at the returns of each attractor."""
-
-
 @styled
 def plot_basins(
-    basins: BasinsLike | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
+    basins: Basins | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
 ) -> Any:
     """Draw basins of attraction, and the attractors over them.
 
@@ -96,12 +83,13 @@ def plot_basins(
     >>> found = mi.basins(actuator, drive, x=("x2", [-0.2, 0.0, 0.2]), y=("v2", v2))
     >>> mi.plot_basins(found).figure.savefig("basins.png")
     """
+    shown: Any = basins
     if isinstance(basins, StoredStudy) and basins.kind == "basins":
-        basins = label_partial(basins.table)
-    if isinstance(basins, StoredStudy) or not hasattr(basins, "returns"):
+        shown = label_partial(basins.table)
+    if not hasattr(shown, "returns"):
         allowed = "Basins, as mems_impact.basins returns them, or their store"
         raise InvalidParameter("basins", type(basins).__name__, allowed)
-    table = basins.table
+    table = shown.table
     starts = table.attrs["starts"]
     for field, name in (("x", x), ("y", y)):
         if name is not None and name not in starts:
@@ -110,9 +98,9 @@ def plot_basins(
     up = y or next((name for name in starts if name != across), None)
     if ax is None:
         # A legend of many attractors has three rows.
-        many = len(basins.attractors) > TWO_ROWS
+        many = len(shown.attractors) > TWO_ROWS
         ax = new_figure((1.6 if many else 1.4) if up else 0.6).subplots()
-    styles = _styles(basins.attractors)
+    styles = _styles(shown.attractors)
     codes = table[ATTRACTOR].map({name: i for i, name in enumerate(styles)}).to_numpy()
     look = _look([color for color, _ in styles.values()])
     if up is None:
@@ -122,10 +110,10 @@ def plot_basins(
         ax.set(ylim=(0.0, 1.0), yticks=[])
     else:
         _draw_plane(ax, table, (across, up), codes, look)
-        _draw_returns(ax, basins.returns, (across, up), styles)
+        _draw_returns(ax, shown.returns, (across, up), styles)
         label_axis(ax.yaxis, parameter_label(table, up))
     label_axis(ax.xaxis, parameter_label(table, across))
-    _legend(ax, basins, styles, marked=up is not None)
+    _legend(ax, shown, styles, marked=up is not None)
     return ax
 
 
@@ -182,7 +170,9 @@ def _draw_returns(
     ax.set_ylim(limits[1])
 
 
-def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], marked: bool) -> None:
+def _legend(
+    ax: Any, basins: Basins | PartialBasins, styles: dict[str, tuple[str, str]], marked: bool
+) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

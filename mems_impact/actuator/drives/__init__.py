@@ -1,30 +1,24 @@
 """Voltage waveforms, one per file, with the interface of `drives.base.Drive`."""
 
-from importlib import import_module
-from typing import Any
+import lazy_loader
 
-WAVEFORMS = {
-    "sine": "Sine",
-    "square": "Square",
-    "pulse": "Pulse",
-    "trapezoid": "Trapezoid",
-    "step": "Step",
-    "pulse-and-hold": "PulseAndHold",
-    "sampled": "Sampled",
-    "burst": "Burst",
-    "two-sided": "TwoSided",
-    "custom": "Custom",
-}
+from mems_impact._util.formatting import class_name
+
+_KINDS = (
+    "sine", "square", "pulse", "trapezoid", "step", "pulse-and-hold", "sampled", "burst",
+    "two-sided", "custom",
+)  # fmt: skip
+WAVEFORMS = {kind: class_name(kind) for kind in _KINDS}
 """All waveforms: the kind, as used in files and on the command line, and the class.
 
 The kind with underscores is also the name of the file. Importing this module imports none of them.
 """
 
-_HOMES = {name: kind.replace("-", "_") for kind, name in WAVEFORMS.items()}
-_HOMES |= {"Drive": "base", "load_drive": "files"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "base": ["Drive"],
+        "files": ["load_drive"],
+        **{kind.replace("-", "_"): [name] for kind, name in WAVEFORMS.items()},
+    },
+)

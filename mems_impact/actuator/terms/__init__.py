@@ -4,23 +4,22 @@ Every other module here is a term: `squeeze_film.py` defines the class `SqueezeF
 table ``[squeeze_film]`` in device files. Importing the package imports none of them.
 """
 
-from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any
+
+import lazy_loader
+
+from mems_impact._util.formatting import class_name
 
 _NO_TERMS = ("base", "files", "table")
 
 TERM_CLASSES = {
-    each.name: "".join(word.capitalize() for word in each.name.split("_"))
+    each.name: class_name(each.name)
     for each in iter_modules(__path__)
     if each.name not in _NO_TERMS
 }
 """All terms: the name in files and parameters, and the class."""
 
-_HOMES = {"Term": "base", **{name: kind for kind, name in TERM_CLASSES.items()}}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={"base": ["Term"], **{kind: [name] for kind, name in TERM_CLASSES.items()}},
+)
