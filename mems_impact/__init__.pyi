@@ -1,6 +1,4 @@
 # The public names, each with its module: imported on first use by `__init__.py`.
-from .actuator.design.blows import BlowStatistics as BlowStatistics
-from .actuator.design.blows import blows as blows
 from .actuator.design.characteristics import DutyCycle as DutyCycle
 from .actuator.design.characteristics import PeriodOneWindow as PeriodOneWindow
 from .actuator.design.characteristics import duty_cycle as duty_cycle
@@ -54,6 +52,7 @@ from .actuator.plots import plot_load as plot_load
 from .actuator.plots import plot_response as plot_response
 from .actuator.report import report as report
 from .actuator.report_page import DeviceReport as DeviceReport
+from .actuator.results import BlowStatistics as BlowStatistics
 from .actuator.system import kicked_state as kicked_state
 from .actuator.system_files import load_study as load_study
 from .actuator.system_files import load_system as load_system

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -23,6 +23,7 @@ from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.simulation import Events
+from mems_impact.systems.result import SummaryRepr
 from mems_impact.tables import (
     Labels,
     category_column,
@@ -43,6 +44,7 @@ __all__ = [
     "SYMBOLS",
     "ActuatorOrbit",
     "ActuatorRun",
+    "BlowStatistics",
     "chart",
     "chart_points",
     "chart_types",
@@ -335,6 +337,52 @@ class _OfActuator:
         return drive
 
 
+@dataclass(frozen=True, kw_only=True, repr=False)
+class BlowStatistics(SummaryRepr):
+    """Statistics of the blows in the window of a run (`Run.blow_statistics`).
+
+    A blow is an impact, or a chatter sequence on one stopper that ends in sticking contact;
+    `mems_impact.Run.blows` has one row per blow. Numbers per *impact*, in `Run.statistics`, count
+    every bounce.
+
+    Attributes
+    ----------
+    count : int
+        Number of blows whose first impact is in the window.
+    per_period : float
+        Blows per forcing period.
+    displacement_per_blow : float
+        Displacement of the frame over the window divided by the number of blows, with the slip
+        between blows, which the column "displacement" of `Run.blows` excludes; 0 without
+        displacement and blows, NaN if the frame slips without blows.
+    displacement_std : float
+        Population standard deviation of that column; NaN without blows.
+    si : bool
+        Whether the displacements are in SI, as for a device in SI.
+
+    See Also
+    --------
+    simulate, step_lengths
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> found = run.blow_statistics
+    >>> f"{found.displacement_per_blow * 1e9:.1f} nm", found.per_period
+    ('20.0 nm', 1.0)
+    """
+
+    si_units = {"displacement_per_blow": "m", "displacement_std": "m"}  # noqa: RUF012 - ClassVar in Summarized
+
+    count: int
+    per_period: float
+    displacement_per_blow: float
+    displacement_std: float
+    si: bool = False
+
+
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
@@ -374,6 +422,19 @@ class ActuatorRun(_OfActuator, Run):
             each.first, each.impacts, each.rests, each.displacement, each.energy, period,
             self.system,
         )  # fmt: skip
+
+    @property
+    def blow_statistics(self) -> BlowStatistics:
+        """Statistics of the blows in the window."""
+        measured, scales = self.measured, self.system.scales
+        still = measured.blows == 0 and measured.displacement_per_period == 0.0
+        return BlowStatistics(
+            count=measured.blows,
+            per_period=measured.blows_per_period,
+            displacement_per_blow=0.0 if still else scales.out(measured.displacement_per_blow, "m"),
+            displacement_std=scales.out(measured.displacement_per_blow_std, "m"),
+            si=scales.named,
+        )
 
     @cached_property
     def measured(self) -> Statistics:

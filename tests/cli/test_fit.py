@@ -46,8 +46,8 @@ def test_fit_is_that_of_python(cli, tmp_path):
 @pytest.mark.slow
 def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
     measured = {
-        volts: mi.blows(mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,
-                                    window=(2, 4))).displacement_per_blow
+        volts: mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,
+                           window=(2, 4)).blow_statistics.displacement_per_blow
         for volts in (60, 100)
     }  # fmt: skip
     done = cli(

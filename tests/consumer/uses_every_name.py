@@ -87,7 +87,7 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     )
     assert_type(mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun)
     assert_type(run.verify(), mi.Verification)
-    assert_type(mi.blows(run), mi.BlowStatistics)
+    assert_type(run.blow_statistics, mi.BlowStatistics)
     assert_type(mi.duty_cycle(run), mi.DutyCycle)
     assert_type(mi.energy(run), mi.Energy)
     assert_type(mi.life(run, wear=1e-16, area=1e-9, depth=1e-7), mi.WearLife)

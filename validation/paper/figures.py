@@ -20,7 +20,6 @@ from mems_impact.actuator.automaton import (
     V2,
     side_of,
 )
-from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.design.operating_chart import (
     OperatingChart,
@@ -188,11 +187,11 @@ def figure3(devices: Devices, effort: Effort) -> Outcome:
     rows = []
     for hertz in (HERTZ, 0.1 * HERTZ, 10.0 * HERTZ):
         for amplitude in volts.tolist():
-            found = blows(_device_run(device, amplitude, hertz))
+            found = _device_run(device, amplitude, hertz).blow_statistics
             rows.append((hertz, amplitude, found.displacement_per_blow, found.per_period))
     table = pd.DataFrame(rows, columns=DISPLACEMENT_COLUMNS)
     run = _device_run(device, VOLTS, HERTZ)
-    at = blows(run)
+    at = run.blow_statistics
     cycle = 2.0 * math.pi / (2.0 * math.pi * HERTZ) / run.drive.period  # in forcing periods
     quasi = table.loc[(table.iloc[:, 0] == 0.1 * HERTZ) & (table.iloc[:, 2] > 0.0)].iloc[0, 2]
     return Outcome(

@@ -325,7 +325,7 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
 
     See Also
     --------
-    step_length, simulate, blows
+    step_length, simulate, BlowStatistics
 
     Examples
     --------
@@ -373,7 +373,7 @@ def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     return (
         f"each of {right} impacts on the right stopper strikes a frame that already slips (for "
         f"{run.measured.share_slipping:.3g} of the time), so that no step ends before the "
-        "next; use displacement_per_blow of blows(run)"
+        "next; use run.blow_statistics.displacement_per_blow"
     )
 
 

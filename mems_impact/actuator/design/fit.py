@@ -15,7 +15,6 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import has_unit, percentage, quantity
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import results
-from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import (
@@ -53,7 +52,7 @@ def _per_impact(run: Run) -> float:
 # Quantities of a run, and quantities of the device alone, each with its unit. The names are those
 # of `Run.statistics`.
 OF_RUN: dict[str, tuple[Callable[[Run], float], str]] = {
-    "displacement per blow": (lambda run: blows(run).displacement_per_blow, "m"),
+    "displacement per blow": (lambda run: run.blow_statistics.displacement_per_blow, "m"),
     "blows per period": (lambda run: run.measured.blows_per_period, ""),
     "displacement per impact": (_per_impact, "m"),
     "impacts per period": (lambda run: run.measured.impacts_per_period, ""),

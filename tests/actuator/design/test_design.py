@@ -67,7 +67,7 @@ def test_no_steps_say_why():
     run = mi.simulate(SLIPPING, PULLED, 12, options=INTERPRETED)
     with pytest.raises(mi.InvalidParameter, match=r"frame that already slips .* blows\(run\)"):
         mi.step_lengths(run)
-    assert mi.blows(run).displacement_per_blow != 0.0
+    assert run.blow_statistics.displacement_per_blow != 0.0
     quiet = mi.simulate(SLIPPING, PULLED.replace(amplitude=10.0), 2, options=INTERPRETED)
     with pytest.raises(mi.InvalidParameter, match="no impact on the right stopper; raise"):
         mi.step_lengths(quiet)
@@ -142,7 +142,7 @@ def test_period_one_window_of_type_two():
 
 def test_preset_does_what_was_measured():
     run = mi.simulate(MITA, mi.Sine(amplitude=100.0, omega=2 * math.pi), 8, window=(2, 8))
-    found = mi.blows(run)
+    found = run.blow_statistics
     assert abs(found.displacement_per_blow / 20e-9 - 1) < 0.01
     assert found.per_period == 1.0  # two in a cycle of the voltage, which is two forcing periods
     assert run.statistics["chatter sequences"] == found.count
@@ -154,7 +154,7 @@ def test_the_step_of_a_slow_device_grows_with_the_rate_of_the_voltage():
     def step(volts, hertz):
         run = mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi * hertz), 4,
                           window=(2, 4))  # fmt: skip
-        return mi.blows(run).displacement_per_blow
+        return run.blow_statistics.displacement_per_blow
 
     assert step(31.0, 1) == 0.0  # pull-in is at 31.6 V
     assert step(33.0, 1) < step(60.0, 1) < step(100.0, 1) < step(150.0, 1)
@@ -163,11 +163,11 @@ def test_the_step_of_a_slow_device_grows_with_the_rate_of_the_voltage():
 
 def test_blows_without_rest_are_impacts():
     run = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 100, window=(50, 100))
-    found = mi.blows(run)
+    found = run.blow_statistics
     assert found.count == 50
     assert found.displacement_std < 1e-12
     assert found.displacement_per_blow == run.statistics["displacement per impact"]
-    quiet = mi.blows(mi.simulate(PAPER, mi.Sine(amplitude=0.1, omega=0.5), 10))
+    quiet = mi.simulate(PAPER, mi.Sine(amplitude=0.1, omega=0.5), 10).blow_statistics
     assert (quiet.count, quiet.displacement_per_blow) == (0, 0.0)
     assert math.isnan(quiet.displacement_std)
 

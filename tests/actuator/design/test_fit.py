@@ -13,7 +13,7 @@ FASTER = mi.Sine(amplitude=60.0, omega=2 * math.pi)
 
 
 def measured(device, drive):
-    return mi.blows(mi.simulate(device, drive, 4, window=(2, 4))).displacement_per_blow
+    return mi.simulate(device, drive, 4, window=(2, 4)).blow_statistics.displacement_per_blow
 
 
 def test_two_parameters_are_found_again():

@@ -17,7 +17,7 @@ SEEDS = range(5)
 def test_a_frame_that_slips_without_blows():
     drive = mi.Sine(amplitude=30.0, omega=2.0 * math.pi * 480.0)
     run = mi.simulate(SLIPPING, drive, 100, window=(50, 100))
-    found = mi.blows(run)
+    found = run.blow_statistics
     assert (found.count, found.per_period, len(run.blows)) == (0, 0.0, 0)
     assert math.isnan(found.displacement_per_blow)  # it walks, and no blow is to be divided by
     worn = mi.life(run, wear=1e-15, area=1e-8, depth=1e-7)
@@ -34,7 +34,7 @@ def test_readings(seed):
     speed = run.statistics["mean speed"]
     found = mi.ring_down(run)
     assert found.quality == pytest.approx(math.sqrt(device.k * device.m2) / device.c, rel=1e-8)
-    struck = mi.blows(run)
+    struck = run.blow_statistics
     assert struck.count == 100
     per_period = struck.displacement_per_blow
     assert per_period == pytest.approx(run.statistics["displacement per period"], rel=1e-9)

@@ -74,7 +74,7 @@ def test_blows_against_their_table(chattering):
         table["displacement"].std(ddof=0), rel=1e-12
     )
     assert number["displacement per blow std"] > number["displacement per impact std"] > 0.0
-    found = mi.blows(run)
+    found = run.blow_statistics
     assert found.count == len(table)
     assert found.displacement_per_blow == number["displacement per blow"]
     assert found.displacement_std == number["displacement per blow std"]
