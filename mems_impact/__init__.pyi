@@ -99,12 +99,14 @@ from .analysis.manifold import Manifold as Manifold
 from .analysis.manifold import manifold as manifold
 from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
+from .analysis.settling import Settling as Settling
 from .analysis.sliding_type import SlidingType as SlidingType
 from .analysis.sliding_type import sliding_type as sliding_type
 from .analysis.special_points import EquilibriumPoint as EquilibriumPoint
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
 from .analysis.special_points import grazing_type as grazing_type
+from .analysis.steady_state import steady_state as steady_state
 from .analysis.symmetry import Symmetry as Symmetry
 from .analysis.symmetry import symmetries as symmetries
 from .analysis.verification import Verification as Verification
@@ -127,6 +129,7 @@ from .errors import RunError as RunError
 from .errors import ScaleWarning as ScaleWarning
 from .errors import StartWarning as StartWarning
 from .errors import StiffnessWarning as StiffnessWarning
+from .errors import TransientWarning as TransientWarning
 from .errors import UnitsWarning as UnitsWarning
 from .errors import ValidityWarning as ValidityWarning
 from .errors import WorkersLost as WorkersLost

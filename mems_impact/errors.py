@@ -32,6 +32,7 @@ __all__ = [
     "ScaleWarning",
     "StartWarning",
     "StiffnessWarning",
+    "TransientWarning",
     "UnitsWarning",
     "ValidityWarning",
     "WorkersLost",
@@ -706,6 +707,26 @@ class StartWarning(UserWarning):
     ...     run = mi.simulate(ball, duration=0.5)
     >>> [warning.category.__name__ for warning in caught]
     ['StartWarning']
+    """
+
+
+class TransientWarning(UserWarning):
+    """The statistics of a run still change: they are those of a transient.
+
+    See Also
+    --------
+    Settling, simulate
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 10)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     statistics = run.statistics
+    >>> [each.category.__name__ for each in caught]
+    ['TransientWarning']
     """
 
 

@@ -16,7 +16,7 @@ from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -746,8 +746,25 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     return summary
 
 
-def impact_changes(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
-    """Return where impacts first begin or cease in each direction: direction, value, begins.
+class ImpactChange(NamedTuple):
+    """Interval of a sweep in which impacts begin or cease.
+
+    Attributes
+    ----------
+    direction : str
+    before, after : float
+        The last value before the change, and the first one after it.
+    begins : bool
+    """
+
+    direction: str
+    before: float
+    after: float
+    begins: bool
+
+
+def impact_changes(table: pd.DataFrame) -> list[ImpactChange]:
+    """Return where impacts first begin or cease in each direction.
 
     Parameters
     ----------
@@ -761,6 +778,9 @@ def impact_changes(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
         impacting = rows["impacting"].to_numpy()
         changes = (impacting[1:] != impacting[:-1]).nonzero()[0]
         if changes.size:
-            row = rows.iloc[changes[0] + 1]
-            result.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
+            before, after = (rows.iloc[changes[0] + i] for i in (0, 1))
+            begins = bool(after["impacting"])
+            result.append(
+                ImpactChange(str(direction), float(before.iloc[0]), float(after.iloc[0]), begins)
+            )
     return result

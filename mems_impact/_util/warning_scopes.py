@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 import threading
@@ -22,7 +23,7 @@ __all__ = [
 ]
 
 # Files that are not the caller's.
-_OURS = (f"{Path(__file__).parents[1]}{os.sep}", contextlib.__file__)
+_OURS = (f"{Path(__file__).parents[1]}{os.sep}", contextlib.__file__, functools.__file__)
 _here = threading.local()
 
 

@@ -50,11 +50,12 @@ from mems_impact.actuator.report_page import (
     values,
 )
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem, kick_speeds, kicked_state
+from mems_impact.actuator.system import ActuatorSystem, kicked_state
 from mems_impact.actuator.units import COLUMN_UNITS
 from mems_impact.analysis.attractor import RecurrenceOptions
 from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
 from mems_impact.orbits.spectrum import stability_name
 from mems_impact.studies.sweep import sweep
@@ -72,11 +73,7 @@ OSCILLATIONS = {"transient": 1000.0, "periods": 200.0}
 """Lengths of transient and measurement, in free oscillations of the block."""
 MIN_PERIODS, MAX_PERIODS = 4, {"transient": 300, "periods": 60}
 """Forcing periods of transient and measurement."""
-DRIFT_TIMES, MOST_DRIFT = 5.0, 1000
-"""Transient of a frame that never rests: times in which friction stops it, and most periods."""
-NEVER_AT_REST = 0.999  # share of time in which the frame slips
 LEAST_STEP = 1e-6  # of delta; smaller ones are rounding errors
-SETTLED_RTOL = 1e-2  # relative difference between the step measured and that of the orbit
 COUNTS = {"voltages": 41, "crises": 2, "slips": 7, "samples": 64}
 QUICK_COUNTS = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
 """Voltages of the sweep, simulated frequencies of the chart, those if the frame slips, devices."""
@@ -136,13 +133,14 @@ class ReportMaker:
 
     @cached_property
     def run(self) -> ActuatorRun:
-        """The motion after the transient."""
+        """The steady state."""
         first, length = self.lengths["transient"], self.lengths["periods"]
         run = simulate(
             self.system, first + length, window=(first, first + length), initial=self.start
         )
-        assert isinstance(run, ActuatorRun)
-        return run
+        settled = steady_state(run)
+        assert isinstance(settled, ActuatorRun)
+        return settled
 
     @property
     def sections(self) -> dict[str, Callable[[], Content]]:
@@ -289,10 +287,11 @@ class ReportMaker:
             "mean speed": text(statistics["mean speed"], "m/s"),
             "largest impact speed": text(statistics["impact speed max"], "m/s"),
             "share of time in which the frame slips": percent(statistics["share slipping"]),
-            "motion": self._kind(cycle),
+            "motion": self._kind(),
+            "statistics": str(run.settling),
         }
-        begin, end = self.lengths["transient"], sum(self.lengths.values())
-        sentence = f"The motion in cycles {begin} to {end}; a cycle is one forcing period."
+        begin, end = run.window
+        sentence = f"The steady state, over {end - begin:g} cycles; a cycle is one forcing period."
         blocks: list[Block] = [sentence, values(rows)]
         if self._sheet.regime == SLIPS and cycle != 0.0:
             blocks.append(
@@ -308,13 +307,6 @@ class ReportMaker:
                 f"The block does not strike here, {outcome}; raise the voltage, or change the "
                 "frequency."
             )
-        needed = _drift_periods(self.system)
-        drifts = statistics["share slipping"] > NEVER_AT_REST and needed > begin
-        if drifts and not rows["motion"].startswith("periodic"):
-            blocks.append(
-                f"The frame never rests, and friction needs some {needed} cycles to end a drift of "
-                "it, so that the speed may still change; give a longer transient."
-            )
         first = max(begin, end - (2 if _oscillations(self.system) > 20.0 else 6))
         blocks.append(
             picture(
@@ -329,19 +321,15 @@ class ReportMaker:
         }
         return Content(blocks, facts)
 
-    def _kind(self, step: float) -> str:
-        """Return whether the motion is periodic, in words; `step` is the measured one."""
+    def _kind(self) -> str:
+        """Return whether the motion is periodic, in words."""
         try:
             orbit: Any = find_orbit(self.run)
         except OrbitError:
             orbit = None
         if orbit is None or orbit.stable is False:  # a run leaves an unstable orbit
             return "not periodic within the search"
-        text = f"periodic, period {orbit.periods}, {stability_name(orbit.stable)}"
-        final = orbit.step / orbit.periods
-        if abs(final - step) > max(SETTLED_RTOL * abs(final), LEAST_STEP * self.actuator.delta):
-            return f"settling to a step per cycle of {self.text(final, 'm')} ({text})"
-        return text
+        return f"periodic, period {orbit.periods}, {stability_name(orbit.stable)}"
 
     def chart(self) -> Content:
         """Return on- and off-voltages over the frequency."""
@@ -382,7 +370,8 @@ class ReportMaker:
             return Content(problem=f"The {kind} drive has no amplitude to vary.")
         table = sweep(
             self.system, name, self._voltages(name), direction="both", initial=None,
-            transient=self.lengths["transient"], periods=self.lengths["periods"], workers=1,
+            steady=True, transient=self.lengths["transient"], periods=self.lengths["periods"],
+            workers=1,
         )  # fmt: skip
         summary = sweep_summary(table)
         text = (
@@ -646,16 +635,6 @@ def _oscillations(system: ActuatorSystem) -> float:
     return float(system.forcing_period) * math.sqrt(device.k / device.m2) / (2.0 * math.pi)
 
 
-def _drift_periods(system: ActuatorSystem) -> int:
-    """Return after how many forcing periods friction has ended a drift of a frame that slips."""
-    device = system.actuator
-    _, common = kick_speeds(device)
-    friction = device.mu_d * device.g
-    if friction == 0.0:
-        return sys.maxsize
-    return math.ceil(DRIFT_TIMES * common / (friction * float(system.forcing_period)))
-
-
 def report(
     actuator: Actuator,
     drive: Drive | None = None,
@@ -710,8 +689,8 @@ def report(
         As for `life`; by default assumed values, 1e-13 m^3/(N m), 1e-8 m^2 and 0.1 um.
     transient, periods : int, optional
         Forcing periods discarded and measured; by default 1000 and 200 free oscillations of the
-        block, at most 300 and 60 forcing periods; of a frame that never rests, up to 1000 are
-        discarded.
+        block, at most 300 and 60 forcing periods. All numbers are those of the steady state (see
+        `steady_state`).
     initial : State, optional
         Initial state of the motion; a kick by default (see `kicked_state`).
     command : str, optional
@@ -778,11 +757,6 @@ def report(
         assumed_wear=None in (wear, area, depth),
         initial=initial,
     )
-    if transient is None and (drift_periods := _drift_periods(system)) > lengths["transient"]:
-        with contextlib.suppress(MemsImpactError):  # the sections say what it is
-            if maker.run.statistics["share slipping"] > NEVER_AT_REST:
-                lengths["transient"] = min(drift_periods, MOST_DRIFT)
-                maker = replace(maker, lengths=lengths)
     titles = list(maker.sections if only is None else only)
     for name in titles:
         if name not in maker.sections:

@@ -18,7 +18,7 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events, Samples, Trajectory, run, run_with_samples
+from mems_impact.hybrid.simulation import CheckpointGrid, Events, Samples, Trajectory, run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.orbits import orbit_search
@@ -449,8 +449,8 @@ class Orbit(Result):
                 y = self.system.snap_to_mode(segment.mode, states[i])
                 begin = HybridState(0, start, segment.mode, y, switched=True)
                 length = (end - start) / problem.period
-                passed = run_with_samples(problem, begin, length, per_period)
-                yield segment.cycle, offset.copy(), *passed
+                arc = run(problem, begin, length, checkpoints=CheckpointGrid(per_period))
+                yield segment.cycle, offset.copy(), arc, arc.checkpoints
             offset[cyclic] += orbit.point.arcs[i].end[cyclic]
 
     def _segment_end(self, code: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,13 +12,16 @@ import numpy as np
 
 from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import warn
+from mems_impact.analysis.settling import Settling, settling_of
 from mems_impact.analysis.verification import Verification, compare, other_family
-from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.errors import FunctionsMissing, InvalidParameter, RunError, TransientWarning
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
+from mems_impact.systems.settling import CHANGING
 from mems_impact.systems.state import State, is_number, with_units
 from mems_impact.systems.statistics import LazyStatistics, evaluate_observables
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
@@ -81,18 +85,19 @@ class Run(Result):
     kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
     def __repr__(self) -> str:
-        first, last = (border * self._unit for border in self.extent)
+        first, last = (border * self.unit for border in self.extent)
         unit = "periods" if self.system.forced else "time"
         arcs = f", {self._arcs_by_method}" if self.options.method == "auto" else ""
         return (
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
             f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps{arcs}, "
-            f"{with_units(self.final, self.system.units)})"
+            f"{with_units(self.final, self.system.units)}"
+            f"{f'; {self.settling}' if self._is_transient else ''})"
         )
 
     def summary(self) -> dict[str, Any]:
         """Return the system, the length of the run, and its last state."""
-        first, last = (border * self._unit for border in self.extent)
+        first, last = (border * self.unit for border in self.extent)
         return {
             "system": repr(self.system),
             "periods" if self.system.forced else "time": f"{first:g} to {last:g}",
@@ -102,6 +107,7 @@ class Run(Result):
             "arcs": self._arcs_by_method,
             "final": repr(self.final),
             "ended": self.ended,
+            **({"settling": str(self.settling)} if self._is_transient else {}),
         }
 
     @property
@@ -207,7 +213,7 @@ class Run(Result):
         is_integer = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
         if not is_integer or per_period <= 0:
             raise InvalidParameter("per_period", per_period, "a whole number > 0")
-        unit = self._unit
+        unit = self.unit
         begin, end = (border * unit for border in self.extent)
         low, high = begin if first is None else first, end if last is None else last
         if not (is_number(low) and is_number(high) and low <= high and high >= begin):
@@ -265,8 +271,34 @@ class Run(Result):
 
     @cached_property
     def statistics(self) -> pd.Series:
-        """The statistics of the window."""
+        """The statistics of the window.
+
+        Warns
+        -----
+        TransientWarning
+            If a statistic still changes by more than 0.1 % (see `Settling`).
+        """
+        self.warn_of_transient()
         return run_tables.statistics(self.gathered, self.system)
+
+    def warn_of_transient(self) -> None:
+        """Warn if the statistics are those of a transient."""
+        if self._is_transient:
+            warn(str(self.settling), TransientWarning)
+
+    @property
+    def _is_transient(self) -> bool:
+        """Whether a statistic of a run of given length still changes."""
+        with contextlib.suppress(FunctionsMissing, RunError):
+            return self.ended == "time" and self.settling.kind == CHANGING
+        return False
+
+    @cached_property
+    def settling(self) -> Settling:
+        """The distance of the statistics from those of the attractor."""
+        first, last = (border / self.unit for border in self.window)
+        window = TimeWindow(first, last, self.trajectory.period).until(self.trajectory.final)
+        return settling_of(self.system, self.trajectory, window, self.gathered)
 
     @cached_property
     def gathered(self) -> Mapping[str, float]:
@@ -281,7 +313,7 @@ class Run(Result):
         return waiting.ready if isinstance(waiting, LazyStatistics) else waiting
 
     @property
-    def _unit(self) -> float:
+    def unit(self) -> float:
         """Unit of the arguments: forcing periods, or the unit of time of an autonomous system."""
         if self.system.forced:
             return 1.0
@@ -290,7 +322,7 @@ class Run(Result):
     def _state_at(self, border: int) -> Floats:
         """Return the state at the start (0) or end (1) of the window."""
         final, period = self.trajectory.final, self.trajectory.period
-        first, last = (value / self._unit for value in self.window)
+        first, last = (value / self.unit for value in self.window)
         cycle, time = TimeWindow(first, last, period).instant(border)
         if (final.cycle, final.time) <= (cycle, time):
             return final.y

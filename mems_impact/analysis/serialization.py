@@ -30,7 +30,7 @@ from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import ORBIT_TESTS
 from mems_impact.continuation.user_test_functions import FunctionTest
 from mems_impact.hybrid.definition import Typical
-from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Arc, Event
 from mems_impact.integrators.options import Options
@@ -48,7 +48,7 @@ from mems_impact.systems.window_statistics import Moments, TimeWindow
 
 __all__ = ["register_run", "restored"]
 
-TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_arcs")
+TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "checkpoints", "implicit_arcs")
 
 
 def restored(description: Mapping[str, Any], reader: Reader) -> HybridSystem:
@@ -123,7 +123,7 @@ register(
 )  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
-    Options, HybridState, Events, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
+    Options, HybridState, Events, Samples, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
     BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,
     TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
+from mems_impact.analysis.settling import checkpoint_grid
 from mems_impact.errors import FunctionError, Interrupted, InvalidParameter, RunError
 from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
@@ -204,7 +205,10 @@ def simulate(
 
     with progress_bar(progress, "periods", periods, "simulate") as report:
         try:
-            trajectory = integrate(problem, start, periods, consume=consume, progress=report)
+            grid = checkpoint_grid(periods, last - first, forced=system.forced)
+            trajectory = integrate(
+                problem, start, periods, consume=consume, progress=report, checkpoints=grid
+            )
         except (RunError, Interrupted) as error:
             if isinstance(error.partial, Trajectory):
                 error.partial = finished(error.partial)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.cli.inputs import load_subject
 from mems_impact.cli.options import (
     Initial,
@@ -120,7 +121,8 @@ def command(
             )
         except (mi.RunError, mi.Interrupted) as error:
             if isinstance(error.partial, mi.Run):
-                files.tables(_tables(error.partial))
+                with collected_warnings():  # the error says more
+                    files.tables(_tables(error.partial))
             raise
         files.tables(_tables(run))
         verification = run.verify() if verify else None
@@ -148,13 +150,18 @@ def _show(run: mi.Run) -> None:
     )
     show(f"Statistics over {over} {first:g} to {last:g}{f' {unit}' if unit else ''}:")
     units = run.statistics.attrs["units"]
+    settling = run.settling
     values = {
-        str(name): OutputValue(value, units.get(name, "")) for name, value in run.statistics.items()
+        str(name): OutputValue(value, units.get(name, ""), settling.text(str(name), value))
+        for name, value in run.statistics.items()
     }
     add_json_values(values)
     # Without impacts there is no impact speed: undefined values are omitted.
     defined = run.statistics.drop(["window first", "window last"], errors="ignore").dropna()
     show_values({name: values[name] for name in defined.index})
+    add_json_values({"settling": OutputValue(str(settling))})
+    if settling.kind != "settled":
+        show(filled(f"  {settling}"))
     show("")
     impacts = run.impacts
     if impacts.empty:

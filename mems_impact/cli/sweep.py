@@ -31,6 +31,8 @@ from mems_impact.integrators.options import Options
 if TYPE_CHECKING:
     import pandas as pd
 
+    from mems_impact.tables import ImpactChange
+
 DIRECTIONS = ("up", "down", "both")
 DIRECTION_WORDS = {"up": "increasing", "down": "decreasing"}
 SHOWN_FAILURES = 3
@@ -148,11 +150,13 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     add_json_tables(
         {
             "summary": summary,
-            "switches": pd.DataFrame(changes, columns=["direction", parameter, "impacts begin"]),
+            "switches": pd.DataFrame(
+                changes, columns=["direction", f"{parameter} before", parameter, "impacts begin"]
+            ),
         }
     )
     show(_headline(changes, parameter, unit) + "\n")
-    rows = _shown_rows(summary, {direction: value for direction, value, _ in changes})
+    rows = _shown_rows(summary, {each.direction: each.after for each in changes})
     displayed = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
     displayed.attrs = summary.attrs
     show_table("summary", displayed, digits=6)
@@ -171,13 +175,14 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     show("")
 
 
-def _headline(changes: list[tuple[str, float, bool]], parameter: str, unit: str) -> str:
-    """Return at which values the device switches on and off, as a sentence."""
+def _headline(changes: list[ImpactChange], parameter: str, unit: str) -> str:
+    """Return between which values the device switches on and off, as a sentence."""
     if not changes:
         return f"The device does not switch in this range of {parameter}."
     phrases = [
-        f"{'on' if begins else 'off'} at {value:.9g}{unit} ({DIRECTION_WORDS[direction]})"
-        for direction, value, begins in changes
+        f"{'on' if each.begins else 'off'} between {each.before:.9g} and {each.after:.9g}{unit} "
+        f"({DIRECTION_WORDS[each.direction]})"
+        for each in changes
     ]
     return f"{parameter}: {', '.join(phrases)}"
 

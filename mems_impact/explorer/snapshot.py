@@ -367,11 +367,14 @@ class Headline:
         NaN where it is not defined.
     quantity : str
         The state, column or parameter whose unit it has.
+    change : float
+        Relative distance from its limit (see `Settling`).
     """
 
     name: str
     value: float
     quantity: str
+    change: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -455,6 +458,7 @@ def take_snapshot(
             options=subject.options,
             progress=watch or False,
         )
+        headlines = _headlines(run)
     begin_of, end_of = run.extent
     displayed = DISPLAYED_PERIODS * (1.0 if system.forced else UNFORCED_DURATION)
     motion = motion_of(
@@ -470,7 +474,7 @@ def take_snapshot(
         voltages=_voltages(system, motion),
         section=_section(run),
         cycles=_cycles(run, unit),
-        headlines=_headlines(run),
+        headlines=headlines,
         unit=unit if system.forced else 1.0,
         seconds=time.perf_counter() - begin,
         warnings=tuple(dict.fromkeys(each.message for each in collected)),
@@ -574,13 +578,9 @@ def _headlines(run: Run) -> tuple[Headline, ...]:
     if not isinstance(system, ActuatorSystem):
         rates = [f"impacts per {each}" for each in ("period", "time")]
         names = [*rates, *(each.name for each in system.observables)]
-        return tuple(
-            Headline(name=name, value=float(statistics[name]), quantity=name)
-            for name in names
-            if name in statistics
-        )
+        return tuple(_headline(run, name, name, name) for name in names if name in statistics)
     headlines = [
-        Headline(name=name, value=float(statistics[statistic]), quantity=quantity)
+        _headline(run, name, statistic, quantity)
         for name, (statistic, quantity) in ACTUATOR_HEADLINES.items()
     ]
     try:
@@ -594,6 +594,12 @@ def _headlines(run: Run) -> tuple[Headline, ...]:
     except mi.InvalidParameter:
         pull_in = math.nan
     return (*headlines, Headline(name="pull-in voltage", value=pull_in, quantity="voltage"))
+
+
+def _headline(run: Run, name: str, statistic: str, quantity: str) -> Headline:
+    row = run.settling.rows.get(statistic)
+    value = float(run.statistics[statistic])
+    return Headline(name=name, value=value, quantity=quantity, change=row.change if row else 0.0)
 
 
 # --- Floquet multipliers of the orbit near the end of a run

@@ -206,6 +206,8 @@ class Trajectory:
         Whether a transition ended the run.
     implicit_arcs : int
         Number of arcs that method ``"auto"`` began with BDF.
+    checkpoints : Samples
+        States at equal intervals, recorded during the run; by default none.
     """
 
     problem: Problem = field(repr=False, compare=False)
@@ -215,6 +217,7 @@ class Trajectory:
     steps: int
     arcs: int
     ended: bool
+    checkpoints: Samples = field(repr=False)
     implicit_arcs: int = 0
 
     @property
@@ -357,6 +360,15 @@ def _share_side(problem: Problem, events: Events) -> bool:
 
 # --- Driver of the event loop
 
+
+class CheckpointGrid(NamedTuple):
+    """Times of samples: every `interval` parts of a period, `per_period` of which are one."""
+
+    per_period: int
+    interval: int = 1
+
+
+NO_CHECKPOINTS = CheckpointGrid(0)
 MAX_CYCLE = 2**53  # larger integers are not exact in the columns of events
 STIFF = (
     "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
@@ -376,6 +388,7 @@ def run(
     *,
     consume: Callable[[Events], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    checkpoints: CheckpointGrid = NO_CHECKPOINTS,
 ) -> Trajectory:
     """Integrate `problem` from `start` over `periods`.
 
@@ -390,6 +403,8 @@ def run(
         with the length of the run.
     progress : callable, optional
         Called several times a second with the completed periods.
+    checkpoints : CheckpointGrid, optional
+        Times of the trajectory's checkpoints; none by default.
 
     Returns
     -------
@@ -404,16 +419,8 @@ def run(
     Interrupted
         On Ctrl-C, with the partial result.
     """
-    return Simulation(problem, start, _end(problem, start, periods), 0, consume, progress).go()
-
-
-def run_with_samples(
-    problem: Problem, start: HybridState, periods: float, per_period: int
-) -> tuple[Trajectory, Samples]:
-    """Integrate as `run` does, and return `Trajectory.samples` from the same pass."""
     end = _end(problem, start, periods)
-    simulation = Simulation(problem, start, end, per_period, None, None)
-    return simulation.go(), simulation.samples
+    return Simulation(problem, start, end, checkpoints, consume, progress).go()
 
 
 def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
@@ -442,7 +449,8 @@ def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
 def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
     """Repeat the run from `start` to `end`, and return the state at equal intervals."""
     # Quiet, since the run itself has warned that the system is stiff.
-    simulation = Simulation(problem, start, end, per_period, lambda _: None, None, quiet=True)
+    grid = CheckpointGrid(per_period)
+    simulation = Simulation(problem, start, end, grid, lambda _: None, None, quiet=True)
     # A run that failed fails again at the same place, and its samples end there.
     with contextlib.suppress(RunError):
         simulation.go()
@@ -476,7 +484,7 @@ class Simulation:
         problem: Problem,
         start: HybridState,
         end: HybridState,
-        per_period: int,
+        checkpoints: CheckpointGrid,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
         quiet: bool = False,
@@ -486,10 +494,13 @@ class Simulation:
         self.chunks: list[Floats] = []
         self.binding = create_engine(problem)
         self.binding.engine.import_memory(start.remembered)
+        per_period, interval = checkpoints
         # The epsilon includes a sample at the start itself.
         first = math.ceil((start.time / problem.period - INSTANT_RTOL) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
+        shift = last % interval if per_period == 1 else 0  # the last checkpoint is at the end
+        first, last = -(-(first - shift) // interval), (last - shift) // interval
         self.memory = LoopMemory(
             problem,
             self.binding,
@@ -503,8 +514,9 @@ class Simulation:
             end_phase=end.time,
             events_from=start.cycle,
             per_period=per_period,
-            sample_cycle=start.cycle,
+            sample_cycle=start.cycle + shift,
             sample=first,
+            sample_interval=interval,
         )
         self.memory.put(start.y)
         self.clock, self.events = self.memory.clock, self.memory.events
@@ -609,6 +621,7 @@ class Simulation:
             arcs=arcs,
             ended=ended,
             implicit_arcs=implicit_arcs,
+            checkpoints=self.samples,
         )
 
     def _name_of(self, code: int) -> str:

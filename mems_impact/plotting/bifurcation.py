@@ -554,10 +554,12 @@ def _symbol(table: pd.DataFrame) -> str:
 
 
 def draw_switches(ax: Any, table: pd.DataFrame) -> None:
-    """Draw a line at the first value at which impacts begin or cease; the legend has the value."""
+    """Draw a line at the first value at which impacts have begun or ceased, and their interval."""
     parameter = _symbol(table)
     unit = table.attrs.get("units", {}).get(table.columns[0], "")
-    for direction, value, impacting in sorted(impact_changes(table), key=lambda mark: mark[1]):
-        text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g} {unit}".rstrip()
-        look = DASHES if impacting else {**DASHES, "linestyle": DOTS}
-        ax.axvline(value, color=color(direction), zorder=1, label=text, **look)
+    for change in sorted(impact_changes(table), key=lambda mark: mark.after):
+        low, high = sorted((change.before, change.after))
+        text = f"{'on' if change.begins else 'off'} at {parameter} = {low:.5g} to {high:.5g} {unit}"
+        look = DASHES if change.begins else {**DASHES, "linestyle": DOTS}
+        line = color(change.direction)
+        ax.axvline(change.after, color=line, zorder=1, label=text.rstrip(), **look)

@@ -19,6 +19,7 @@ from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.run import Run, check_direction
 from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import (
     FunctionError,
     InvalidParameter,
@@ -26,6 +27,7 @@ from mems_impact.errors import (
     RunError,
 )
 from mems_impact.hybrid.problem import is_compiled
+from mems_impact.hybrid.simulation import INSTANT_RTOL
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import STATUS, Columns, Study, schema_of
@@ -77,6 +79,7 @@ class SweepStudy(Study):
     transient: float
     length: float
     section: int
+    steady: bool = False
     options: Options = field(default_factory=Options)
 
     kind: ClassVar[str] = "sweep"
@@ -113,6 +116,7 @@ class SweepStudy(Study):
             "transient": self.transient,
             "periods" if self.system.forced else "duration": self.length,
             "section": self.section,
+            "steady": self.steady,
             "options": identity_of_options(self.system.problem(self.options).options),
         }
 
@@ -234,6 +238,9 @@ class SweepStudy(Study):
                 options=self.options,
                 progress=watch or False,
             )
+            if self.steady:
+                run = steady_state(run, progress=watch or False)
+            run.warn_of_transient()
             statistics = {
                 name: system.out(name, run.gathered[name]) for name in system.sweep_statistics
             }
@@ -260,13 +267,14 @@ class SweepStudy(Study):
         trajectory = run.trajectory
         if system.section is None:
             grid = trajectory.samples(1, first=run.window[0])
-            inside = grid.cycle < self.transient + self.length  # without the end of the last one
+            inside = grid.cycle < math.floor(run.window[1])  # without the end of the last one
             cycle, time, y = grid.cycle[inside], grid.time[inside], grid.y[inside]
         else:
             log = trajectory.events.crossings(self.section)
             cycle, time, y = log.cycle, log.time, log.after
-        settled = (cycle - self.transient) * trajectory.period + time >= trajectory.start.time
-        return (cycle[settled] - self.transient).astype(float), y[settled]
+        transient = math.floor(run.window[0] + INSTANT_RTOL)
+        settled = (cycle - transient) * trajectory.period + time >= trajectory.start.time
+        return (cycle[settled] - transient).astype(float), y[settled]
 
     def _unforced(self, system: HybridSystem, run: Run) -> tuple[Floats, Floats]:
         """Return the numbers of the crossings of the section, from 0, and the states there.
@@ -274,7 +282,7 @@ class SweepStudy(Study):
         Without a section, the maxima of each state; one row has the k-th maximum of each.
         """
         trajectory = run.trajectory
-        first = float(system.into("time", self.transient)) / trajectory.period
+        first = float(system.into("time", run.window[0])) / trajectory.period
         if system.section is None:
             peaks = maxima(trajectory, first)
             y = np.full((max(map(len, peaks)), len(peaks)), math.nan)
@@ -317,6 +325,7 @@ def sweep(
     periods: int | None = None,
     duration: float | None = None,
     section: Literal[1, -1, 0] = 1,
+    steady: bool = False,
     initial: State | Mapping[str, State] | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
@@ -345,6 +354,9 @@ def sweep(
         Crossings of the Poincaré section to keep: upwards, downwards or both. A system without a
         section is sampled at the beginning of each forcing period; an autonomous system without
         one, at the local maxima of each state.
+    steady : bool, optional
+        Continue each run until its statistics have settled (see `steady_state`). Otherwise a value
+        whose statistics still change is warned of.
     initial : State or mapping of str to State, optional
         Initial state: one for both directions, or one each for ``"up"`` and ``"down"``; the
         system's own by default. For an actuator, up starts at rest in the middle and down with a
@@ -381,9 +393,14 @@ def sweep(
     Interrupted
         On Ctrl-C; ``partial`` is the table of the finished values.
 
+    Warns
+    -----
+    TransientWarning
+        If statistics still change.
+
     See Also
     --------
-    sweep_summary, plot_sweep, operating_map, continue_orbit
+    sweep_summary, plot_sweep, steady_state, operating_map, continue_orbit
 
     Notes
     -----
@@ -421,6 +438,7 @@ def sweep(
         transient=settling,
         length=length,
         section=section,
+        steady=bool(steady),
         options=options,
     )
     for number in range(len(ascending)):

@@ -40,7 +40,9 @@ def test_switches_are_marked(statuses, tmp_path):
     ax = mi.plot_sweep(made_table(statuses))
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert legend[:2] == ["$f$ increased", "$f$ decreased"]
-    assert legend[-2:] == ["off at $f$ = 0.1", "on at $f$ = 0.3"]
+    before = (0.3, 0.1) if "lost" in statuses else (0.2, 0.2)
+    expected = [f"off at $f$ = 0.1 to {before[0]:g}", f"on at $f$ = {before[1]:g} to 0.3"]
+    assert legend[-2:] == expected
     marked = {line.get_label(): line.get_xdata()[0] for line in ax.lines}
     assert (marked[legend[-2]], marked[legend[-1]]) == (0.1, 0.3)
     assert ("failed" in legend) == ("lost" in statuses)
@@ -51,7 +53,7 @@ def test_switches_have_the_unit_of_the_parameter():
     table = made_table(("ok", "ok", "ok"))
     table.attrs = {**table.attrs, "units": {table.columns[0]: "V"}}
     legend = [text.get_text() for text in mi.plot_sweep(table).get_legend().get_texts()]
-    assert legend[-2:] == ["off at $f$ = 0.1 V", "on at $f$ = 0.3 V"]
+    assert legend[-2:] == ["off at $f$ = 0.1 to 0.2 V", "on at $f$ = 0.2 to 0.3 V"]
 
 
 def test_values_that_never_cross_the_section(tmp_path):
@@ -117,4 +119,4 @@ def test_one_direction_on_given_axes():
     ax = Figure().subplots()
     assert mi.plot_sweep(table[table["direction"] == "up"], ax) is ax
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "$f$ increased", "on at $f$ = 0.3"]  # fmt: skip
+        "$f$ increased", "on at $f$ = 0.2 to 0.3"]  # fmt: skip

@@ -17,6 +17,7 @@ from validation.campaign import (
     cradles,
     pool,
     scales,
+    settling,
     surfaces,
     tables,
     terms,
@@ -42,6 +43,7 @@ FAMILIES = {
     "scales": Family(scales.check, 1000, 10),
     "contacts": Family(contacts.check, 5000, 8),
     "terms": Family(terms.check, 5000, 9),
+    "settling": Family(settling.check, 2400, 16),
     "surfaces": Family(surfaces.check, 2100, 6),
 }
 

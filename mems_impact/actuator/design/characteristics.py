@@ -165,6 +165,8 @@ def frequency_response(
 ) -> pd.DataFrame:
     """Compute the frequency response of a device, sweeping up and down, at one or more voltages.
 
+    Each value is computed in the steady state (see `steady_state`).
+
     Parameters
     ----------
     actuator : Actuator
@@ -215,7 +217,7 @@ def frequency_response(
     for amplitude in values.tolist():
         table = sweep(
             system.changed(amplitude=amplitude), parameter, frequencies, direction=direction,
-            transient=transient, periods=periods, options=options, workers=workers,
+            transient=transient, periods=periods, steady=True, options=options, workers=workers,
         )  # fmt: skip
         summary = sweep_summary(table)
         summary.insert(0, "amplitude", amplitude)
@@ -312,6 +314,8 @@ def speed_over_voltage(
 ) -> pd.DataFrame:
     """Compute steps and speed over the voltage, sweeping down to stay on the branch with impacts.
 
+    Each value is computed in the steady state (see `steady_state`).
+
     Parameters
     ----------
     actuator : Actuator
@@ -349,7 +353,7 @@ def speed_over_voltage(
     system = ActuatorSystem(actuator, drive)
     table = sweep(
         system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
-        initial=initial, options=options, workers=workers,
+        steady=True, initial=initial, options=options, workers=workers,
     )  # fmt: skip
     summary = sweep_summary(table).iloc[::-1]
     share = drive.period / system.forcing_period  # below 1 if a term depends on the sign

@@ -179,7 +179,6 @@ UNBOUNDED_FACTOR = 10.0  # factor by which a parameter without bounds may grow o
 NEGLIGIBLE = 1e-3  # relative singular value below which a combination of parameters is undetermined
 MISFIT = 3.0  # tolerances (standard errors): a larger difference is a misfit
 CONVERGENCE_TOLERANCES = 1.0  # tolerances by which a computed value may still change
-LATER = 5  # factor of the length of the run that checks whether the motion has settled
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
 JUMP = 0.1  # relative change of a quantity over the step of the derivatives that none has
 BARRIER = 1e6  # residuals where no run is possible, relative to those at the start
@@ -217,10 +216,10 @@ class Fit(SummaryRepr):
     misfit : float
         The largest difference between computed and measured, in tolerances.
     verdict : {"good", "undetermined", "misfit", "unsettled", "not converged"}
-        The worst of: "not converged"; "unsettled" if runs five times as long differ by more than a
-        tolerance, so that the fitted motion does not persist; "misfit" if a target is missed by
-        more than three tolerances; "undetermined" if the data do not determine a free parameter;
-        "good" otherwise.
+        The worst of: "not converged"; "unsettled" if a target is farther than a tolerance from its
+        limit (see `Settling`), so that the fitted motion does not persist; "misfit" if a target is
+        missed by more than three tolerances; "undetermined" if the data do not determine a free
+        parameter; "good" otherwise.
     note : str
         Missed targets, quantities that jump at the fit, parameters that the data do not determine
         or cannot separate, and parameters at a bound.
@@ -350,12 +349,17 @@ def fit(
         values = np.clip(begin * np.exp(unknowns - ORIGIN), limits[:, 0], limits[:, 1]).tolist()
         return actuator.replace(**dict(zip(free, values, strict=True)))
 
-    def computed(candidate: Actuator, end: int = transient + periods) -> Floats:
-        window = (float(end - periods), float(end))
-        runs = {
+    end = transient + periods
+    window = (float(transient), float(end))
+
+    def runs_of(candidate: Actuator) -> dict[Drive, Run]:
+        return {
             drive: simulate(candidate, drive, end, initial=initial, window=window, options=options)
             for drive in drives
         }
+
+    def computed(candidate: Actuator) -> Floats:
+        runs = runs_of(candidate)
         return np.array([target.computed(candidate, runs) for target in targets])
 
     measured = np.array([target.value for target in targets])
@@ -434,10 +438,10 @@ def fit(
         weights,
     )
     off = np.abs(reached - measured) / weights
-    later = computed(best, LATER * (transient + periods))
-    moving = ~(np.abs(later - reached) / weights <= CONVERGENCE_TOLERANCES)
+    remaining = _remaining(targets, runs_of(best))
+    moving = ~(remaining / weights <= CONVERGENCE_TOLERANCES)
     sentences = [
-        *_unsettled(targets, reached, later, moving),
+        *_unsettled(targets, reached, remaining, moving),
         *_missed(targets, off, actuator),
         *_jumping(targets, free, jumps),
         *_undetermined(free, sizes, directions, errors),
@@ -528,13 +532,23 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
     return f"{type(drive).__name__}({', '.join(values)})"
 
 
+def _remaining(targets: Sequence[Target], runs: Mapping[Drive, Run]) -> Floats:
+    """Return by how much the targets may still change."""
+    settlings = {drive: run.settling for drive, run in runs.items()}
+    return np.array(
+        [
+            0.0 if target.drive is None else settlings[target.drive].remaining(target.quantity)
+            for target in targets
+        ]
+    )
+
+
 def _unsettled(
-    targets: Sequence[Target], reached: Floats, later: Floats, moving: NDArray[np.bool_]
+    targets: Sequence[Target], reached: Floats, remaining: Floats, moving: NDArray[np.bool_]
 ) -> list[str]:
     return [
-        f"the motion has not settled: {target.quantity} = {now:.6g} becomes {end:.6g} in a run "
-        f"{LATER} times as long"
-        for target, now, end, yes in zip(targets, reached, later, moving, strict=True)
+        f"the motion has not settled: {target.quantity} = {now:.6g} may change by {change:.3g}"
+        for target, now, change, yes in zip(targets, reached, remaining, moving, strict=True)
         if yes
     ]
 

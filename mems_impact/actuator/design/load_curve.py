@@ -19,6 +19,7 @@ from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.frame_load import FrameLoad
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
@@ -250,7 +251,10 @@ class _Chain:
             if direction == 0:
                 raise
             return run, direction
-        return run, _runaway(run, self.periods)
+        direction = _runaway(run, self.periods)
+        if direction == 0:
+            run = steady_state(run)
+        return run, direction
 
     def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
         """Find the stable orbit near the last state; return its row."""

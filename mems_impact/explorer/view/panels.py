@@ -22,6 +22,7 @@ from bokeh.plotting import figure
 
 from mems_impact._util.formatting import escape
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.settling import digits
 from mems_impact.explorer.session import TIME, SliderSpec, best_si_prefix
 from mems_impact.explorer.snapshot import (
     DiagramSnapshot,
@@ -52,6 +53,7 @@ with wearing():  # colours as in figures
         color, ("motion", "impact", "frame", "up", "down", "unstable", "voltage", "guide")
     )
 LEFT_BORDER_PX = 62  # fits numbers of any length, so that the layout of the page is fixed
+DIGITS = 4  # of a headline
 STALE_ALPHA = 0.15  # of dots for other values than those of the sliders
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
@@ -653,7 +655,9 @@ class HeadlinePanel:
 
 def _headline(system: HybridSystem, headline: Headline) -> str:
     factor, unit = unit_for(system, headline.quantity, headline.value)
-    number = f"{headline.value / factor:.4g}" if math.isfinite(headline.value) else "–"
+    number = "–"
+    if math.isfinite(headline.value):
+        number = f"{headline.value / factor:.{digits(headline.change, DIGITS)}g}"
     text = f"{number} {unit.strip(' []')}".strip()
     return (
         '<span style="display: inline-block; margin-right: 28px">'

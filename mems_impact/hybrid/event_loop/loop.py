@@ -463,16 +463,18 @@ def sample_due(s: Any) -> bool:
 
 def sample_time(s: Any) -> float:
     """Return the time of the next sample since the start of the current period."""
-    cycle = s.sample_cycle + s.sample // s.per_period
-    phase = (s.sample % s.per_period) * s.period / s.per_period
+    part = s.sample * s.sample_interval
+    cycle = s.sample_cycle + part // s.per_period
+    phase = (part % s.per_period) * s.period / s.per_period
     return float((cycle - s.cycle) * s.period + phase)
 
 
 def write_sample(s: Any, y: Any) -> None:
     """Write the next sample."""
     sample = sample_at(s, s.samples_written)
-    sample[0] = s.sample_cycle + s.sample // s.per_period
-    sample[1] = (s.sample % s.per_period) * s.period / s.per_period
+    part = s.sample * s.sample_interval
+    sample[0] = s.sample_cycle + part // s.per_period
+    sample[1] = (part % s.per_period) * s.period / s.per_period
     sample[2] = s.mode
     for i in range(s.n):
         sample[3 + i] = y[i] + table_row(s, OFFSET)[i]

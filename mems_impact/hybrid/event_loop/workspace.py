@@ -163,7 +163,8 @@ LOOP_STATE = np.dtype(
         ("collapse_cycle", np.int64),  # start of that step
         ("collapse_time", np.float64),
         ("collapse_mode", np.int64),
-        ("per_period", np.int64),  # samples per period, 0 for none
+        ("per_period", np.int64),  # parts of a period, 0 for no samples
+        ("sample_interval", np.int64),  # parts between two samples
         ("sample_cycle", np.int64),
         ("sample", np.int64),
         ("samples_written", np.int64),  # rows written to the sample buffer

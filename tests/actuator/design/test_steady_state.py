@@ -1,0 +1,54 @@
+"""Devices whose frame slips for a long time: every verb has the speed of the periodic orbit."""
+
+import pytest
+
+import mems_impact as mi
+
+
+@pytest.fixture(scope="module")
+def slipping():
+    """Return a device in SI whose frame slips under the force of the block, and its drive."""
+    device = mi.Actuator.from_design(
+        frequency="10 kHz", quality=10, proof_mass="4 ug", mass_ratio=7, gap="3 um",
+        travel="1.8 um", electrode_area="0.07 mm^2", friction=(0.3, 0.2), restitution=0.6,
+    )  # fmt: skip
+    return device, mi.Sine(amplitude="13 V", frequency="5.2 kHz")
+
+
+@pytest.fixture(scope="module")
+def speed(slipping):
+    orbit = mi.find_orbit(*slipping, transient=3000, guess=mi.kicked_state(slipping[0]))
+    assert orbit.stable
+    return orbit.step / (orbit.periods * orbit.period)
+
+
+def test_a_run_tells_the_limit(slipping, speed):
+    run = mi.simulate(*slipping, periods=300, options=mi.Options(method="auto"))
+    assert run.settling.kind == "changing"
+    row = run.settling.table.set_index("statistic").loc["mean speed"]
+    assert abs(row["value"] / speed - 1.0) > 0.05
+    assert abs(row["limit"] - speed) <= row["error"] + 1e-3 * abs(speed)
+
+
+@pytest.mark.slow
+def test_verbs_of_the_steady_state(slipping, speed):
+    device, drive = slipping
+    options = mi.Options(method="auto")
+    table = mi.speed_over_voltage(device, drive, [drive.amplitude], options=options)
+    assert table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
+    curve = mi.load_curve(device, drive, [0.0], options=options)
+    assert curve.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
+    response = mi.frequency_response(
+        device, drive, [drive.frequency], direction="down", options=options
+    )
+    assert response["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_report_has_one_number(slipping, speed):
+    device, drive = slipping
+    text = f"{1e3 * speed:.4g}"
+    page = mi.report(device, drive, only=["Motion", "Step and speed over the voltage"],
+                     voltages=[drive.amplitude])  # fmt: skip
+    assert page.facts["mean speed"].split()[0].replace("−", "-") == text
+    assert page.facts["largest speed"].split()[0].replace("−", "-") == text

@@ -1,0 +1,116 @@
+"""Settling of runs, and steady states, against closed forms and periodic orbits."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from validation.campaign import settling as campaign
+
+
+def _relaxing(q, *, alternating=False, gain=1.0, **others):
+    """Return a linear system with a multiplier q, or two of modulus q and half a turn per period.
+
+    The rate of its cyclic state is 1 + 2 x0 in the mean, or 1 + the circle of c and s.
+    """
+    omega = 2.0 * math.pi
+    values = dict.fromkeys(("b0", "b1", "k0", "k1", "k2"), 0.0)
+    values |= {"l0": 5.0, "l1": 5.0, "a": 5.0, "nu": math.pi if alternating else 0.0}
+    values |= {"a" if alternating else "l0": -math.log(q), "omega": omega, "b0": 1.0, "k0": gain}
+    return campaign._linear().changed(**(values | others))
+
+
+@pytest.mark.parametrize("q", [0.97, 0.99, 0.998])
+def test_a_slow_mean(q):
+    system = _relaxing(q)
+    run = mi.simulate(system, 100, initial={"x0": -1.0})
+    assert run.settling.kind == "changing"
+    row = run.settling.rows["drift"]
+    assert abs(row.limit - 1.0) <= row.error < 2.0
+    with pytest.warns(mi.TransientWarning, match="drift is still changing by .* would settle"):
+        assert run.statistics["drift"] < 0.9
+    assert "still changing" in repr(run)
+    longer = mi.simulate(system, run.settling.periods, initial={"x0": -1.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert longer.statistics["drift"] == pytest.approx(1.0, rel=2e-3)
+        assert mi.steady_state(run).statistics["drift"] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_run_that_has_settled_is_its_steady_state():
+    run = mi.simulate(_relaxing(0.5), 100)
+    assert run.settling.kind == "settled"
+    assert mi.steady_state(run) is run
+
+
+def test_half_a_turn_per_period():
+    """Two multipliers -q: the states alternate, their squares do not."""
+    run = mi.simulate(_relaxing(0.99, alternating=True, k2=1.0), 150, initial={"c": 3.0})
+    forward = 0.5 / (-math.log(0.99) + 1j * math.pi)
+    backward = 0.5 / (-math.log(0.99) - 3j * math.pi)
+    true = 1.0 + abs(forward) ** 2 + abs(backward) ** 2
+    row = run.settling.rows["drift"]
+    assert abs(row.limit - true) <= row.error + 1e-3
+    assert mi.steady_state(run).gathered["drift"] == pytest.approx(true, rel=1e-3)
+
+
+def test_a_mean_that_is_zero_by_symmetry():
+    """No relative tolerance holds; the parts of a period give the scale of rounding errors."""
+    run = mi.simulate(_relaxing(0.9, b0=0.0), 400, initial={"x0": 1.0})
+    assert run.settling.kind == "settled"
+    assert abs(run.statistics["drift"]) < 1e-6
+
+
+def test_two_frequencies_have_an_error_and_are_not_unsettled():
+    system = _relaxing(0.5, a=0.0, nu=2.0 * math.pi * 0.381966, k2=1.0, l0=5.0)
+    run = mi.simulate(system, 150, initial={"c": 1.0, "s": 0.5})
+    assert run.settling.kind in ("settled", "fluctuating")
+    forward, backward = (0.5 / (1j * w * 2.0 * math.pi) for w in (0.618034, -1.381966))
+    circle = abs(forward) ** 2 + abs(backward) ** 2 + abs(1.0 + 0.5j - forward - backward) ** 2
+    row = run.settling.rows["drift"]
+    assert abs(row.limit - 1.0 - circle) <= row.error + 2e-3 * abs(row.limit)
+
+
+def test_chaos_has_an_error_that_longer_runs_confirm():
+    system = campaign._duffing().changed(d=0.3, f=0.5)
+    run = mi.simulate(system, 400)
+    assert run.settling.kind == "fluctuating"
+    assert "is known within" in str(run.settling)
+    long = mi.simulate(system, 8000, keep="statistics").gathered["drift"]
+    assert abs(run.gathered["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
+
+
+def test_a_short_run_is_not_judged():
+    run = mi.simulate(_relaxing(0.99), 3)
+    assert run.settling.kind == "unknown"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run.statistics  # noqa: B018
+
+
+def test_an_autonomous_oscillator():
+    """Its cycle is no multiple of any window: the number of events is known by its ends."""
+
+    def flow(mode, t, y, p):
+        return y.v, (1.0 - y.x * y.x) * y.v - y.x
+
+    def crossing(mode, t, y, p):
+        return y.x
+
+    system = mi.System(
+        states=("x", "v"), flow=flow, guards=[mi.Guard("falls", crossing)], initial={"x": 1.0}
+    )
+    run = mi.simulate(system, duration=400.0)
+    row = run.settling.rows["falls per time"]
+    orbit = mi.find_orbit(run)
+    assert row.kind in ("settled", "fluctuating")
+    assert abs(row.value - 1.0 / orbit.period) <= row.remaining + 1e-3 * row.value
+
+
+def test_the_checkpoints_do_not_change_the_motion():
+    system = _relaxing(0.9)
+    first, second = (mi.simulate(system, length, window=(10, 90)) for length in (90, 97))
+    assert first.gathered == second.gathered
+    assert np.array_equal(first.trajectory.checkpoints.y[-1], first.trajectory.final.y)
