@@ -362,7 +362,7 @@ def _share_side(problem: Problem, events: Events) -> bool:
 
 
 class CheckpointGrid(NamedTuple):
-    """Times of samples: every `interval` parts of a period, `per_period` of which are one."""
+    """Times of samples: every `interval` of `per_period` equal parts of a period."""
 
     per_period: int
     interval: int = 1

@@ -74,8 +74,8 @@ def limit_of(blocks: Floats, noise: float, states: Floats) -> Limit:
     noise : float
         Differences below this do not count.
     states : float array, shape (k, n)
-        States at the ends of the blocks, relative to their sizes. They share the multipliers, some
-        of which the sequence may hide.
+        States at the ends of the blocks, relative to their sizes. They share the multipliers, and
+        show those that the sequence hides.
     """
     defined = np.isfinite(blocks)
     b = blocks[defined]
