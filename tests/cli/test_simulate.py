@@ -100,7 +100,7 @@ def test_a_failed_run_keeps_its_tables(cli, tmp_path, monkeypatch):
             phase_time=0.0,
             mode="stuck-free",
             state={"x1": 0.0},
-            trajectory=whole,
+            partial=whole,
         )
 
     monkeypatch.setattr(mi, "simulate", failing, raising=False)
