@@ -538,3 +538,12 @@ def test_a_name_that_no_file_can_hold_is_refused(name):
 @pytest.mark.parametrize("name", ["x */ int injected; /*", '"; <b>&amp;', "Kugel/Stoß µ", "a ??/"])
 def test_other_names_are_taken(name):
     assert ball(name=name).name == name
+
+
+def test_the_message_of_an_exception_is_one_printable_line():
+    def flow(mode, t, y, p):
+        raise ValueError("\ud800 \0\n\x1b[31m")
+
+    with pytest.raises(FunctionError, match="raises ValueError") as caught:
+        ball(flow=flow)
+    assert str(caught.value).isprintable()

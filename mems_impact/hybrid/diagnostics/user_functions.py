@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from mems_impact._util.formatting import shown
+from mems_impact._util.formatting import printable, shown
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.definition import GENERATED, Definition, named_tuple, writes_into_arrays
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_FIT
@@ -189,7 +189,7 @@ def suggestion(error: AttributeError) -> str:
 
 def _explanation(error: BaseException) -> tuple[str, str, bool]:
     """Return problem, remedy, and whether the error is independent of the values."""
-    exception = f"raises {type(error).__name__}: {error}"
+    exception = f"raises {type(error).__name__}: {printable(' '.join(str(error).split()))}"
     match error:
         case ArrayMisuse():
             return error.problem, error.remedy, True
