@@ -122,6 +122,7 @@ from .errors import FunctionsMissing as FunctionsMissing
 from .errors import Interrupted as Interrupted
 from .errors import InvalidFile as InvalidFile
 from .errors import InvalidParameter as InvalidParameter
+from .errors import LengthWarning as LengthWarning
 from .errors import MemsImpactError as MemsImpactError
 from .errors import OrbitError as OrbitError
 from .errors import PluginWarning as PluginWarning

@@ -613,6 +613,26 @@ class FitWarning(UserWarning):
     """
 
 
+class LengthWarning(UserWarning):
+    """A run ends at its default length, since its `until` function has not fallen through zero.
+
+    See Also
+    --------
+    simulate, Run
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> clock = mi.System(states=("q",), flow=lambda mode, t, y, p: (1.0,), period=1.0)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     run = mi.simulate(clock, until=lambda mode, t, y, p: 1.0 + y.q)
+    >>> [warning.category.__name__ for warning in caught], run.ended
+    (['LengthWarning'], 'time')
+    """
+
+
 class PluginWarning(UserWarning):
     """An extension from another package fails to load and is omitted.
 

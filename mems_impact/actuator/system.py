@@ -66,6 +66,7 @@ from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.time_dependence import reads_time
 from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems.base import Conversion, HybridSystem
@@ -776,7 +777,8 @@ class ActuatorSystem(ActuatorNumerics):
     ) -> float:
         """Return an observable at an event in scaled units."""
         before, after = (NamedState(self.states, y[i]) for y in (events.before, events.after))
-        mode, time = int(events.mode_before[i]), float(events.time[i])
+        time = float(events.cycle[i] * problem.period + events.time[i])
+        mode = int(events.mode_before[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
 
     def snap_to_mode(self, mode: int, y: Floats) -> Floats:
@@ -1058,9 +1060,9 @@ class EndedSystem(ActuatorSystem):
         return super().automaton.states
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return the numbers of the actuator, followed by scratch space."""
+        """Return the numbers of the actuator, followed by scratch space and the time base."""
         found = super().numbers(changes)
-        scratch = np.zeros(2 * len(self.states))
+        scratch = np.zeros(2 * len(self.states) + 1)
         return found._replace(parameters=np.concatenate([found.parameters, scratch]))
 
 
@@ -1091,25 +1093,27 @@ def _ended(
     units : tuple of float
         Units of the states, of time and of the parameters, in scaled units.
     count : int
-        Number of parameters of the system; scratch space for two states follows them.
+        Number of parameters of the system; scratch space for two states and the time base follow.
     step : float
         Difference step of the rate.
     """
     n, m = len(base.states), len(base.guards)
     margin = _in_units_of_the_user(until, base.states, units)
     flow, margins, transition = base.flow, base.margins, base.transition
+    clock = count + 2 * n
 
     def more_margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         margins(mode, t, y, p, g, r)
         slope, moved = p[count : count + n], p[count + n : count + 2 * n]
         flow(mode, t, y, p, slope)
-        g[m] = margin(mode, t, y, p)
+        now = p[clock] + t
+        g[m] = margin(mode, now, y, p)
         r[m] = 0.0
         for point in range(1, 4):
             for sign in (-1.0, 1.0):
                 for i in range(n):
                     moved[i] = y[i] + sign * point * step * slope[i]
-                there = margin(mode, t + sign * point * step, moved, p)
+                there = margin(mode, now + sign * point * step, moved, p)
                 r[m] += sign * weight_of(point) * there / step
 
     def with_end(mode, code, t, y, p):  # type: ignore[no-untyped-def]
@@ -1125,6 +1129,8 @@ def _ended(
         guards=(*base.guards, Guard("until", order=last + 1)),
         margins=more_margins,
         transition=with_end,
+        clock=clock,
+        timed=(m,) if reads_time(until) else (),
         cyclic=(),  # `until` may depend on the position of the frame
         bounds=True,
         recipe=(_ended, (base, until, units, count, step)),

@@ -145,6 +145,12 @@ class Run(Result):
         return start.cycle + start.time / period, final.cycle + final.time / period
 
     @property
+    def end(self) -> float:
+        """The time at the end; ``start`` of a run that continues this one."""
+        final = self.trajectory.final
+        return float(self.system.out("time", final.cycle * self.trajectory.period + final.time))
+
+    @property
     def final(self) -> State:
         """The state at the end; ``initial`` of a run that continues this one."""
         return self.system.state_of(self.trajectory.final)

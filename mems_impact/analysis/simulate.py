@@ -8,10 +8,17 @@ from functools import partial
 from typing import Any, Literal, get_args
 
 from mems_impact._util.progress import progress_bar
+from mems_impact._util.warning_scopes import warn
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.settling import checkpoint_grid
-from mems_impact.errors import FunctionError, Interrupted, InvalidParameter, RunError
-from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
+from mems_impact.errors import (
+    FunctionError,
+    Interrupted,
+    InvalidParameter,
+    LengthWarning,
+    RunError,
+)
+from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
 from mems_impact.systems.base import HybridSystem
@@ -64,9 +71,10 @@ def run_until_standstill(
 # --- Simulation
 
 DEFAULT_PERIODS_FORCED = 300  # of a system with forcing, by default
+DEFAULT_TIME_SCALES = 100_000  # of a run of an autonomous system until an event, by default
 
 
-@takes_system(start="initial")
+@takes_system(start="initial", recurrent=False)
 def simulate(
     system: HybridSystem,
     periods: float | None = None,
@@ -74,6 +82,7 @@ def simulate(
     duration: float | None = None,
     until: Callable[..., float] | Literal["still"] | None = None,
     initial: State | Mapping[str, float] | None = None,
+    start: float | None = None,
     window: tuple[float, float] | None = None,
     keep: Keep = "events",
     options: Options = Options(),  # noqa: B008 - immutable
@@ -92,12 +101,17 @@ def simulate(
         ``until(mode, t, y, p)``, positive during the run, which ends where it falls through zero.
         For an actuator ``p`` holds the eleven parameters of the device, and ``"still"`` ends the
         run when the motion repeats without net displacement of the frame, or after `periods`;
-        `Run.ended` holds the reason.
+        `Run.ended` holds the reason. Without a length, such a run takes at most 300 periods; of an
+        autonomous system, 100,000 of its time scales.
     initial : State or mapping of str to float, optional
         Initial state; that of the system by default.
+    start : float, optional
+        Time at which the run begins; by default the phase of the initial state, which is 0 without
+        forcing. A run that continues another, ``initial=run.final``, keeps its time with
+        ``start=run.end``.
     window : tuple of float, optional
-        First and last forcing period of the statistics, within the run and counted from the start
-        of the forcing period in which the run begins; by default the second half of the run, or all
+        First and last forcing period of the statistics, within the run and counted from the time
+        0; by default the second half of the run, or all
         of it with `until`. Times for an autonomous system.
     keep : {"events", "statistics"}, optional
         ``"statistics"`` discards events, so that memory does not grow with the length of the run.
@@ -120,6 +134,11 @@ def simulate(
     FunctionError
         If a function is wrong in a mode that this run is the first to reach; its ``trajectory`` is
         the `Run`.
+
+    Warns
+    -----
+    LengthWarning
+        If `until` has not fallen through zero within the default length.
 
     See Also
     --------
@@ -150,27 +169,30 @@ def simulate(
             raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
         still = system.standstill_test()
         longest = _length(system, periods, duration, None, problem.period)
-        again = partial(simulate, system, initial=initial, options=options, progress=progress)
+        again = partial(
+            simulate, system, initial=initial, start=start, options=options, progress=progress
+        )
         return run_until_standstill(still, again, partial(again, window=window, keep=keep), longest)
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)
-    start = system.hybrid_state(initial, problem)
-    check_start_side(system, problem, start)
+    begin = system.hybrid_state(initial, problem, start=start)
+    check_start_side(system, problem, begin)
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    bounded = periods is not None or duration is not None
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     half = until is None  # the end of the run is unknown, so all of it counts
-    first, last = _window(window, start.time / problem.period, periods, unit, half)
-    begin = partial(system.gatherer, problem, start, TimeWindow(first, last, problem.period))
-    gatherer = begin()
+    first, last = _window(window, begin.cycle + begin.time / problem.period, periods, unit, half)
+    gather = partial(system.gatherer, problem, begin, TimeWindow(first, last, problem.period))
+    gatherer = gather()
     logs: list[Events] = []
-    largest = None if system.is_scaled else MaxStateRecorder(start.y)
+    largest = None if system.is_scaled else MaxStateRecorder(begin.y)
     meets = mode_monitor(system, problem)
     if meets is not None:
-        meets.put(start)
-    validity = system.validity(problem, start)
+        meets.put(begin)
+    validity = system.validity(problem, begin)
 
     def consume(events: Events) -> None:
         if largest is not None:
@@ -200,26 +222,34 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=LazyStatistics(begin, trajectory.events, lengths) if logs else gatherer,
+            _gatherer=LazyStatistics(gather, trajectory.events, lengths) if logs else gatherer,
         )
 
     with progress_bar(progress, "periods", periods, "simulate") as report:
         try:
             grid = checkpoint_grid(periods, last - first, forced=system.forced)
             trajectory = integrate(
-                problem, start, periods, consume=consume, progress=report, checkpoints=grid
+                problem, begin, periods, consume=consume, progress=report, checkpoints=grid
             )
         except (RunError, Interrupted) as error:
             if isinstance(error.partial, Trajectory):
                 error.partial = finished(error.partial)
             raise
     run = finished(trajectory)
-    if meets is not None:
-        try:
+    try:
+        if meets is not None:
             meets.check()
-        except FunctionError as error:
-            error.partial = run
-            raise
+        system.without_until.check_forcing(run.trajectory)
+    except FunctionError as error:
+        error.partial = run
+        raise
+    if until is not None and not bounded and not trajectory.ended:
+        length = f"periods={periods:g}" if system.forced else f"duration={periods * unit:g}"
+        message = (
+            f"until has not fallen through zero within the default length, {length}; give another "
+            "length, or a function that falls"
+        )
+        warn(message, LengthWarning)
     return run
 
 
@@ -247,7 +277,7 @@ def _length(
     if until is None:
         problem = "the system has no forcing period: give duration= or until="
         raise InvalidParameter("duration", None, "", problem=problem)
-    return float(MAX_CYCLE) / 2.0
+    return float(DEFAULT_TIME_SCALES)
 
 
 def _window(

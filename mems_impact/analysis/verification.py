@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
-from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import Result
@@ -141,9 +141,9 @@ class EventLog:
         self.cycle = np.append(self.events.cycle, final.cycle)
         self.time = np.append(self.events.time, final.time)
         self.after = np.vstack([self.events.after, final.y])
-        speed = closing_speeds(self.events, automaton, trajectory.problem.parameters)
+        speed = closing_speeds(self.events, trajectory.problem)
         self.speed = np.append(speed, math.nan)
-        slow = approach_speeds(self.events, automaton, trajectory.problem.parameters, speed)
+        slow = approach_speeds(self.events, trajectory.problem, speed)
         self.approach = np.append(slow, math.inf)
         self.end = len(self.events)
         self.strength = np.append(self._strength(speed), math.inf)
@@ -198,33 +198,34 @@ def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
         yield begins, free[following[following < free.size]]
 
 
-def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
+def closing_speeds(events: Events, problem: Problem) -> Floats:
     """Return the closing speed before each impact, NaN at other events."""
+    automaton = problem.automaton
     impact = events.impacts(automaton)
     speeds = np.full(len(events), math.nan)
     for i in np.flatnonzero(impact):
         mode, time = int(events.mode_before[i]), float(events.time[i])
-        _, rates = automaton.margins_at(mode, time, events.before[i], parameters)
+        p = problem.parameters_at(int(events.cycle[i]))
+        _, rates = automaton.margins_at(mode, time, events.before[i], p)
         speeds[i] = abs(rates[int(events.guard[i])])
     return speeds
 
 
-def approach_speeds(
-    events: Events, automaton: Automaton, parameters: Floats, speeds: Floats
-) -> Floats:
+def approach_speeds(events: Events, problem: Problem, speeds: Floats) -> Floats:
     """Return the speed at which the state approaches the surface of each event's guard.
 
     That of an impact is its speed; that of other guards the rate of the margin over the length of
     its gradient. Infinity for events without a guard.
     """
+    automaton = problem.automaton
     approach = np.where(np.isnan(speeds), math.inf, speeds)
     others = np.isnan(speeds) & (events.kind == workspace.TRANSITION)
     for i in np.flatnonzero(others):
         mode, time, guard = int(events.mode_before[i]), float(events.time[i]), int(events.guard[i])
-        state = events.before[i]
-        margins, rates = automaton.margins_at(mode, time, state, parameters)
+        state, p = events.before[i], problem.parameters_at(int(events.cycle[i]))
+        margins, rates = automaton.margins_at(mode, time, state, p)
         moved = state + GRADIENT_STEP * np.eye(state.size)
-        slopes = [automaton.margins_at(mode, time, y, parameters)[0][guard] for y in moved]
+        slopes = [automaton.margins_at(mode, time, y, p)[0][guard] for y in moved]
         length = float(np.linalg.norm((np.array(slopes) - margins[guard]) / GRADIENT_STEP))
         if length > 0.0:
             approach[i] = abs(rates[guard]) / length

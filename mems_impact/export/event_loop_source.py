@@ -38,7 +38,15 @@ from mems_impact.hybrid.event_loop.event_detection import (
     rk4_probe,
     rounding_error,
 )
-from mems_impact.hybrid.event_loop.loop import SWITCH_RTOL, begin_arc, rebase_time, resolve_instant
+from mems_impact.hybrid.event_loop.loop import (
+    SWITCH_RTOL,
+    begin_arc,
+    begin_period,
+    is_switch,
+    resolve_instant,
+    set_clock,
+    switch_instant,
+)
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     ACCUMULATION_STATE,
@@ -52,7 +60,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     MARGINS_AT,
     NONE,
     STATE_BEFORE,
-    SWITCHES,
     WAITING,
     G,
     Y,
@@ -102,14 +109,13 @@ BLUR = 0.02  # relative error of a flight beyond which an importer does not reso
 def first_instant(engine, s):  # type: ignore[no-untyped-def]
     """Perform the transitions of the initial state."""
     y = table_row(s, Y)
+    set_clock(engine, s)
     s.failure = inadmissible_gap(engine, s, s.t, y)
     if s.failure != NONE:
         return INADMISSIBLE
     guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
-    for i in range(s.switches):
-        distance = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
-        if min(distance, s.period - distance) <= SWITCH_RTOL * s.period:
-            guard = 2 * s.m
+    if is_switch(s):
+        guard = 2 * s.m
     status = resolve_imported_instant(engine, s, y, guard)
     if status == DONE:
         begin_arc(engine, s, y)
@@ -124,7 +130,7 @@ def imported_instant(engine, s, input_change):  # type: ignore[no-untyped-def]
     y = table_row(s, Y)
     if s.t > s.arc_start:
         s.switched = 0
-    if at_next_switch(s) or input_change == 1:
+    if at_next_switch(engine, s) or input_change == 1:
         guard = 2 * s.m
     else:
         guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
@@ -134,14 +140,12 @@ def imported_instant(engine, s, input_change):  # type: ignore[no-untyped-def]
     return status
 
 
-def at_next_switch(s):  # type: ignore[no-untyped-def]
+def at_next_switch(engine, s):  # type: ignore[no-untyped-def]
     """Return whether ``s.t`` is the next switch but for rounding; then set it exactly."""
-    if s.stop - s.t > SWITCH_RTOL * s.period:
+    if s.switched == 1 or s.stop - s.t > SWITCH_RTOL * s.period:
         return False
-    s.t = s.stop
-    if s.t > s.period:
-        rebase_time(s, 1)
-        s.t = table_row(s, SWITCHES)[0]
+    s.t = switch_instant(s, math.inf)
+    begin_period(engine, s)
     return True
 
 
@@ -152,7 +156,7 @@ def resume(engine, s, input_change):  # type: ignore[no-untyped-def]
     """
     if s.first_arc == 0:
         s.restart = 1
-        if at_next_switch(s) or input_change == 1:
+        if at_next_switch(engine, s) or input_change == 1:
             s.pending_guard = 2 * s.m
 
 
@@ -301,6 +305,7 @@ HANDLERS: dict[Any, Any] = {
     interface.set_bias: _code("({0}->bias[{1}] = {2})", REAL),
     interface.flow: _call("engine_flow"),
     interface.margins: _call("engine_margins"),
+    interface.set_parameter: _code("({0}->parameters[{1}] = {2})", REAL),
     interface.transition: _call("engine_transition", INTEGER),
     # DOP853 has far smaller errors in short flights than its tolerances.
     flights.sharpen: _code("(void)0"),

@@ -70,6 +70,8 @@ def model_header(model: ExportedModel) -> str:
         "INDICATORS": m + sum(guard.impact for guard in automaton.guards),
         "FIRST_INTEGER": first_integer(model),
         "MODE_START": int(model.initial.mode),
+        "FORCED": int(automaton.forced),
+        "CLOCK": f"({workspace.NONE if automaton.clock is None else automaton.clock})",
         "TABLE_ROWS": workspace.ROWS,
         "TABLE_WIDTH": max(n, 2 * m, switches),
         "EVENT_ROWS": EVENT_BUFFER_ROWS + 8 * m,
@@ -84,7 +86,7 @@ def model_header(model: ExportedModel) -> str:
         "NO_REST": f"({workspace.NO_REST})",
         "EVENT_STATES": workspace.HEAD,
     }
-    rows = ("Y", "OFFSET", "ORDER", "IMPACT", "RECORDS", "CONDITION", "CYCLIC", "HIT_TIME")
+    rows = ("Y", "OFFSET", "ORDER", "IMPACT", "RECORDS", "CONDITION", "TIMED", "CYCLIC", "HIT_TIME")
     sizes |= {f"ROW_{row}": getattr(workspace, row) for row in (*rows, "HIT_BEGIN", "SWITCHES")}
     columns = ("CYCLE", "TIME", "KIND", "GUARD", "MODE_BEFORE", "MODE_AFTER")
     sizes |= {f"EVENT_{column}": getattr(workspace, column) for column in columns}
@@ -119,6 +121,7 @@ def model_header(model: ExportedModel) -> str:
         reals("GUARD_IMPACTS", [float(guard.impact) for guard in guards]),
         reals("GUARD_RECORDS", [float(guard.records) for guard in guards]),
         reals("GUARD_CONDITIONS", [float(guard.condition or guard.impact) for guard in guards]),
+        reals("GUARD_TIMED", [float(i in automaton.timed) for i in range(m)]),
         texts("GUARD_NAMES", [guard.name for guard in guards]),
         reals("VALUE_STARTS", [number.value for number in model.numbers] or [0.0]),
         "static const int VALUE_KINDS[] = { "

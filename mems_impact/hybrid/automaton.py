@@ -20,6 +20,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     IMPACT,
     ORDER,
     RECORDS,
+    TIMED,
 )
 from mems_impact.hybrid.pickling import portable
 from mems_impact.integrators.python_functions import apply_transition
@@ -190,13 +191,21 @@ class Automaton:
     step : float, optional
         Step of the differences for derivatives by states and parameters, along a direction of
         length one; well below the scale on which the functions are nonlinear.
+    forced : bool, optional
+        Whether flow and margins have the period of the problem. Otherwise its switching times are
+        absolute.
+    clock : int, optional
+        Index of the time base in the parameter array. The loop sets it to the start of the current
+        period, to which functions add ``t``.
+    timed : tuple of int, optional
+        Guards whose margins add it.
     recipe : tuple of callable and tuple, optional
         A function and its arguments that construct this automaton; used to pickle it if its
         functions cannot be imported by name.
 
     Notes
     -----
-    ``t`` is measured from the start of the current period of the run.
+    ``t`` is measured from the start of the current period of the run; see `clock`.
     """
 
     states: tuple[str, ...]
@@ -210,6 +219,9 @@ class Automaton:
     step: float = 1e-3
     constrained: tuple[int, ...] = ()
     stiff: bool = False
+    forced: bool = True
+    clock: int | None = None
+    timed: tuple[int, ...] = ()
     bounds: bool = field(default=True, compare=False)
     recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
         default=None, compare=False, repr=False
@@ -273,6 +285,7 @@ class Automaton:
             (IMPACT, [float(guard.impact) for guard in self.guards]),
             (RECORDS, [float(guard.records) for guard in self.guards]),
             (CONDITION, [float(guard.condition or guard.impact) for guard in self.guards]),
+            (TIMED, [float(i in self.timed) for i in range(len(self.guards))]),
             (CYCLIC, [float(i in self.cyclic) for i in range(len(self.states))]),
             (HIT_TIME, [-math.inf] * len(self.guards)),
             (HIT_BEGIN, [-math.inf] * len(self.guards)),

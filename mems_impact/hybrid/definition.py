@@ -24,6 +24,13 @@ direction (1, flow), by central differences of sixth order with a step of 1e-3 o
 ``time_scale``). The line is tangent to the trajectory, so that the rate of a margin linear in state
 and time is exact to rounding; otherwise the error is that of a sixth-order difference.
 
+Time
+----
+The loop counts time from the start of a period, so that long runs keep its precision. The flow and
+the margins of a system with forcing receive this time, since they are periodic. Other functions
+that read ``t`` receive the time since the start of the run: their wrappers add the start of the
+period, which the loop keeps in the parameter array.
+
 The numerics scale time and every state, parameter and margin by powers of two. The conversions to
 and from the units of a user's function are therefore exact.
 """
@@ -35,7 +42,7 @@ import itertools
 import math
 import re
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -46,6 +53,7 @@ from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
 from mems_impact.hybrid.pickling import portable
+from mems_impact.hybrid.time_dependence import Argument, reads_time
 
 __all__ = [
     "GENERATED",
@@ -67,6 +75,7 @@ GENERATED = "<automaton>"  # file name of generated source, excluded from error 
 RATE_STEP = 1e-3  # step of the differences for a rate, in periods
 PLACEHOLDER_GUARD = "never"  # the guard of a system that has none
 NAMED_FORM, ARRAY_FORM = 4, 5  # numbers of arguments: without, with an output array
+TIME_BASE, SCRATCH = 1, 2  # places after the parameters; that of the step of rates is 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +104,8 @@ class Definition:
     constraints : tuple of (int, callable)
         A mode, and ``constraint(mode, t, y, p)``, which is zero in that mode. Such modes are
         constrained, and their projection is generated.
+    forced : bool
+        Whether the system has a period, which is then that of its flow, margins and constraints.
     """
 
     states: tuple[str, ...]
@@ -109,6 +120,7 @@ class Definition:
     projection: Callable[..., Any] | None = None
     sizes: tuple[float, ...] = ()
     constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
+    forced: bool = True
 
     def __reduce__(self) -> Any:
         """Pickle functions by name if they can be imported, otherwise with their code."""
@@ -127,6 +139,7 @@ def _definition(values: dict[str, Any]) -> Definition:
 def automaton_of(definition: Definition) -> Automaton:
     """Return the automaton of a definition; the same one for the same functions."""
     guards = resolve_order(definition.guards)
+    writer = _CodeWriter(definition, guards)
     return Automaton(
         states=definition.states,
         modes=definition.modes,
@@ -136,8 +149,24 @@ def automaton_of(definition: Definition) -> Automaton:
             sorted({*definition.constrained, *(mode for mode, _ in definition.constraints)})
         ),
         recipe=(automaton_of, (definition,)),
-        **_CodeWriter(definition, guards).functions(),
+        forced=definition.forced,
+        **writer.functions(),
+        clock=writer.clock,
+        timed=tuple(writer.timed),
     )
+
+
+def forcing(definition: Definition) -> Iterator[Callable[..., Any]]:
+    """Yield the functions that have the period of the forcing, if a system has one."""
+    yield definition.flow
+    if definition.jacobian is not None:
+        yield definition.jacobian
+    for guard in definition.guards:
+        if moves(guard):
+            yield from (each for each in (guard.margin, guard.rate) if each is not None)
+    yield from (constraint for _, constraint in definition.constraints)
+    if definition.projection is not None:
+        yield definition.projection
 
 
 def end_run(mode, t, y, p):  # type: ignore[no-untyped-def]
@@ -148,6 +177,11 @@ def end_run(mode, t, y, p):  # type: ignore[no-untyped-def]
 def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
     """End the run (a transition), where states are arrays."""
     return ENDS
+
+
+def moves(guard: Guard) -> bool:
+    """Return whether a guard changes the motion, rather than record or end it."""
+    return guard.transition not in (None, end_run, end_run_of_array)
 
 
 def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
@@ -170,8 +204,8 @@ def resolve_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
 
 
 def hidden_parameters(definition: Definition) -> int:
-    """Return the number of values after the parameters: the step of rates, and scratch."""
-    return 1 + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
+    """Return the number of values after the parameters: step of rates, time base, and scratch."""
+    return SCRATCH + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
 
 
 def writes_into_arrays(flow: Callable[..., Any]) -> bool:
@@ -190,7 +224,17 @@ def writes_into_arrays(flow: Callable[..., Any]) -> bool:
 
 
 class _CodeWriter:
-    """Writes the source of an automaton's functions over arrays."""
+    """Writes the source of an automaton's functions over arrays.
+
+    Attributes
+    ----------
+    clock : int or None
+        Index of the time base in the parameter array, if a function reads it.
+    timed : list of int
+        Guards whose margins receive the time since the start of the run.
+    """
+
+    clock: int | None = None
 
     def __init__(self, definition: Definition, guards: tuple[Guard, ...]) -> None:
         self.definition, self.guards = definition, guards
@@ -200,6 +244,12 @@ class _CodeWriter:
             len(definition.parameters),
         )
         self.by_array = writes_into_arrays(definition.flow)
+        self.timed: list[int] = []
+        # A function that reads t only by those of the forcing is periodic, too.
+        self.periodic: set[Argument] = set()
+        if definition.forced:
+            for function in forcing(definition):
+                reads_time(function, self.periodic)
         self.space: dict[str, Any] = {
             "__name__": __name__,
             "nan": math.nan,
@@ -219,21 +269,30 @@ class _CodeWriter:
         exec(compile("\n\n".join(text), GENERATED, "exec"), self.space)
         return {name: self.space[name] for name in names}
 
+    def time(self, function: Callable[..., Any], *, forcing: bool) -> str:
+        """Return the time that a function receives."""
+        is_periodic = forcing and self.definition.forced
+        if is_periodic or not reads_time(function, set(self.periodic)):
+            return "t"
+        self.clock = self.count + TIME_BASE
+        return f"t + p[{self.clock}]"
+
     def flow(self) -> str:
-        lines = self.head()
+        lines, time = self.head(), self.time(self.definition.flow, forcing=True)
         if self.by_array:
             lines += self.blank("dy")
-            lines.append("flow_of(mode, t, y, q, dy)")
+            lines.append(f"flow_of(mode, {time}, y, q, dy)")
         else:
-            lines.append(f"{self.each('dy')} = flow_of(mode, t, s, q)")
+            lines.append(f"{self.each('dy')} = flow_of(mode, {time}, s, q)")
         return function("flow(mode, t, y, p, dy)", lines)
 
     def jacobian(self) -> str:
-        self.space["jacobian_of"] = self.definition.jacobian
-        state = "y" if self.by_array else "s"
+        jacobian = self.space["jacobian_of"] = self.definition.jacobian
+        assert jacobian is not None
+        state, time = "y" if self.by_array else "s", self.time(jacobian, forcing=True)
         return function(
             "jacobian(mode, t, y, p, entries)",
-            [*self.head(), f"jacobian_of(mode, t, {state}, q, entries)"],
+            [*self.head(), f"jacobian_of(mode, {time}, {state}, q, entries)"],
         )
 
     def margins(self) -> str:
@@ -243,26 +302,32 @@ class _CodeWriter:
             lines.append(f"h = p[{self.count}]")
             lines += self.slope()
         for i, guard in enumerate(self.guards):
+            assert guard.margin is not None
             self.space[f"margin_{i}"] = guard.margin
-            block = [f"g[{i}] = margin_{i}(mode, t, {state}, q)"]
+            time = self.time(guard.margin, forcing=moves(guard))
+            if time != "t":
+                self.timed.append(i)
+            block = [f"g[{i}] = margin_{i}(mode, {time}, {state}, q)"]
             if guard.rate is None:
-                block += self.difference(i)
+                block += self.difference(i, time)
             else:
                 self.space[f"rate_{i}"] = guard.rate
-                block.append(f"r[{i}] = rate_{i}(mode, t, {state}, q)")
+                time = self.time(guard.rate, forcing=moves(guard))
+                block.append(f"r[{i}] = rate_{i}(mode, {time}, {state}, q)")
             lines += in_modes(guard.modes, block)
         return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
 
     def slope(self) -> list[str]:
         """Return the lines that write the flow into `d`, and name `x`, scratch for a state."""
+        time = self.time(self.definition.flow, forcing=True)
         if not self.by_array:
-            return ["d = flow_of(mode, t, s, q)"]
-        start = self.count + 1
+            return [f"d = flow_of(mode, {time}, s, q)"]
+        start = self.count + SCRATCH
         return [
             f"d = p[{start}:{start + self.n}]",
             f"x = p[{start + self.n}:{start + 2 * self.n}]",
             *self.blank("d"),
-            "flow_of(mode, t, y, q, d)",
+            f"flow_of(mode, {time}, y, q, d)",
         ]
 
     def blank(self, name: str) -> list[str]:
@@ -273,8 +338,8 @@ class _CodeWriter:
         """Return the elements of an array as the target of a tuple assignment."""
         return "".join(f"{name}[{i}], " for i in range(self.n))
 
-    def difference(self, i: int) -> list[str]:
-        """Return the lines that compute the rate of margin `i` by differences."""
+    def difference(self, i: int, time: str) -> list[str]:
+        """Return the lines that compute the rate of margin `i`, at a time, by differences."""
         # A loop, in which the margin is compiled once instead of six times.
         if self.by_array:
             shift = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
@@ -289,7 +354,7 @@ class _CodeWriter:
             "moved = sign * size * h",
             *shift,
             f"weight = {first!r} if size == 1 else ({second!r} if size == 2 else {third!r})",
-            f"r[{i}] += sign * weight * margin_{i}(mode, t + moved, {state}, q)",
+            f"r[{i}] += sign * weight * margin_{i}(mode, {time} + moved, {state}, q)",
         ]
         return [f"r[{i}] = 0.0", "for point in range(6):", *indented(point), f"r[{i}] /= h"]
 
@@ -303,7 +368,7 @@ class _CodeWriter:
                 else:
                     lines += self.case(self.m + i, f"rest_{i}", guard.rest)
         lines += self.case(2 * self.m, "switch_transition", self.definition.switch_transition)
-        lines += self.case(2 * self.m + 1, "projection", self.projection())
+        lines += self.case(2 * self.m + 1, "projection", self.projection(), forcing=True)
         return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
 
     def projection(self) -> Callable[..., Any] | None:
@@ -317,18 +382,21 @@ class _CodeWriter:
         result: Callable[..., Any] = self.space["onto"]
         return result
 
-    def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:
+    def case(
+        self, code: int, name: str, change: Callable[..., Any] | None, *, forcing: bool = False
+    ) -> list[str]:
         if change is None:
             return []
+        time = self.time(change, forcing=forcing)
         self.space[name] = change
         if self.by_array:
             # The transition reads the old state while it writes the new one.
-            start = self.count + 1
+            start = self.count + SCRATCH
             copy = [f"for k in range({self.n}):", "    x[k] = y[k]"]
             lines = [f"x = p[{start}:{start + self.n}]", *copy]
-            lines.append(f"return int({name}(mode, t, x, q, y))")
+            lines.append(f"return int({name}(mode, {time}, x, q, y))")
         else:
-            lines = [f"new_mode, new = {name}(mode, t, s, q)"]
+            lines = [f"new_mode, new = {name}(mode, {time}, s, q)"]
             lines += [f"{self.each('y')} = new", "return int(new_mode)"]
         return [f"if code == {code}:", *indented(lines)]
 
@@ -501,8 +569,8 @@ class _ScalingWriter:
         self, name: str, user_function: Callable[..., Any] | None
     ) -> Callable[..., Any] | None:
         """Return a scaled transition, or None."""
-        if user_function is None:
-            return None
+        if user_function in (None, end_run, end_run_of_array):
+            return user_function
         if self.by_array:
             lines = self.around([f"after = {self.call(name, user_function, ', new')}"], "y", "new")
             return self.make(name, "mode, t, y, p, new", [*lines, "return after"])

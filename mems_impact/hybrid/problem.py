@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -72,7 +73,7 @@ class Problem:
     period : float
         Unit of run lengths: the period of the drive, or any time for an autonomous system.
     switches : tuple of float
-        Times in (0, period] at which flow or margins jump.
+        Times in (0, period] at which flow or margins jump; without forcing, any times above 0.
     section : tuple (component, level, direction) or None
         Record crossings of ``y[component] = level``; direction 0 for both.
     options : Options
@@ -110,7 +111,7 @@ class Problem:
         if not isinstance(self.options, Options):
             raise InvalidParameter("options", self.options, "Options(…)")
         object.__setattr__(self, "options", self.options.suited(self.automaton.stiff))
-        check_times(self.numbers)
+        check_times(self.numbers, forced=self.automaton.forced)
 
     def with_time_unit(self, period: float) -> Problem:
         """Return the same problem with another unit of run lengths.
@@ -119,22 +120,34 @@ class Problem:
         """
         return replace(self, period=period, time_scale=self.time_scale or self.period)
 
+    def parameters_at(self, cycle: int) -> Floats:
+        """Return the parameters with the time base at the start of a period."""
+        p = np.array(self.parameters, dtype=float)
+        if self.automaton.clock is not None:
+            p[self.automaton.clock] = cycle * self.period
+        return p
+
     @property
     def numbers(self) -> ProblemParameters:
         """The values of the parameters and the times that depend on them."""
         return ProblemParameters(self.parameters, self.period, self.switches, self.time_scale)
 
 
-def check_times(numbers: ProblemParameters, size: float = 1.0, unit: str = "") -> None:
+def check_times(
+    numbers: ProblemParameters, size: float = 1.0, unit: str = "", *, forced: bool
+) -> None:
     """Raise InvalidParameter if times are invalid; the message has them in a unit of `size`."""
     # The time scale first, which is the period of a system without one.
     for name, time in (("time_scale", numbers.time_scale), ("period", numbers.period)):
         if time is not None and not (math.isfinite(time) and time > 0.0):
             raise InvalidParameter(field=name, value=time * size, allowed="finite and above 0")
-    period, switches = numbers.period * size, numbers.switches
-    is_rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
-    if not (is_rising and (not switches or switches[-1] <= numbers.period)):
-        allowed = f"ascending times above 0 and up to the period, {period:.6g} {unit}".rstrip()
+    switches, last = numbers.switches, numbers.period if forced else sys.float_info.max
+    if not all(
+        a < b for a, b in itertools.pairwise((0.0, *switches, math.nextafter(last, math.inf)))
+    ):
+        allowed = "ascending times above 0"
+        if forced:
+            allowed += f" and up to the period, {numbers.period * size:.6g} {unit}".rstrip()
         times = tuple(time * size for time in switches)
         raise InvalidParameter(field="switches", value=times, allowed=allowed)
 
@@ -486,6 +499,8 @@ class LoopMemory:
                 "m": m,
                 "switches": switches,
                 "modes": len(automaton.modes),
+                "forced": int(automaton.forced),
+                "clock": workspace.NONE if automaton.clock is None else automaton.clock,
                 "period": problem.period,
                 "scale": problem.time_scale or problem.period,
                 "rtol": options.rtol,

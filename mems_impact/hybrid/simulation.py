@@ -347,7 +347,7 @@ def _share_side(problem: Problem, events: Events) -> bool:
 
     Both flows then cross it in the same direction, and the modes are not opposed.
     """
-    automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
+    automaton, p = problem.automaton, problem.parameters_at(int(events.cycle[-1]))
     mode, other_mode = events.mode_before[-2:].tolist()
     time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
     y_behind = y - OFFSET_PERIODS * problem.period * automaton.slope_at(mode, time, y, p)
@@ -710,7 +710,7 @@ class Simulation:
     def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:
         """Return the margin of a guard as a function of the state, in the present mode and time."""
         clock, problem = self.clock, self.problem
-        p = np.array(problem.parameters, dtype=float)
+        p = problem.parameters_at(int(clock["cycle"]))
 
         def margin(y: Sequence[float]) -> float:
             margins, _ = problem.automaton.margins_at(clock["mode"], clock["t"], np.array(y), p)
@@ -724,7 +724,10 @@ class Simulation:
         from mems_impact.hybrid.diagnostics.user_functions import EvaluationPoint
 
         clock, problem = self.clock, self.problem
-        point = EvaluationPoint(int(clock["mode"]), float(clock["t"]), self.memory.local.tolist())
+        time = float(clock["t"])
+        if not problem.automaton.forced:
+            time += int(clock["cycle"]) * problem.period
+        point = EvaluationPoint(int(clock["mode"]), time, self.memory.local.tolist())
         return find_invalid_value(problem.automaton, np.asarray(problem.parameters).tolist(), point)
 
     def _run_error(self, reason: str, remedy: str) -> RunError:

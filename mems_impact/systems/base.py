@@ -25,9 +25,10 @@ from mems_impact.export.model import ExportedModel, ExportedNumber
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.definition import Definition, Typical
+from mems_impact.hybrid.event_loop.workspace import whole_periods
 from mems_impact.hybrid.pickling import portable
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
-from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
@@ -38,12 +39,14 @@ from mems_impact.systems.observables import (
     Quantity,
 )
 from mems_impact.systems.result import Result, deep_equal
-from mems_impact.systems.state import State, state_from
+from mems_impact.systems.state import State, is_number, state_from
 from mems_impact.systems.typical_scales import warn_if_badly_scaled_orbit
 from mems_impact.systems.window_statistics import StatisticsAccumulator, TimeWindow
 from mems_impact.tables import unit_of
 
 __all__ = ["Conversion", "HybridSystem", "SystemFamily", "conversion"]
+
+PHASE_RTOL = 1e-12  # of a time, within which it has a phase
 
 
 @cache
@@ -378,11 +381,15 @@ class HybridSystem(Result, ABC):
         }
 
     def hybrid_state(
-        self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
+        self,
+        state: State | Mapping[str, float] | None,
+        problem: Problem,
+        field: str = "initial",
+        start: float | None = None,
     ) -> HybridState:
         """Return the initial condition of a run from `state`, in scaled units.
 
-        `field` is the name of the argument in errors.
+        `field` is the name of the argument in errors, `start` the time at which the run begins.
 
         Raises
         ------
@@ -400,15 +407,43 @@ class HybridSystem(Result, ABC):
                 "time", state.time, f"below the forcing period {period:g} {unit}".rstrip()
             )
         if not self.forced and state.time != 0.0:
-            allowed = "0: the system is autonomous"
+            allowed = "0: the system has no forcing period; give start="
             raise InvalidParameter("time", state.time, allowed)
         time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
+        cycle = 0
+        if start is not None:
+            cycle, time = self._instant(start, time, problem.period)
         mode = state.mode if state.mode is not None else self.initial.mode
+        now = time if self.forced else cycle * problem.period + time
         if mode is None:
-            start = HybridState(0, time, self.mode_of(y, time, problem), y)
+            begin = HybridState(cycle, time, self.mode_of(y, now, problem), y)
         else:
-            start = self.start_in(self.mode_number(mode), time, y, problem)
-        return replace(start, initial=state._initial)
+            begin = self.start_in(self.mode_number(mode), now, y, problem)
+        return replace(begin, cycle=cycle, time=time, initial=state._initial)
+
+    def _instant(self, start: float, phase: float, period: float) -> tuple[int, float]:
+        """Return the period in which a run begins, and the time since its start.
+
+        The phase of the initial state, unless zero, must be that of the start.
+        """
+        value = self.without_unit("time", start, "start")
+        if not is_number(value):
+            raise InvalidParameter("start", start, "a finite number")
+        time = self.into("time", value)
+        if not abs(time) < MAX_CYCLE * period:
+            allowed = f"within {self.out('time', MAX_CYCLE * period):.3g}"
+            raise InvalidParameter("start", start, allowed)
+        cycle = round((time - phase) / period)
+        if abs(cycle * period + phase - time) <= PHASE_RTOL * max(period, abs(time)):
+            return cycle, phase
+        if phase != 0.0:
+            whole, unit = self.out("time", period), self.unit("time")
+            allowed = (
+                f"that of the initial state, plus whole periods of {whole:.9g} {unit}".rstrip()
+            )
+            raise InvalidParameter("start", start, allowed)
+        cycle = whole_periods(time, period)
+        return cycle, time - cycle * period
 
     def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
         """Return the initial condition of a run from a state whose mode is given."""
@@ -556,6 +591,12 @@ class HybridSystem(Result, ABC):
         """Whether names and numbers define the system completely; a file cannot hold functions."""
         return False
 
+    def check_recurrence(self) -> None:
+        """Raise FunctionError or InvalidParameter if time rules out periodic motions."""
+
+    def check_forcing(self, trajectory: Trajectory) -> None:
+        """Raise FunctionError unless the functions of the forcing are periodic along a run."""
+
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return a test for standstill: the number of periods after which a run rests, or None."""
         problem = "for actuators only; give a function (mode, t, y, p) that falls through zero"
@@ -618,7 +659,8 @@ class HybridSystem(Result, ABC):
     def _checked_numbers(self) -> ProblemParameters:
         """The part of the problem that depends on the parameters, shared by all problems."""
         numbers = self.numbers()
-        check_times(numbers, self.factor("time"), self.unit("time"))
+        size, unit = self.factor("time"), self.unit("time")
+        check_times(numbers, size, unit, forced=self.forced)
         return numbers
 
     def to_fmu(

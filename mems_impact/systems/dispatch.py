@@ -56,13 +56,13 @@ class Verb(Protocol[P, Result]):
 
 
 def takes_system(
-    start: str,
+    start: str, *, recurrent: bool = True
 ) -> Callable[[Callable[Concatenate[HybridSystem, P], R]], Verb[P, R]]:
     """Decorate a function of a system to accept an actuator and a drive, a run or an orbit.
 
     ``simulate(actuator, drive, …)`` is equivalent to ``simulate(actuator.under(drive), …)``, for
     any model with a method ``under``. A run or an orbit provides its system and, for the argument
-    `start`, its last state.
+    `start`, its last state. A `recurrent` verb needs a system whose motions may be periodic.
     """
 
     def decorated(verb: Callable[Concatenate[HybridSystem, P], R]) -> Verb[P, R]:
@@ -89,6 +89,8 @@ def takes_system(
             else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
+            if recurrent:
+                system.check_recurrence()
             try:
                 with warned_once():
                     return verb(system, *rest, **keywords)

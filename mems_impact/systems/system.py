@@ -31,10 +31,10 @@ from mems_impact.hybrid.definition import (
 from mems_impact.hybrid.diagnostics.user_functions import UserFunction, innermost_user_line
 from mems_impact.hybrid.pickling import reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
-from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
-from mems_impact.systems import arguments
+from mems_impact.systems import arguments, periodicity
 from mems_impact.systems import validation as checks
 from mems_impact.systems.base import Conversion, HybridSystem
 from mems_impact.systems.components import assembly
@@ -68,7 +68,8 @@ class System(HybridSystem):
     flow : callable
         ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` provide
         states and parameters by name (``y.x``, ``p.omega``); ``t`` is the time since the start of
-        the forcing period. For many states, ``flow(mode, t, y, p, dy)`` writes the derivatives into
+        the run; with a period, the flow is periodic and receives it less whole periods. For many
+        states, ``flow(mode, t, y, p, dy)`` writes the derivatives into
         ``dy``, and ``y`` is an array (see `mems_impact.hybrid.definition`).
     parameters : mapping of str to float, optional
         Names and values.
@@ -84,9 +85,11 @@ class System(HybridSystem):
     modes : sequence of Mode or str, optional
         All modes, from `modes`; required if there are several and no guard names one.
     period : float or callable, optional
-        The forcing period: a number, or ``period(p)``. None for an autonomous system.
+        The forcing period: a number, or ``period(p)``. Without one the functions may depend on
+        time in any way, but only runs take such a system.
     switches : sequence of float or callable, optional
-        Times in (0, period], ascending, at which the flow is discontinuous; or ``switches(p)``.
+        Times, ascending, at which the flow is discontinuous; or ``switches(p)``. With a period they
+        lie in (0, period] and recur; without one they are times above 0 since the start of the run.
     switch_transition : callable, optional
         ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; by default
         both are unchanged. An initial state, a sample and the end of a run at such a time are the
@@ -230,6 +233,7 @@ class System(HybridSystem):
             constrained=constrained,
             projection=projection,
             constraints=arguments.constraints(constraints, flow, called),
+            forced=period is not None,
         )
         self._section = arguments.section(section, names)
         self.observables = arguments.observables(observables, names, guards)
@@ -360,6 +364,24 @@ class System(HybridSystem):
     def checked_modes(self) -> set[int]:
         """The modes in which its functions have been validated; mutable."""
         return checks.checked_modes(self.definition, self._period)
+
+    def check_recurrence(self) -> None:
+        """Raise FunctionError or InvalidParameter if time rules out periodic motions."""
+        self._recurrence  # noqa: B018 - raises, once
+
+    @cached_property
+    def _recurrence(self) -> None:
+        """The result of `check_recurrence`, if it raises no error."""
+        if self.forced:
+            period = float(self.out("time", self._checked_numbers.period))
+            periodicity.check_recurrence(self, self.definition, period)
+        else:
+            periodicity.check_autonomy(self.definition, self._checked_numbers.switches)
+
+    def check_forcing(self, trajectory: Trajectory) -> None:
+        """Raise FunctionError unless the functions of the forcing are periodic along a run."""
+        if self.forced:
+            periodicity.check_forcing(self, self.definition, trajectory)
 
     @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
@@ -555,7 +577,8 @@ class System(HybridSystem):
         """Return an observable, in its own unit, at an event in scaled units."""
         p = self._to_user(problem)
         before, after = self._state(events.before[i]), self._state(events.after[i])
-        mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
+        instant = events.cycle[i] * problem.period + events.time[i]
+        mode, time = int(events.mode_before[i]), float(self.out("time", instant))
         return _observable_value(observable, mode, time, before, after, p)
 
     @property

@@ -50,7 +50,9 @@ __all__ = [
     "check_parted",
     "check_start_side",
     "dry_run",
+    "loaded",
     "mode_monitor",
+    "reachable_functions",
     "warn_of_discontinuity",
 ]
 
@@ -62,7 +64,7 @@ COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them
 def check_effects(definition: Definition) -> None:
     """Raise FunctionError if a function, or one that it calls, changes an outer variable."""
     for function in _functions(definition):
-        for inner in _reachable_functions(function.call, set()):
+        for inner in reachable_functions(function.call, set()):
             _check(function, inner)
 
 
@@ -87,7 +89,7 @@ def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
         yield from _changed(inner, outside & set(inner.co_freevars))
 
 
-def _reachable_functions(value: Any, visited: set[FunctionType]) -> Iterator[FunctionType]:
+def reachable_functions(value: Any, visited: set[FunctionType]) -> Iterator[FunctionType]:
     """Yield a function and those that it may call: globals and closure variables."""
     function = getattr(value, "py_func", value)  # of one that numba compiled
     if not isinstance(function, FunctionType) or function in visited:
@@ -96,16 +98,16 @@ def _reachable_functions(value: Any, visited: set[FunctionType]) -> Iterator[Fun
         return
     visited.add(function)
     yield function
-    for each in _loaded(function.__code__, function.__globals__):
-        yield from _reachable_functions(each, visited)
+    for each in loaded(function.__code__, function.__globals__):
+        yield from reachable_functions(each, visited)
     for cell in function.__closure__ or ():
         try:
-            yield from _reachable_functions(cell.cell_contents, visited)
+            yield from reachable_functions(cell.cell_contents, visited)
         except ValueError:  # not set yet
             continue
 
 
-def _loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
+def loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
     """Yield the globals that code reads, and the attributes of modules that it reads.
 
     Other attributes are not globals: ``p.k`` is unrelated to a function ``k``.
@@ -120,7 +122,7 @@ def _loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
             value = None
         yield value
     for inner in _within(code):
-        yield from _loaded(inner, scope)
+        yield from loaded(inner, scope)
 
 
 # Systems are made again and again of the same functions.
@@ -176,9 +178,11 @@ def warn_of_discontinuity(
     """
     numbers = system.numbers()
     checked = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
-    # Functions of a system with forcing may depend on time, and switch within a period.
-    time = math.fmod(at.time, numbers.period) if system.forced else 0.0
-    switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
+    if system.forced:
+        time = math.fmod(at.time, numbers.period)
+        switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
+    else:
+        time, switches = at.cycle * numbers.period + at.time, numbers.switches
     stop = next((switch for switch in switches if switch > time), math.inf)
     lengths = (part * length for part in STEPS_AHEAD)
     stretches = [each for each in lengths if time + DECLARED_RATIO * each < stop]
@@ -482,7 +486,7 @@ def check_times(
     period: float | None,
     unit: float,
 ) -> None:
-    """Raise FunctionError unless the flow has the forcing period, or does not depend on time.
+    """Raise FunctionError unless the flow has the forcing period, if there is one.
 
     Parameters
     ----------
@@ -498,32 +502,27 @@ def check_times(
     def ahead(time: float) -> list[float]:
         return checked.flow(EvaluationPoint(at.mode, at.t + time, at.y))
 
-    others = [ahead(part * (period or unit)) for part in PROBE_TIMES]
+    if period is None:
+        return  # such a system may depend on time
+    others = [ahead(part * period) for part in PROBE_TIMES]
     # Where terms of the flow cancel, their rounding is far larger than the sum.
     size = max(abs(value) for each in (slope, *others) for value in each)
     size = max(size, *(abs(value) / unit for value in at.y))
-    if period is None:
-        wrong = [flows_differ(slope, each, size) for each in others]
-        if not any(wrong):
+    # A discontinuous forcing may jump just before or after this time by rounding.
+    for time in (
+        period,
+        period - TIME_TOLERANCE_RATIO * unit,
+        period + TIME_TOLERANCE_RATIO * unit,
+    ):
+        if not flows_differ(slope, ahead(time), size):
             return
-        later, again = PROBE_TIMES[wrong.index(True)] * unit, others[wrong.index(True)]
-        problem, remedy = "depends on time, but the system has no period", "give the forcing period"
-    else:
-        # A discontinuous forcing may jump just before or after this time by rounding.
-        for time in (
-            period,
-            period - TIME_TOLERANCE_RATIO * unit,
-            period + TIME_TOLERANCE_RATIO * unit,
-        ):
-            if not flows_differ(slope, ahead(time), size):
-                return
-        later, again = period, ahead(period)
-        problem, remedy = "differs a period later", "give the period of the forcing"
+    later, again = period, ahead(period)
+    problem, remedy = "differs a period later", "give the period of the forcing"
     changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
     i = changes.index(max(changes))
     values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
     problem += f" (for {checked.states[i]} it gives {values})"
-    remedy += "; use a state for any other dependence on time"
+    remedy += ", or simulate the system without one"
     raise UserFunction("flow", checked.definition.flow).error(problem, remedy)
 
 
@@ -1076,12 +1075,12 @@ def check_start_side(system: HybridSystem, problem: Problem, start: HybridState)
             f"{other_name!r}; start beside the surface"
         )
         warn(message, StartWarning, mode)
+    p = problem.parameters_at(start.cycle)
     numbers = [
         i for i, guard in enumerate(automaton.guards) if not guard.impact and not guard.records
     ]
     if not numbers:
         return
-    p = np.array(problem.parameters, dtype=float)
     room = np.zeros(len(automaton.guards))
     sizes = options.rtol * np.abs(start.y) + options.atol
     try:

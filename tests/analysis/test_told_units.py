@@ -54,7 +54,7 @@ def test_a_motion_that_does_not_return(monkeypatch):
 
 
 def swing(mode, t, y, p):
-    jump = 0.5 if t < p.late else 0.0
+    jump = 0.5 if t % (2.0 * math.pi / p.w) < p.late else 0.0
     if y.x > 1.5e-6:
         return math.sqrt(-y.x), 0.0
     return y.v, -4e7 * y.x - 100.0 * y.v + jump * math.cos(p.w * t)

@@ -46,7 +46,7 @@ def forcing_period(p):
 
 
 def square(mode, t, y, p):
-    return y.v, -y.x - 0.2 * y.v + (p.a if t < p.on * p.T else -p.a)
+    return y.v, -y.x - 0.2 * y.v + (p.a if t % p.T < p.on * p.T else -p.a)
 
 
 def wall(mode, t, y, p):

@@ -575,3 +575,52 @@ def test_names_stay_text(tmp_path, monkeypatch, name):
     assert "*/" not in code
     assert description.get("modelName") == name
     assert name in description.find("ModelVariables/Int32[@name='mode']").get("description")
+
+
+# --- Functions of time without a period
+
+
+def lit(mode, t, y, p):
+    return (p.height if p.begin <= t < p.begin + p.width else 0.0) + mode, t
+
+
+def lit_from(p):
+    return p.begin, p.begin + p.width
+
+
+def until_on(mode, t, y, p):
+    return p.at - t
+
+
+def turn_on(mode, t, y, p):
+    return 1, (y.q + 1e-3 * t, y.s)
+
+
+def jump(mode, t, y, p):
+    return mode, (y.q + t, y.s)
+
+
+@pytest.mark.usefixtures("unoptimized")
+@pytest.mark.parametrize(("kind", "inputs"), [
+    ("CoSimulation", ()),
+    ("ModelExchange", ()),
+    ("CoSimulation", ("height",)),
+])  # fmt: skip
+def test_the_time_is_that_of_the_importer(tmp_path, kind, inputs):
+    system = mi.System(
+        states=("q", "s"),
+        flow=lit,
+        modes=("off", "on"),
+        parameters={"begin": 20.1, "width": 10.0, "height": 1.0, "at": 33.3},
+        guards=[mi.Guard("on", until_on, turn_on, modes=(0,))],
+        switches=lit_from,
+        switch_transition=jump,
+    )
+    unit = system.to_fmu(tmp_path / "lit.fmu", inputs=inputs)
+    for start in (0.0, 5.0):
+        solver = {"relative_tolerance": 1e-10} if kind == "ModelExchange" else {}
+        found, result = events_of(unit, 50.0, kind, start_time=start, **solver)
+        times = [at for _, (at, _) in sorted(found.items())]
+        assert times == pytest.approx([20.1, 30.1, 33.3], rel=1e-12)
+        ends = (10.0 + 50.2 + 0.0333 + 16.7, 0.5 * (2500.0 - start**2))
+        assert (result["q"][-1], result["s"][-1]) == pytest.approx(ends, rel=1e-8)

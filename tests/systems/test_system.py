@@ -233,8 +233,8 @@ def test_systems_and_results_are_pickled_with_their_functions():
     assert mi.simulate(again, 5).final == mi.simulate(run, 5).final
 
 
-def test_time_means_nothing_where_nothing_forces():
-    with pytest.raises(mi.InvalidParameter, match="must be 0: the system is autonomous"):
+def test_an_initial_state_has_no_phase_without_forcing():
+    with pytest.raises(mi.InvalidParameter, match="must be 0: the system has no forcing period"):
         mi.simulate(ball(), duration=1.0, initial=mi.State(x=1.0, time=1.0))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from validation.campaign import (
     automata,
+    clocks,
     contacts,
     corrugated,
     cradles,
@@ -38,6 +39,7 @@ FAMILIES = {
     "tables": Family(tables.check, 400, 5),
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
+    "clocks": Family(clocks.check, 3000, 30),
     "automata": Family(automata.check, 15_600, 20),
     "guards": Family(automata.check_guards, 2500, 20),
     "scales": Family(scales.check, 1000, 10),

@@ -97,7 +97,7 @@ class RingDown(Result):
     si: bool = False
 
 
-@takes_system(start="initial")
+@takes_system(start="initial", recurrent=False)
 def ring_down(
     system: HybridSystem,
     *,

@@ -8,6 +8,7 @@
 #ifndef RUNTIME_H
 #define RUNTIME_H
 
+#include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -160,6 +161,13 @@ static void report_all(Memory *memory)
     memory->read = 0;
 }
 
+/* Give the time base to functions that read the time of the importer. */
+static void set_clock(Memory *memory)
+{
+    const int64_t clock = CLOCK;
+    if (clock >= 0) memory->parameters[clock] = (double)memory->loop.cycle * memory->loop.period;
+}
+
 /* Compute the parameter array from the numbers of the importer. */
 static void update_parameters(Memory *memory)
 {
@@ -172,6 +180,7 @@ static void update_parameters(Memory *memory)
     memory->loop.period = period;
     memory->loop.scale = scale;
     memory->loop.switches = SWITCHES;
+    set_clock(memory);
     memcpy(table_row(memory, ROW_SWITCHES), switches, SWITCHES * sizeof(double));
 }
 
@@ -183,6 +192,7 @@ static void set_time(Memory *memory, double time)
     else if ((whole + 1.0) * period <= time) whole += 1.0;
     memory->loop.cycle = (int64_t)whole;
     memory->loop.t = time - whole * period;
+    set_clock(memory);
 }
 
 /* Begin a run at the start values; return the status of the loop. */
@@ -198,6 +208,8 @@ static int64_t begin_run(Memory *memory, int imports)
     loop->n = STATES;
     loop->m = GUARDS;
     loop->modes = MODES;
+    loop->forced = FORCED;
+    loop->clock = CLOCK;
     loop->first_arc = 1;
     loop->initial = 1;
     loop->pending_guard = -1;
@@ -211,6 +223,7 @@ static int64_t begin_run(Memory *memory, int imports)
         table_row(memory, ROW_IMPACT)[j] = GUARD_IMPACTS[j];
         table_row(memory, ROW_RECORDS)[j] = GUARD_RECORDS[j];
         table_row(memory, ROW_CONDITION)[j] = GUARD_CONDITIONS[j];
+        table_row(memory, ROW_TIMED)[j] = GUARD_TIMED[j];
         table_row(memory, ROW_HIT_TIME)[j] = -INFINITY;
         table_row(memory, ROW_HIT_BEGIN)[j] = -INFINITY;
     }
@@ -226,7 +239,8 @@ static int64_t begin_run(Memory *memory, int imports)
     engine->atol = loop->atol;
     STEPPER_RESET(engine, loop->scale / STEPS_PER_PERIOD);
     set_time(memory, memory->now / TIME_UNIT);
-    loop->mode = model_mode(memory->start_mode, loop->t, y, memory->values, memory->parameters);
+    loop->mode = model_mode(memory->start_mode, FORCED ? loop->t : memory->now / TIME_UNIT, y,
+                            memory->values, memory->parameters);
     memory->last_time = memory->now;
     memcpy(memory->last_values, memory->values, sizeof memory->values);
     memory->running = 1;
@@ -300,9 +314,11 @@ static void evaluate(Memory *memory, double *derivatives, double *margins)
     time = memory->now / TIME_UNIT;
     if (memory->imports) {
         time = memory->loop.t < engine->last_instant ? memory->loop.t : engine->last_instant;
-    } else {
+    } else if (FORCED) {
         time -= period * floor(time / period);
         if (time < 0.0 || time >= period) time = 0.0;
+    } else {
+        time -= (double)memory->loop.cycle * period;
     }
     if (derivatives != NULL) {
         engine_flow(engine, mode, time, y, dy);
@@ -462,8 +478,14 @@ static int import_instant(Memory *memory)
 
 static double next_time_event(const Memory *memory)
 {
+    const double *switches = memory->table + ROW_SWITCHES * TABLE_WIDTH;
+    double time = (double)memory->loop.cycle * memory->loop.period + memory->loop.stop;
     if (isinf(memory->loop.stop)) return INFINITY;
-    return ((double)memory->loop.cycle * memory->loop.period + memory->loop.stop) * TIME_UNIT;
+    if (!FORCED) {   /* the loop stops at the last time before the switch */
+        while (*switches < time) switches++;
+        time = *switches;
+    }
+    return time * TIME_UNIT;
 }
 
 static void event_indicators(Memory *memory, double *out)
@@ -515,9 +537,11 @@ static const char *contradiction(const Memory *memory, char *text, size_t size)
         return text;
     }
     for (i = 0; i < SWITCHES; before = switches[i++]) {
-        if (switches[i] > before && switches[i] <= period) continue;
-        snprintf(text, size, "switch %d = %.9g: must be above %.9g and at most %.9g, the period",
-                 i + 1, switches[i] * TIME_UNIT, before * TIME_UNIT, period * TIME_UNIT);
+        double last = FORCED ? period : DBL_MAX;
+        if (switches[i] > before && switches[i] <= last) continue;
+        snprintf(text, size, "switch %d = %.9g: must be above %.9g and at most %.9g%s", i + 1,
+                 switches[i] * TIME_UNIT, before * TIME_UNIT, last * TIME_UNIT,
+                 FORCED ? ", the period" : "");
         return text;
     }
     if (!(scale > 0.0)) {

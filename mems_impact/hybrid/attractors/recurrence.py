@@ -52,6 +52,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     STATE,
     SWITCHES,
     TIME,
+    TIMED,
     TRANSITION,
     Y,
     event_at,
@@ -188,7 +189,8 @@ def accumulate_event(engine: Any, s: Any, w: Any, event: Any, t: float) -> None:
         for i in range(w.marks):
             values[w.gains + i] = math.nan
         code = guard if kind == TRANSITION else s.m + guard
-        w.failed |= observe(engine, w, int(event[MODE_BEFORE]), code, event[TIME], states, values)
+        t = event[CYCLE] * s.period + event[TIME]
+        w.failed |= observe(engine, w, int(event[MODE_BEFORE]), code, t, states, values)
         offset = COUNTS + 2 * s.m + s.modes + w.gains
         for i in range(w.marks):
             accumulate_value(statistics, offset + PARTS * i, values[w.gains + i])
@@ -360,7 +362,8 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     numbers = numbers_of(w)
     interface.reset(engine, numbers[LONGEST_STEP])
     for i in range(ROWS):
-        if i != ORDER and i != IMPACT and i != RECORDS and i != CONDITION and i != CYCLIC:
+        is_constant = i in (ORDER, IMPACT, RECORDS, CONDITION, CYCLIC, TIMED)
+        if not is_constant:
             fill = -math.inf if i in (HIT_TIME, HIT_BEGIN) else 0.0
             for j in range(s.width):
                 table_row(s, i)[j] = fill

@@ -66,7 +66,9 @@ def definition_of(automaton: Automaton) -> Definition | None:
 
 def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Fault) -> FunctionError:
     """Return the error of a failed call, diagnosed by a repeated, checked call."""
-    definition = definition_of(automaton)
+    definition, clock = definition_of(automaton), automaton.clock
+    if clock is not None and (fault.role == TRANSITION or not automaton.forced):
+        fault = fault._replace(time=parameters[clock] + fault.time)
     if definition is None:
         error = _array_error(automaton, parameters, fault)
     else:

@@ -38,11 +38,13 @@ from mems_impact.hybrid.event_loop.workspace import (
     SUM,
     SUSPECT_SIDE,
     TIME_SIZE,
+    TIMED,
     WAITING,
     G,
     log_event,
     next_switch,
     table_row,
+    time_base,
 )
 from mems_impact.integrators import interface
 
@@ -61,19 +63,23 @@ def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> Non
 
     The size is the sum of |dg/dy_j| |y_j|, the gain that of |dg/dy_j|: roundings of the state move
     a margin by EPS * size, the tolerances by rtol * size + atol * gain. Roundings of time move it
-    by EPS |dg/dt| t. The results are in SIZE, GAIN and TIME_SIZE (the last product without EPS),
-    the margins in MARGINS_AT. Overwrites STATE_SHIFTED.
+    by EPS |dg/dt| t, with the time that it receives. The results are in SIZE, GAIN and TIME_SIZE
+    (the last product without EPS), the margins in MARGINS_AT. Overwrites STATE_SHIFTED.
     """
     n, count = s.n, 2 * s.m
     base, g, y_shifted = table_row(s, MARGINS_AT), table_row(s, G), table_row(s, STATE_SHIFTED)
     size, gain, time_size = table_row(s, SIZE), table_row(s, GAIN), table_row(s, TIME_SIZE)
     interface.margins(engine, mode, t, y, base)
-    shift = min(2.0**-26 * abs(t), 0.25 * (next_switch(s, t) - t))
+    largest = 0.0
+    for i in range(s.m):
+        largest = max(largest, time_magnitude(s, i, t))
+    shift = min(2.0**-26 * largest, 0.25 * (next_switch(s, t) - t))
     interface.margins(engine, mode, t + shift, y, g)
     for k in range(count):
         size[k] = 0.0
         gain[k] = 0.0
-        time_size[k] = abs(g[k] - base[k]) / shift * abs(t) if shift > 0.0 else 0.0
+        time = time_magnitude(s, k % s.m, t)
+        time_size[k] = abs(g[k] - base[k]) / shift * time if shift > 0.0 else 0.0
     for j in range(n):
         y_shifted[j] = y[j]
     for j in range(n):
@@ -85,6 +91,11 @@ def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> Non
             slope = abs(g[k] - base[k]) / shift
             gain[k] += slope
             size[k] += slope * abs(y[j])
+
+
+def time_magnitude(s: Any, i: int, t: float) -> float:
+    """Return the magnitude of the time that margin `i` receives at `t`."""
+    return abs(time_base(s) + t) if table_row(s, TIMED)[i] == 1 else abs(t)
 
 
 def rounding_error(s: Any, k: int) -> float:
@@ -253,7 +264,9 @@ def fires(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     m, margins = s.m, table_row(s, MARGINS_AT)
     rate = margins[m + i]
     # A margin that reaches zero within the rounding of time fires now; nan never fires.
-    if not margins[i] <= rounding_error(s, i) + ROUNDINGS * EPS * abs(rate * t):
+    if not margins[i] <= rounding_error(s, i) + ROUNDINGS * EPS * abs(
+        rate * time_magnitude(s, i, t)
+    ):
         return False
     if table_row(s, IMPACT)[i] == 0 and margins[i] < -violation_threshold(s, i):
         return True
@@ -711,7 +724,7 @@ def rate_at(engine: Any, s: Any, t: float, y: Any) -> float:
     Overwrites SLOPE.
     """
     slope = table_row(s, SLOPE)
-    interface.flow(engine, s.mode, t if t < s.stop else t - EPS * t, y, slope)
+    interface.flow(engine, s.mode, t if t < s.stop else s.stop - EPS * s.stop, y, slope)
     rate: float = slope[s.section]
     return rate
 

@@ -13,7 +13,10 @@ completes sequences of impacts; `workspace` defines the memory of the loop.
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
 
 from mems_impact.hybrid.event_loop.chatter import complete_chatter, is_finite
 from mems_impact.hybrid.event_loop.event_detection import (
@@ -69,14 +72,17 @@ from mems_impact.hybrid.event_loop.workspace import (
     STEP_BUDGET,
     SWITCH,
     SWITCHES,
+    TIMED,
     TRANSITION,
     WAITING,
     WITHOUT_EFFECT,
     Y,
+    absolute_switch,
     log_event,
     next_switch,
     sample_at,
     table_row,
+    time_base,
     whole_periods,
 )
 from mems_impact.integrators import interface
@@ -117,15 +123,13 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             return PAUSED
         if s.first_arc == 1:
             s.first_arc = 0
+            set_clock(engine, s)
             s.failure = inadmissible_gap(engine, s, s.t, y)
             if s.failure != NONE:
                 return INADMISSIBLE
             guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
-            for i in range(s.switches * int(s.switched == 0)):
-                # A run that ended here left the switch to this one.
-                distance = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
-                if min(distance, s.period - distance) <= SWITCH_RTOL * s.period:
-                    guard = 2 * s.m
+            if s.switched == 0 and is_switch(s):
+                guard = 2 * s.m  # a run that ended here left the switch to this one
             if guard == 2 * s.m and sample_due(s) and sample_time(s) <= s.t:
                 write_sample(s, y)
             status = resolve_instant(engine, s, y, guard)
@@ -178,7 +182,8 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         t_end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         at_switch = status == interface.STOPPED and guard == NONE
         if s.stop - t_event <= SWITCH_RTOL * s.period:
-            at_switch, t_event = True, s.stop  # a guard that fires at a switch fires after it
+            # A guard that fires at a switch fires after it.
+            at_switch, t_event = True, switch_instant(s, t_end)
         write_samples(engine, s, min(t_event, t_end), at_switch or t_event >= t_end)
         at_end = t_event > t_end or (t_event == t_end and (guard == NONE or at_switch))
         s.t = t_end if at_end else t_event
@@ -186,7 +191,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.switched = 0
         at_root = status == interface.ROOT and s.t == t
         if at_end or t_event < t:
-            interface.interpolate(engine, s.t, y)
+            interface.interpolate(engine, min(s.t, t), y)
         else:
             interface.state(engine, y)
         detect_crossings(
@@ -206,10 +211,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         s.step_cut = int(status != interface.STEPPED)
         if at_switch:
             guard = 2 * s.m
-            if t > s.period:
-                # Set the first switch of the next period exactly.
-                rebase_time(s, 1)
-                s.t = table_row(s, SWITCHES)[0]
+            begin_period(engine, s)
         if guard != NONE:
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
@@ -222,7 +224,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
 def begin_arc(engine: Any, s: Any, y: Any) -> None:
     """Move the time base, store the cyclic offsets and restart the engine at (s.t, y)."""
     if s.t >= s.period:
-        rebase_time(s, whole_periods(s.t, s.period))
+        rebase_time(engine, s, whole_periods(s.t, s.period))
     if s.cycle != s.events_from:
         s.events_from = s.cycle
         s.cycle_events = 0
@@ -249,14 +251,16 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         if margins[i] < 0.0 or is_waiting:
             margin_error_scales(engine, s, s.mode, s.t, y)
             is_violated = margins[i] < -violation_threshold(s, i)
+        noise = 0.0  # of the time that the margin receives
         if is_waiting:
             is_falling = is_decreasing(engine, s, s.mode, i, s.t, y)
+            noise = rounding_error(s, i) if table_row(s, TIMED)[i] == 1 else 0.0
         stays_below = is_violated and is_waiting
         is_lifted = margins[i] <= 0.0 and not is_falling and not stays_below
-        has_fallen = is_waiting and margins[i] > 0.0 and is_falling
+        has_fallen = is_waiting and margins[i] > -noise and is_falling
         if is_lifted:
             waiting[i] = 0.0
-        tiny_bias = TINY_BIAS if is_lifted else -TINY_BIAS
+        tiny_bias = TINY_BIAS if is_lifted else -TINY_BIAS - noise
         interface.set_bias(
             engine, i, -margins[i] * (1.0 + 1e-9) + tiny_bias if is_lifted or has_fallen else 0.0
         )
@@ -274,13 +278,62 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     s.arcs += 1
 
 
-def rebase_time(s: Any, periods: int) -> None:
+def rebase_time(engine: Any, s: Any, periods: int) -> None:
     """Measure time from the start of a later period."""
+    now = time_base(s) + s.t
     s.cycle += periods
+    set_clock(engine, s)
     s.t -= periods * s.period
+    # Functions of the time since the start of the run must not receive an earlier one.
+    if s.forced == 0 and (s.clock != NONE or s.switches > 0) and time_base(s) + s.t < now:
+        s.t = since_base(s, now)
     for i in range(s.m):
         table_row(s, HIT_TIME)[i] -= periods * s.period
         table_row(s, HIT_BEGIN)[i] -= periods * s.period
+
+
+def set_clock(engine: Any, s: Any) -> None:
+    """Give the time base to functions that read the time since the start of the run."""
+    if s.clock != NONE:
+        interface.set_parameter(engine, s.clock, time_base(s))
+
+
+def is_switch(s: Any) -> bool:
+    """Return whether ``s.t`` is a switching time but for rounding."""
+    found, base = False, time_base(s)
+    for i in range(s.switches):
+        if s.forced == 1:
+            distance = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
+            distance = min(distance, s.period - distance)
+        else:
+            distance = abs(base + s.t - table_row(s, SWITCHES)[i]) - 2.0 * EPS * abs(base)
+        found = found or distance <= SWITCH_RTOL * s.period
+    return found
+
+
+def switch_instant(s: Any, t_end: float) -> float:
+    """Return the time of the switch at which the arc stops; that of the end, `t_end`, if equal.
+
+    At an absolute time, functions receive no earlier one there.
+    """
+    if s.forced == 1:
+        return float(s.stop)
+    base = time_base(s)
+    switch = absolute_switch(s, base + s.stop)
+    return t_end if base + t_end == switch else since_base(s, switch)
+
+
+def since_base(s: Any, time: float) -> float:
+    """Return a time since the start of the run as one since the time base, not rounded down."""
+    t: float = time - time_base(s)
+    return float(np.nextafter(t, math.inf)) if time_base(s) + t < time else t
+
+
+def begin_period(engine: Any, s: Any) -> None:
+    """Set the first switch of the next period exactly, if ``s.t`` is that one."""
+    if s.forced == 1 and s.t > s.period:
+        rebase_time(engine, s, 1)
+        s.t = table_row(s, SWITCHES)[0]
 
 
 def clear_bias(engine: Any, s: Any) -> None:

@@ -69,7 +69,7 @@ EPS = 2.0**-52
 # Rows of the table, with a value for each guard or component of the state; only the first ``s.n``
 # or ``s.m`` values are used. Constants: simultaneous guards are handled in ascending ORDER; IMPACT
 # is 1 for an impact, CYCLIC is 1 for a cyclic component; SWITCHES of the drive are ascending times
-# in (0, period].
+# in (0, period], without forcing any times since the start of the run.
 ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
 # The state at ``s.t``, with cyclic components relative to the start of the arc; their offsets; and
 # an earlier state of this instant, which detects cycling.
@@ -103,7 +103,9 @@ RECORDS, WAITING = 15, 16
 SIZE, GAIN, TIME_SIZE = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state at the start of a collapsed step.
-COLLAPSE_STATE, CONDITION, ROWS = 35, 36, 37
+COLLAPSE_STATE, CONDITION = 35, 36
+# TIMED is 1 for a guard whose margin receives the time since the start of the run.
+TIMED, ROWS = 37, 38
 
 # State of the loop between two calls, with the addresses of its arrays.
 LOOP_STATE = np.dtype(
@@ -117,6 +119,8 @@ LOOP_STATE = np.dtype(
         ("n", np.int64),  # states
         ("m", np.int64),  # guards
         ("switches", np.int64),  # of the drive in a period
+        ("forced", np.int64),  # 1 if they recur in each period
+        ("clock", np.int64),  # index of the time base in the parameters; NONE if none reads it
         ("cycle", np.int64),  # periods completed before the time base
         ("t", np.float64),  # time since the start of that period
         ("mode", np.int64),
@@ -198,16 +202,40 @@ def whole_periods(t: float, period: float) -> int:
 
 
 def next_switch(s: Any, t: float) -> float:
-    """Return the first switching time of the drive after `t`; infinity if it has none."""
+    """Return the first switching time of the drive after `t`; infinity if it has none.
+
+    Without forcing return the last time before it at which functions of the time since the start of
+    the run receive an earlier time: after long runs it is coarser than `t`.
+    """
     if s.switches == 0:
         return math.inf
     switches = table_row(s, SWITCHES)
+    if s.forced == 0:
+        switch = absolute_switch(s, time_base(s) + t)
+        if switch == math.inf:
+            return math.inf
+        before = float(np.nextafter(switch, 0.0)) - time_base(s)
+        return before if time_base(s) + before < switch else float(np.nextafter(before, 0.0))
     # The last switch of a period is followed by the first one of the next period.
     stop: float = s.period + switches[0]
     for i in range(s.switches - 1, -1, -1):
         if switches[i] > t:
             stop = switches[i]
     return stop
+
+
+def absolute_switch(s: Any, time: float) -> float:
+    """Return the first switching time after a time since the start of the run, or infinity."""
+    for i in range(s.switches):
+        if table_row(s, SWITCHES)[i] > time:
+            return float(table_row(s, SWITCHES)[i])
+    return math.inf
+
+
+def time_base(s: Any) -> float:
+    """Return the time from the start of the run to that of the current period."""
+    base: float = s.cycle * s.period
+    return base
 
 
 def log_event(s: Any, t: float, kind: int, guard: int, mode: int, y_before: Any, y: Any) -> None:

@@ -1,0 +1,135 @@
+"""Dependence of functions on time, by analysis of their code.
+
+Values cannot show that a function does not depend on time: a ramp or a pulse may begin late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dis import get_instructions
+from functools import lru_cache
+from types import FunctionType, ModuleType
+from typing import Any
+
+__all__ = ["reads_time"]
+
+TIME_POSITION = 1  # of t among the arguments (mode, t, y, p)
+PASSING = ("binop", "inplace_binop", "unary", "cast", "phi")  # results that depend on time as well
+
+Argument = tuple[FunctionType, int]  # a function, and the position of one of its arguments
+
+
+def reads_time(
+    function: Any, visited: set[Argument] | None = None, position: int = TIME_POSITION
+) -> bool:
+    """Return whether a function, or one to which it passes an argument, reads the argument.
+
+    Parameters
+    ----------
+    function : callable
+        Anything but a Python function counts as one that reads its arguments.
+    visited : set of (function, int), optional
+        Arguments that do not count as read. Those to which the argument is passed are added.
+    position : int, optional
+        Position of the argument.
+    """
+    visited = set() if visited is None else visited
+    function = getattr(function, "py_func", function)  # of one that numba compiled
+    if not isinstance(function, FunctionType):
+        return True
+    if (function, position) in visited:
+        return False
+    visited.add((function, position))
+    code = function.__code__
+    if position >= code.co_argcount:
+        return True  # one of *args
+    if not _mentions(function, code.co_varnames[position]):
+        return False
+    uses = _uses(function, position)
+    if uses is None:
+        return True
+    reads = False
+    for use in uses:  # all of them, so that `visited` becomes complete
+        reads = use is None or reads_time(use[0], visited, use[1]) or reads
+    return reads
+
+
+def _mentions(function: FunctionType, name: str) -> bool:
+    """Return whether code loads a variable, or an inner function closes over it."""
+    code = function.__code__
+    loads = (step for step in get_instructions(code) if step.opname.startswith(("LOAD", "STORE")))
+    return name in code.co_cellvars or any(
+        name in (each.argval if isinstance(each.argval, tuple) else (each.argval,))
+        for each in loads
+    )
+
+
+@lru_cache(maxsize=512)
+def _uses(function: FunctionType, position: int) -> Sequence[tuple[Any, int] | None] | None:
+    """Return the functions and positions to which an argument is passed; None for another use.
+
+    Return None in place of them all if numba does not understand the code.
+    """
+    from numba.core import ir
+    from numba.core.compiler import run_frontend
+    from numba.core.errors import NumbaError
+
+    try:
+        blocks = run_frontend(function).blocks
+    except (NumbaError, NotImplementedError, AssertionError):
+        return None
+    statements = [each for block in blocks.values() for each in block.body]
+    known: dict[str, Any] = {}  # functions and modules
+    timed = set[str]()  # variables that depend on the argument
+    uses: list[tuple[Any, int] | None] = []
+
+    def assignments() -> Iterator[tuple[str, Any]]:
+        return ((s.target.name, s.value) for s in statements if isinstance(s, ir.Assign))
+
+    for name, value in assignments():
+        callee = None
+        if isinstance(value, ir.Global | ir.FreeVar):
+            callee = value.value
+        elif isinstance(value, ir.Var):
+            callee = known.get(value.name)
+        elif isinstance(value, ir.Expr) and value.op == "getattr":
+            owner = known.get(value.value.name)
+            callee = getattr(owner, value.attr, None) if isinstance(owner, ModuleType) else None
+        known[name] = callee if known.get(name, callee) is callee else None
+    count = -1
+    while count < len(timed):
+        count = len(timed)
+        for name, value in assignments():
+            if isinstance(value, ir.Arg):
+                depends = value.index == position
+            elif isinstance(value, ir.Var):
+                depends = value.name in timed
+            else:
+                is_passing = isinstance(value, ir.Expr) and value.op in PASSING
+                depends = is_passing and any(each.name in timed for each in value.list_vars())
+            if depends:
+                timed.add(name)
+    for statement in statements:
+        is_passing = isinstance(statement, ir.Assign) and statement.target.name in timed
+        if is_passing or isinstance(statement, ir.Del):
+            continue
+        if not any(each.name in timed for each in statement.list_vars()):
+            continue
+        value = getattr(statement, "value", None)
+        if isinstance(value, ir.Expr) and value.op == "call" and value.vararg is None:
+            uses += _passed(value, timed, known.get(value.func.name))
+        else:
+            uses.append(None)
+    return uses
+
+
+def _passed(call: Any, timed: set[str], callee: Any) -> Iterator[tuple[Any, int] | None]:
+    """Yield where a call passes variables: function and position; None if it is unknown."""
+    for place, variable in enumerate(call.args):
+        if variable.name in timed:
+            yield callee, place
+    for keyword, variable in call.kws:
+        if variable.name in timed:
+            function = getattr(callee, "py_func", callee)
+            names = function.__code__.co_varnames if isinstance(function, FunctionType) else ()
+            yield (callee, names.index(keyword)) if keyword in names else None

@@ -1,0 +1,251 @@
+"""Dependence of a system on time: what a forcing period requires, what its absence rules out.
+
+The loop gives flow and margins of a system with forcing the time without whole periods, so they
+must be periodic. Values decide that, in all parts of a run: a pulse may come late. Which functions
+read the time at all follows from their code (`mems_impact.hybrid.time_dependence`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.definition import Definition, moves
+from mems_impact.hybrid.diagnostics.user_functions import (
+    CheckedFunctions,
+    DomainError,
+    EvaluationPoint,
+    UserFunction,
+)
+from mems_impact.hybrid.simulation import Trajectory
+from mems_impact.hybrid.time_dependence import reads_time
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.state import is_number
+from mems_impact.systems.validation import loaded, reachable_functions
+
+__all__ = ["check_autonomy", "check_forcing", "check_recurrence"]
+
+BLOCKS = 256  # parts of a run in which one phase is compared
+CONSECUTIVE_PERIODS = 64  # compared for motions without an end, before 2^n periods
+MAX_DOUBLINGS = 20
+GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples, less whole numbers, are spread evenly
+VALUE_RTOL = 1e-6  # difference of periodic values, relative to the largest
+DRIFT = 2e-7  # of a period per period: error of a period, within which values may differ
+STATES = 16  # states of a run at which functions are compared
+PHASES_BESIDE = (-0.146, 0.382)  # of a period: times compared beside a number of a function
+
+Values = Callable[[EvaluationPoint], list[float]]
+
+
+class TimeFunction(NamedTuple):
+    """A function that reads the time, and its values at a point."""
+
+    function: UserFunction
+    values: Values
+    modes: tuple[int, ...] | None = None
+
+
+def time_functions(checked: CheckedFunctions, *, motion: bool) -> Iterator[TimeFunction]:
+    """Yield the functions that read the time.
+
+    Parameters
+    ----------
+    checked : CheckedFunctions
+    motion : bool
+        Those of the motion within a mode, which receive the time less whole periods; or the others.
+    """
+    definition = checked.definition
+
+    def scalar(function: Callable[..., float], i: int) -> Values:
+        return lambda at: [function(i, at)]
+
+    def change(kind: str, i: int | None) -> Values:
+        def values(at: EvaluationPoint) -> list[float]:
+            mode, y = checked.transition(kind, i, at)
+            return [float(mode), *y]
+
+        return values
+
+    found: list[TimeFunction] = []
+    if motion:
+        found.append(TimeFunction(UserFunction("flow", definition.flow), checked.flow))
+        for i, (mode, constraint) in enumerate(definition.constraints):
+            function = UserFunction("constraint", constraint)
+            found.append(TimeFunction(function, scalar(checked.constraint, i), (mode,)))
+    elif definition.switch_transition is not None:
+        kind = "switch_transition"
+        function = UserFunction(kind, definition.switch_transition)
+        found.append(TimeFunction(function, change(kind, None)))
+    for i, guard in enumerate(definition.guards):
+        if moves(guard) == motion:
+            for kind, evaluate in (("margin", checked.margin), ("rate", checked.rate)):
+                if getattr(guard, kind) is not None:
+                    function = UserFunction(kind, getattr(guard, kind), guard.name)
+                    found.append(TimeFunction(function, scalar(evaluate, i), guard.modes))
+        for kind in ("transition", "rest") if not motion else ():
+            if getattr(guard, kind) is not None:
+                function = UserFunction(kind, getattr(guard, kind), guard.name)
+                found.append(TimeFunction(function, change(kind, i), guard.modes))
+    return (each for each in found if reads_time(each.function.call))
+
+
+# --- Systems without a period
+
+
+def check_autonomy(definition: Definition, switches: Sequence[float]) -> None:
+    """Raise an error if a system without a period depends on time.
+
+    Raises
+    ------
+    FunctionError
+        If a function reads the time.
+    InvalidParameter
+        If there are switching times.
+    """
+    checked = CheckedFunctions(definition, [math.nan] * len(definition.parameters))
+    reason = "depends on time, and the system has no period"
+    for motion in (True, False):
+        for each in time_functions(checked, motion=motion):
+            remedy = "give the period of the forcing, or simulate the system"
+            raise each.function.error(reason, remedy)
+    if switches:
+        problem = f"the flow {reason}: it switches at {', '.join(f'{t:g}' for t in switches)}"
+        raise InvalidParameter("switches", None, "", problem=problem)
+
+
+# --- Systems with a period
+
+
+def check_forcing(system: HybridSystem, definition: Definition, trajectory: Trajectory) -> None:
+    """Raise FunctionError unless the functions of the forcing are periodic along a run."""
+    checked = _checked(system, definition)
+    functions = list(time_functions(checked, motion=True))
+    if not functions:
+        return
+    start, final, events = trajectory.start, trajectory.final, trajectory.events
+    rows = np.unique(np.linspace(0, len(events) - 1, min(STATES, len(events))).astype(int))
+    states = [(at.mode, at.y) for at in (start, final)]
+    states += [(int(events.mode_after[i]), events.after[i]) for i in rows]
+    states += [(int(events.mode_before[i]), events.before[i]) for i in rows]
+    points = [_point(system, definition, mode, y) for mode, y in states]
+    first = start.cycle + start.time / trajectory.period
+    last = final.cycle + final.time / trajectory.period
+    borders = np.linspace(first, last, 1 + min(BLOCKS, max(2, math.ceil(last - first))))
+    times = [
+        a + math.fmod(GOLDEN_RATIO * i, 1.0) * (b - a)
+        for i, (a, b) in enumerate(pairwise(borders.tolist()))
+    ]
+    period = float(system.out("time", trajectory.period))
+    _compare(system, checked, functions, points, period, times, (first, last))
+
+
+def check_recurrence(system: HybridSystem, definition: Definition, period: float) -> None:
+    """Raise FunctionError unless the functions of a system have a period, at any time."""
+    checked = _checked(system, definition)
+    functions = [
+        each for motion in (True, False) for each in time_functions(checked, motion=motion)
+    ]
+    if not functions:
+        return
+    start = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
+    y = [float(start[name]) for name in system.states]
+    points = [EvaluationPoint(mode, 0.0, y) for mode in range(len(definition.modes))]
+    cycles = [*range(1, CONSECUTIVE_PERIODS), *(2.0**n for n in range(6, MAX_DOUBLINGS))]
+    phases = (math.fmod(GOLDEN_RATIO * i, 1.0) for i in range(1, len(cycles) + 1))
+    times = [cycle + phase for cycle, phase in zip(cycles, phases, strict=True)]
+    _compare(system, checked, functions, points, period, times, (0.0, 2.0**MAX_DOUBLINGS))
+
+
+def _checked(system: HybridSystem, definition: Definition) -> CheckedFunctions:
+    return CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+
+
+def _point(system: HybridSystem, definition: Definition, mode: int, y: Any) -> EvaluationPoint:
+    """Return a state of a run in the units of the user, without the values of cyclic components."""
+    values = zip(system.states, y.tolist(), strict=True)
+    point = [float(system.out(*each)) for each in values]
+    for i in definition.cyclic:
+        point[i] = 0.0
+    return EvaluationPoint(mode, 0.0, point)
+
+
+def _compare(
+    system: HybridSystem,
+    checked: CheckedFunctions,
+    functions: Iterable[TimeFunction],
+    points: Sequence[EvaluationPoint],
+    period: float,
+    times: Sequence[float],
+    within: tuple[float, float],
+) -> None:
+    """Raise FunctionError if functions differ from their values in the first period.
+
+    Parameters
+    ----------
+    system : HybridSystem
+    checked : CheckedFunctions
+    functions : iterable of TimeFunction
+    points : sequence of EvaluationPoint
+        States at which they are compared in turn.
+    period : float
+    times : sequence of float
+        In periods; beside those that the functions name.
+    within : tuple of float
+        First and last time, in periods.
+    """
+    for each in functions:
+        places = [at for at in points if each.modes is None or at.mode in each.modes]
+        named = [
+            number / period + phase
+            for number in {*_numbers(each.function.call), *checked.p}
+            for phase in PHASES_BESIDE
+        ]
+        later = (time for time in named if time > 1.0 and within[0] <= time <= within[1])
+        for i, time in enumerate(chain(times, later) if places else ()):
+            at = places[i % len(places)]
+            try:
+                _compare_at(system, each, at, time - math.floor(time), math.floor(time), period)
+            except DomainError:
+                continue
+
+
+def _numbers(function: Callable[..., Any]) -> Iterator[float]:
+    """Yield the numbers that a function, or one that it calls, names: constants and variables."""
+    for each in reachable_functions(function, set()):
+        cells = (cell.cell_contents for cell in each.__closure__ or ())
+        for value in (*each.__code__.co_consts, *loaded(each.__code__, each.__globals__), *cells):
+            if is_number(value):
+                yield float(value)
+
+
+def _compare_at(
+    system: HybridSystem,
+    each: TimeFunction,
+    at: EvaluationPoint,
+    phase: float,
+    cycle: int,
+    period: float,
+) -> None:
+    early, late = phase * period, (cycle + phase) * period
+    one, other = each.values(at._replace(t=early)), each.values(at._replace(t=late))
+    size = VALUE_RTOL * max(map(abs, (*one, *other)))
+    if all(abs(a - b) <= size for a, b in zip(one, other, strict=True)):
+        return
+    # The period may be rounded, and a phase lie at a jump.
+    shift = min(DRIFT * cycle, 0.01) * period
+    beside = [each.values(at._replace(t=early + sign * shift)) for sign in (-1.0, 1.0)]
+    for i, (a, b) in enumerate(zip(one, other, strict=True)):
+        room = size + 2.0 * max(abs(values[i] - a) for values in beside)
+        if abs(a - b) > room:
+            first, last = (f"{t:.9g} {system.unit('time')}".rstrip() for t in (early, late))
+            problem = (
+                f"is not periodic: it gives {a:.6g} at t = {first} and {b:.6g} at t = {last}, "
+                f"{cycle} periods later"
+            )
+            remedy = "give the period of the forcing, or simulate the system without one"
+            raise each.function.error(problem, remedy)
