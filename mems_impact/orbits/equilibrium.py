@@ -69,7 +69,7 @@ class EquilibriumEquations:
     mode: int
     active: tuple[str, ...] = ()
 
-    error: ClassVar[float] = 1e-12  # of the flow, by rounding
+    error: ClassVar[float] = 1e-9  # of a flow, whose terms may cancel
 
     @cached_property
     def automaton(self) -> Automaton:
