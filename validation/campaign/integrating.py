@@ -194,7 +194,7 @@ class Follower:
                 return
             values, rates = system.margins(mode, self.t, y)
             zero = np.abs(values) < NEAR
-            self._wait(last, before, values)
+            self._wait(last, before, y, values)
             if np.any((values < NEAR) & (values > -CLEAR) & ~(zero & (np.abs(rates) > self.steep))):
                 raise Undecided
             if np.any((values < -NEAR) & system.impact):
@@ -211,7 +211,7 @@ class Follower:
             fall = math.inf
         raise Undecided
 
-    def _wait(self, last: int, before: Floats, values: Floats) -> None:
+    def _wait(self, last: int, before: Floats, y: Floats, values: Floats) -> None:
         """Let guards wait that did not watch in the mode `last`, and do not fall through zero."""
         system, mode = self.system, self.mode
         earlier, _ = system.margins(last, self.t, before)
@@ -220,8 +220,10 @@ class Follower:
         free = ~system.condition & (values < NEAR)
         if np.any(free & entered & (np.abs(crossed) < 1e-7)):
             raise Undecided
-        # In the new mode the guard has another margin, which may be zero by chance.
-        if np.any(free & ~entered & self.waiting & (np.abs(values) < NEAR) & (crossed != earlier)):
+        # A reset, or the other margin of the new mode, may put a margin next to zero by chance.
+        changed = (crossed != earlier) | (before != y).any()
+        near = ~system.condition & (np.abs(values) < CLEAR)
+        if np.any(near & ~entered & self.waiting & changed):
             raise Undecided
         self.waiting = free & np.where(entered & (values < -CLEAR), crossed < 0.0, self.waiting)
 

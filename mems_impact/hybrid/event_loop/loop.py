@@ -75,6 +75,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     TIMED,
     TRANSITION,
     WAITING,
+    WAITING_MARK,
     WITHOUT_EFFECT,
     Y,
     absolute_switch,
@@ -462,17 +463,21 @@ def is_lifted_by_rebound(engine: Any, s: Any, y: Any, guard: int) -> bool:
 
 
 def is_cycling(s: Any, y: Any) -> bool:
-    """Return whether mode and state have occurred before in this instant.
+    """Return whether mode, state and guards that wait have occurred before in this instant.
 
     One state is stored, and replaced whenever the number of transitions has doubled.
     """
     is_same = s.transitions_now > 1 and s.mode == s.mark_mode
     for i in range(s.n):
         is_same = is_same and y[i] == table_row(s, CYCLE_MARK)[i]
+    for i in range(s.m):
+        is_same = is_same and table_row(s, WAITING)[i] == table_row(s, WAITING_MARK)[i]
     if s.transitions_now & (s.transitions_now - 1) == 0:
         s.mark_mode = s.mode
         for i in range(s.n):
             table_row(s, CYCLE_MARK)[i] = y[i]
+        for i in range(s.m):
+            table_row(s, WAITING_MARK)[i] = table_row(s, WAITING)[i]
     return is_same
 
 

@@ -72,7 +72,7 @@ EPS = 2.0**-52
 # in (0, period], without forcing any times since the start of the run.
 ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
 # The state at ``s.t``, with cyclic components relative to the start of the arc; their offsets; and
-# an earlier state of this instant, which detects cycling.
+# an earlier state of this instant, which detects cycling, as does WAITING_MARK with its guards.
 Y, OFFSET, CYCLE_MARK = 4, 5, 6
 # Chatter at each guard: HIT_TIME of the last impact; and of the last impact that led to HIT_MODE:
 # its time HIT_BEGIN, the interval before it, the speed of separation, the largest height of the
@@ -103,9 +103,9 @@ RECORDS, WAITING = 15, 16
 SIZE, GAIN, TIME_SIZE = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state at the start of a collapsed step.
-COLLAPSE_STATE, CONDITION = 35, 36
+COLLAPSE_STATE, CONDITION, WAITING_MARK = 35, 36, 37
 # TIMED is 1 for a guard whose margin receives the time since the start of the run.
-TIMED, ROWS = 37, 38
+TIMED, ROWS = 38, 39
 
 # State of the loop between two calls, with the addresses of its arrays.
 LOOP_STATE = np.dtype(
