@@ -309,6 +309,7 @@ HANDLERS: dict[Any, Any] = {
     interface.transition: _call("engine_transition", INTEGER),
     # DOP853 has far smaller errors in short flights than its tolerances.
     flights.sharpen: _code("(void)0"),
+    interface.lengthen: _code("(void)0"),  # the importer bounds the steps
 }
 
 # Functions that the C runtime calls, with the kinds of their arguments.

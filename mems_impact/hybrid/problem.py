@@ -26,17 +26,14 @@ from mems_impact.errors import (
 )
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import FOLDERS, Options
 
-__all__ = ["LoopMemory"]
+__all__ = ["STEPS_PER_PERIOD", "LoopMemory"]
 
 # --- Problem
-
-# The longest step is this part of a period (or time scale), so that no step contains two extrema of
-# a margin. At useful tolerances steps are several times shorter.
-STEPS_PER_PERIOD = 16.0
 
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
 

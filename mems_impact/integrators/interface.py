@@ -98,6 +98,11 @@ def sharpen(engine: Any, share: float, flight_time: float) -> None:
     engine.sharpen(share, flight_time)
 
 
+def lengthen(engine: Any, longest: float) -> None:
+    """Allow steps of up to `longest` until the next restart; a method may keep its limit."""
+    engine.lengthen(longest)
+
+
 def reset(engine: Any, max_step: float) -> None:
     """Restore the initial state of the engine, with the longest step `max_step`."""
     engine.reset(max_step)

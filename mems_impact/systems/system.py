@@ -120,9 +120,10 @@ class System(HybridSystem):
         ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
         method "bdf"; finite differences by default.
     time_scale : float or callable, optional
-        Characteristic time of the motion, if it is not the period; 1 by default. No step exceeds a
-        sixteenth of it. For an autonomous system, studies and exponents count it in place of
-        forcing periods: give about the period of its cycles.
+        Characteristic time of the motion, if it is not the period; 1 by default. Guards and flow
+        are evaluated at least sixteen times in it, or a million times since the last event. For an
+        autonomous system, studies and exponents count it in place of forcing periods: give about
+        the period of its cycles.
     name : str, optional
 
     Raises

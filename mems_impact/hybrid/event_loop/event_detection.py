@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from mems_impact.hybrid.event_loop.long_steps import STEPS_PER_PERIOD, is_long, resolution
 from mems_impact.hybrid.event_loop.workspace import (
     CONDITION,
     EPS,
@@ -150,7 +151,7 @@ def changes_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> i
     margin_rounding, rate_rounding = rounding_error(s, i), rounding_error(s, s.m + i)
     interface.margins(engine, mode, t, y, g)
     margin = g[i]
-    horizon = min(s.scale / 16.0, 0.5 * (next_switch(s, t) - t))
+    horizon = min(s.scale / STEPS_PER_PERIOD, 0.5 * (next_switch(s, t) - t))
     h = max(2.0**-45 * horizon, EPS * abs(t))
     while h < horizon:
         h = min(8.0 * h, horizon)
@@ -338,7 +339,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
     for k in range(2 * m):
         margins_before[k] = margins_after[k]
     interface.end_margins(engine, margins_after)
-    is_suspect = status == interface.ROOT
+    is_suspect, is_scanned = status == interface.ROOT, is_long(s, t_start, t)
     for i in range(m):
         suspect_sides[i] = 0.0
         is_root = status == interface.ROOT and interface.root_directions(engine, i) < 0
@@ -348,6 +349,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
             is_root
             or margins_after[i] != margins_before[i]
             or margins_after[m + i] != margins_before[m + i]
+            or (is_scanned and (margins_after[i] != 1.0 or margins_after[m + i] != 1.0))
         )
         if is_active and h > 0.0 and bias <= TINY_BIAS:
             rate_changes[i] = max(
@@ -371,7 +373,7 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
             )
             # A margin on the negative side may have become positive and fallen again.
             ends_positive = start_margin >= 0.0 and end_margin >= 0.0
-            if not is_certified and (ends_positive or side < 0.0):
+            if (is_scanned or not is_certified) and (ends_positive or side < 0.0):
                 suspect_sides[i] = side
                 is_suspect = True
         if margins_after[i] + bias > 0.0:
@@ -508,8 +510,11 @@ def find_hidden_crossing(
     a, g_a, r_a = t_start, margins_before[i] + bias, margins_before[m + i]
     curvature = table_row(s, RATE_CHANGE)[i]
     g, y = table_row(s, G), table_row(s, STATE)
-    min_width = max(MIN_SUBSTEP_RATIO * (t - t_start), 8.0 * EPS * abs(t))
-    width = 0.5 * (t - t_start)
+    span = t - t_start
+    if is_long(s, t_start, t):
+        span = min(span, 2.0 * resolution(s, t))
+    min_width = max(MIN_SUBSTEP_RATIO * span, 8.0 * EPS * abs(t))
+    width = 0.5 * span
     while a < t:
         b = a + width if a + 1.5 * width < t else t
         g_b, r_b = end_margin, margins_after[m + i]
@@ -541,7 +546,7 @@ def find_hidden_crossing(
             a, g_a, r_a = b, g_b if is_crossing else 0.0, r_b
         else:
             a, g_a, r_a = b, g_b, r_b
-            width *= 2.0
+            width = min(2.0 * width, 0.5 * span)
     return math.inf
 
 

@@ -35,6 +35,12 @@ from mems_impact.hybrid.event_loop.event_detection import (
     violation_threshold,
 )
 from mems_impact.hybrid.event_loop.flights import sharpen
+from mems_impact.hybrid.event_loop.long_steps import (
+    STEPS_PER_PERIOD,
+    is_long,
+    is_resolved,
+    lengthen_steps,
+)
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
@@ -168,6 +174,12 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             return FAILED if status < 0 else STEP_BUDGET
         t_start = s.t
         t = interface.time(engine)
+        if is_long(s, t_start, t) and not is_resolved(engine, s, t_start, t):
+            interface.interpolate(engine, t_start, y)
+            log_event(s, t_start, REBASE, 0, s.mode, y, y)
+            s.restart = 1
+            s.first_arc = s.negative_by_error
+            continue
         is_suspect = update_margins(engine, s, status, t_start, t)
         if s.starts_negative == 1:
             clear_bias(engine, s)
@@ -210,6 +222,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             s.collapse_mode = s.mode
             quota = 0  # report this collapse before the next one
         s.step_cut = int(status != interface.STEPPED)
+        lengthen_steps(engine, s, t - t_start)
         if at_switch:
             guard = 2 * s.m
             begin_period(engine, s)
@@ -217,7 +230,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
                 return status
-        elif t > REBASE_PERIODS * s.period:
+        elif t > REBASE_PERIODS * max(s.period, STEPS_PER_PERIOD * s.longest):
             log_event(s, t, REBASE, 0, s.mode, y, y)
             s.restart = 1
 
@@ -274,6 +287,8 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     s.negative_by_error = 0
     s.recent_step = 0.0
     s.step_cut = 0
+    s.longest = 0.0
+    s.limited_steps = 0
     s.arc_start = s.t
     s.arc_steps = 0
     s.arcs += 1

@@ -128,6 +128,8 @@ LOOP_STATE = np.dtype(
         ("modes", np.int64),  # number of modes
         ("period", np.float64),
         ("scale", np.float64),  # time scale of the problem
+        ("longest", np.float64),  # longest step in this arc if it is longer than that, or 0
+        ("limited_steps", np.int64),  # successive steps at the limit
         ("rtol", np.float64),
         ("atol", np.float64),
         ("end_cycle", np.int64),  # where the run ends

@@ -120,6 +120,7 @@ def functions() -> dict[str, Any]:
         _interpolate,
         stiffness.restart,
         stiffness.sharpen,
+        stiffness.lengthen,
         stiffness.reset,
         stiffness.method_memory,
     ).frozen()

@@ -66,6 +66,10 @@ class InterpretedAuto(Functions):
         """Restore the initial state, with the longest step `max_step`."""
         stiffness.reset(self, max_step)
 
+    def lengthen(self, longest: float) -> None:
+        """Allow steps of up to `longest` until the next restart."""
+        stiffness.lengthen(self, longest)
+
     def sharpen(self, share: float, flight_time: float) -> None:
         """Reduce the tolerances of the next arc by the factor `share`."""
         stiffness.sharpen(self, share, flight_time)

@@ -91,6 +91,14 @@ def sharpen(engine: Any, share: float, flight_time: float) -> None:
     interface.sharpen(implicit(engine), share, flight_time)
 
 
+def lengthen(engine: Any, longest: float) -> None:
+    """Allow steps of up to `longest` until the next restart, for the active method."""
+    if engine.now == IMPLICIT:
+        interface.lengthen(implicit(engine), longest)
+    else:
+        interface.lengthen(explicit(engine), longest)
+
+
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     """Begin an arc with the last method of its mode."""
     known = method_memory(engine, mode)

@@ -222,6 +222,7 @@ HANDLE = np.dtype(
         ("atol", np.float64),
         ("share", np.float64),  # factor on the tolerances of the last arc
         ("max_step", np.float64),  # longest step
+        ("longest", np.float64),  # the same in this arc
     ],
     align=True,
 )
@@ -345,6 +346,8 @@ def _restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.t = t
     engine.mode = mode
     _reinit(engine.cvode, t, engine.vector)
+    if engine.longest != engine.max_step:
+        _lengthen(engine, engine.max_step)
     if stop < math.inf:
         engine.last_instant = np.nextafter(stop, 0.0)
         _set_stop(engine.cvode, stop)
@@ -361,11 +364,16 @@ def _sharpen(engine: Any, share: float, flight_time: float) -> None:
         _set_first_step(engine.cvode, first_step(engine.max_step, rtol, flight_time))
 
 
+def _lengthen(engine: Any, longest: float) -> None:
+    engine.longest = longest
+    _set_max_step(engine.cvode, longest)
+
+
 def _reset(engine: Any, max_step: float) -> None:
     engine.max_step = max_step
     engine.share = 1.0
     _set_tolerances(engine.cvode, engine.rtol, engine.atol)
-    _set_max_step(engine.cvode, max_step)
+    _lengthen(engine, max_step)
     _set_first_step(engine.cvode, first_step(max_step, engine.rtol, math.inf))
 
 
@@ -378,7 +386,7 @@ def functions() -> dict[str, Any]:
     """Compile the functions of the method over a HANDLE, or load them from the cache."""
     load()  # before anything that names a symbol of SUNDIALS is linked
     frozen = take_snapshot(
-        _step, _end_margins, _interpolate, _restart, _sharpen, _reset, _method_memory
+        _step, _end_margins, _interpolate, _restart, _sharpen, _lengthen, _reset, _method_memory
     ).frozen()
     return {
         entry.__name__: compile_callback(entry, METHOD_SIGNATURES[entry.__name__], sources())
@@ -420,7 +428,7 @@ class CompiledCvode(CompiledEngine):
         _check_flag(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
         _check_flag(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
         handle["rtol"], handle["atol"] = options.rtol, options.atol
-        handle["share"], handle["max_step"] = 1.0, max_step
+        handle["share"], handle["max_step"], handle["longest"] = 1.0, max_step, max_step
         _check_flag(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
         if bdf:
             objects.matrix = sun.SUNDenseMatrix(n, n, context)

@@ -120,6 +120,9 @@ class InterpretedCvode(Functions):
         if share < 1.0 or self._share < 1.0:
             self._create_solver(share, flight_time)
 
+    def lengthen(self, longest: float) -> None:
+        """Do nothing: the longest step of a solver cannot be changed."""
+
     def _create_solver(self, share: float, flight_time: float) -> None:
         from sksundae.cvode import CVODE  # imports scipy.optimize
 

@@ -115,9 +115,11 @@ def functions() -> dict[str, Any]:
     run_stages, run_dense, run_step, run_interpolate = take_snapshot(
         stepper.stages, stepper.dense, stepper.step, stepper.interpolate
     ).frozen(**CONTRACTED)
-    run_end_margins, run_restart, run_sharpen, run_reset, run_method_memory = take_snapshot(
-        end_margins, stepper.restart, sharpen, stepper.reset, method_memory
-    ).frozen()
+    run_end_margins, run_restart, run_sharpen, run_lengthen, run_reset, run_method_memory = (
+        take_snapshot(
+            end_margins, stepper.restart, sharpen, stepper.lengthen, stepper.reset, method_memory
+        ).frozen()
+    )
 
     def stages(engine, t, h):  # type: ignore[no-untyped-def]
         return run_stages(_handle(engine), t, h)
@@ -135,6 +137,7 @@ def functions() -> dict[str, Any]:
             run_interpolate,
             run_restart,
             run_sharpen,
+            run_lengthen,
             run_reset,
             run_method_memory,
         ),

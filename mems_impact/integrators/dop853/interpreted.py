@@ -46,6 +46,10 @@ class InterpretedDop853(Functions):
         """Restore the initial state, with the longest step `max_step`."""
         stepper.reset(self, float(max_step))
 
+    def lengthen(self, longest: float) -> None:
+        """Allow steps of up to `longest` until the next restart."""
+        stepper.lengthen(self, longest)
+
     def sharpen(self, share: float, flight_time: float) -> None:
         """Do nothing: the error of order 8 is negligible in a short flight."""
 

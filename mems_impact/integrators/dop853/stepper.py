@@ -15,7 +15,7 @@ the section. A margin fires if it (with its bias) decreases to zero or below, a 
 to zero or above; a function that starts at zero and remains there does not fire. Rates are searched
 where a closest approach is an event, or a bias hides the margin (`searches_rate`).
 
-`step`, `restart`, `reset` and `interpolate` implement `integrators.interface`.
+`step`, `restart`, `lengthen`, `reset` and `interpolate` implement `integrators.interface`.
 """
 
 from __future__ import annotations
@@ -635,6 +635,11 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.longest = min(engine.max_step, (stop - t) / MIN_STEPS_TO_STOP)
     engine.begun = 0
     engine.rest = 0
+
+
+def lengthen(engine: Any, longest: float) -> None:
+    """Allow steps of up to `longest` until the next restart, but no fewer steps to a stop."""
+    engine.longest = min(longest, (engine.stop - engine.t) / MIN_STEPS_TO_STOP)
 
 
 def step(engine: Any) -> int:

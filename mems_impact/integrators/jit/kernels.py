@@ -58,6 +58,7 @@ METHOD_SIGNATURES = {
     "interpolate": types.void(_word, _real, _word),
     "restart": types.void(_word, _word, _real, _word, _real),
     "sharpen": types.void(_word, _real, _real),
+    "lengthen": types.void(_word, _real),
     "reset": types.void(_word, _real),
     "method_memory": _word(_word, _word),
 }
@@ -295,6 +296,7 @@ def method_entries(
         run_interpolate,
         run_restart,
         run_sharpen,
+        run_lengthen,
         run_reset,
         run_method_memory,
     ) = functions
@@ -314,6 +316,9 @@ def method_entries(
     def sharpen(engine, share, flight_time):  # type: ignore[no-untyped-def]
         run_sharpen(handle(engine), share, flight_time)
 
+    def lengthen(engine, longest):  # type: ignore[no-untyped-def]
+        run_lengthen(handle(engine), longest)
+
     def reset(engine, max_step):  # type: ignore[no-untyped-def]
         run_reset(handle(engine), max_step)
 
@@ -326,6 +331,7 @@ def method_entries(
         interpolate,
         restart,
         sharpen,
+        lengthen,
         reset,
         method_memory,
     ]
@@ -422,6 +428,7 @@ mark_overloaded(
     interface.restart,
     interface.reset,
     interface.sharpen,
+    interface.lengthen,
     interface.method_memory,
     interface.search_approaches,
     interface.bias,
