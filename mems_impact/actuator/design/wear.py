@@ -169,7 +169,7 @@ def of_weight(system: ActuatorSystem) -> float:
         unit = " N" if system.scales.named else ""
         problem = (
             f"the static friction of {friction * force:.4g}{unit} is {friction:.4g} times the "
-            f"weight, which alone does not press the frame to the ground: give normal_force="
+            f"weight, from which no normal force follows: give that on the frame as normal_force="
         )
         raise InvalidParameter("normal_force", None, "", problem=problem)
     return force
