@@ -640,7 +640,8 @@ def warn_of_corners(system: HybridSystem, branch: OrbitBranch) -> None:
         is_switch = corner.code == system.automaton.switch_code
         name = "switch_transition" if is_switch else (
             f"the transition of {guards[corner.code % len(guards)].name!r}")  # fmt: skip
-        if name in names:
+        of_user = is_switch or guards[corner.code % len(guards)].name in system.user_transitions
+        if name in names or not of_user:
             continue
         names.add(name)
         at = ", ".join(

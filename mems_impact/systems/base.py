@@ -642,6 +642,11 @@ class HybridSystem(Result, ABC):
         return set()
 
     @property
+    def user_transitions(self) -> frozenset[str]:
+        """The names of the guards whose transitions are functions of the user."""
+        return frozenset()
+
+    @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool] | None:
         """Check for a discontinuity of the flow where steps become very short, if there is one."""
         return None

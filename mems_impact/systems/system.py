@@ -385,6 +385,17 @@ class System(HybridSystem):
             periodicity.check_forcing(self, self.definition, trajectory)
 
     @property
+    def user_transitions(self) -> frozenset[str]:
+        """The names of the guards whose transitions are functions of the user."""
+        names = tuple(part.name for part in self._parts)  # events of a part begin with its name
+        return frozenset(
+            guard.name
+            for guard in self.definition.guards
+            if guard.name not in names
+            and not guard.name.startswith(tuple(f"{name} " for name in names))
+        )
+
+    @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
         """Check for a discontinuity of the flow, called where steps become very short."""
         return partial(checks.warn_of_discontinuity, self, self.definition)
