@@ -60,10 +60,11 @@ def checkpoint_grid(periods: float, window: float, *, forced: bool) -> Checkpoin
     if not forced:
         parts = max(1, math.ceil(CHECKPOINTS / periods))
         return CheckpointGrid(parts, max(1, math.floor(periods * parts / CHECKPOINTS)))
-    least = math.ceil(periods / MAX_CHECKPOINTS)
-    intervals = [*range(least, 4 * least), MAX_LAG * math.ceil(periods / (MAX_LAG * CHECKPOINTS))]
-    whole = (each for each in intervals if math.remainder(window, each) == 0.0)
-    return CheckpointGrid(1, next(whole, intervals[-1] if least > 1 else 1))
+    least = max(1, math.ceil(periods / MAX_CHECKPOINTS))
+    longest = MAX_LAG * math.ceil(periods / (MAX_LAG * CHECKPOINTS)) if least > 1 else 1
+    parts_of_window = (window / count for count in range(math.floor(window / least), 0, -1))
+    whole = (int(each) for each in parts_of_window if each.is_integer() and each < 4 * least)
+    return CheckpointGrid(1, next(whole, longest))
 
 
 class SettlingRow(NamedTuple):

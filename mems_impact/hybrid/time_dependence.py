@@ -11,12 +11,19 @@ from functools import lru_cache
 from types import FunctionType, ModuleType
 from typing import Any
 
-__all__ = ["reads_time"]
+__all__ = ["reads_time", "time_error"]
 
 TIME_POSITION = 1  # of t among the arguments (mode, t, y, p)
 PASSING = ("binop", "inplace_binop", "unary", "cast", "phi")  # results that depend on time as well
 
+TIME_RTOL = 1e-12  # error of a time at which an event was located
+
 Argument = tuple[FunctionType, int]  # a function, and the position of one of its arguments
+
+
+def time_error(t):  # type: ignore[no-untyped-def]
+    """Return the error of a time; a motion that depends on it does not depend on time."""
+    return TIME_RTOL * abs(t)
 
 
 def reads_time(
@@ -37,7 +44,7 @@ def reads_time(
     function = getattr(function, "py_func", function)  # of one that numba compiled
     if not isinstance(function, FunctionType):
         return True
-    if (function, position) in visited:
+    if function is time_error or (function, position) in visited:
         return False
     visited.add((function, position))
     code = function.__code__

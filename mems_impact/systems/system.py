@@ -414,7 +414,8 @@ class System(HybridSystem):
         """Return the mode of another motion from the start on a switching surface, or -1."""
         if self._sliding is None:
             return -1
-        time, y = self.out("time", start.time), self._state(start.y)
+        now = start.time if self.forced else start.cycle * problem.period + start.time
+        time, y = self.out("time", now), self._state(start.y)
         return int(self._sliding.other_start(start.mode, time, y, self._to_user(problem)))
 
     @property

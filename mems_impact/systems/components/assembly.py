@@ -30,6 +30,7 @@ from mems_impact.hybrid.definition import (
     writes_into_arrays,
 )
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
+from mems_impact.hybrid.time_dependence import time_error
 from mems_impact.systems.components.base import (
     CodeNames,
     Contact,
@@ -89,6 +90,7 @@ class FlowWriter:
             "flow_of": flow,
             "State": named_tuple("State", states),
             "Modes": named_tuple("Modes", tuple(part.name for part in parts)),
+            "time_error": time_error,
         }
         contacts = [i for i, part in enumerate(parts) if isinstance(part, Contact)]
         self.names = [

@@ -33,7 +33,6 @@ __all__ = ["Sliding", "SlidingMotions"]
 
 ALL_SURFACES = -2  # in place of a part whose mode is given
 START = -2  # in place of the part of an event
-NEAR_TIME = "1e-12"  # of t: a state that needs less time to a surface lies on it
 ONE_SURFACE = "make them one SwitchingSurface, whose mode the flow reads for both"
 PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that coincide
 UNIQUE_RTOL = "1e-8"  # relative difference of the velocities of one motion
@@ -283,7 +282,8 @@ class Sliding:
             h = part.height(names)
             near = f"{h} == 0.0"
             if self.k > 1:
-                near = f"abs({h}) <= {NEAR_TIME} * abs(t * ({part.along(names, 'moved')}))"
+                # A state that needs less time to the surface than the error of the time lies on it.
+                near = f"abs({h}) <= time_error(t) * abs({part.along(names, 'moved')})"
             slides = f"(jumped == 0 and {names.last} == {SLIDING})"
             lines.append(f"{names.on} = {names.fired} or {slides} or {near}")
         return lines
