@@ -24,6 +24,7 @@ __all__ = [
     "Interrupted",
     "InvalidFile",
     "InvalidParameter",
+    "LengthWarning",
     "MemsImpactError",
     "OrbitError",
     "Picklable",

@@ -398,8 +398,7 @@ def _special(
     rows_table = _table(first_columns, rows, labels)
     for name in solutions.columns:
         if name not in rows_table:
-            empty = solutions[name].iloc[:0]
-            rows_table[name] = empty.astype(bool) if empty.dtype == "boolean" else empty
+            rows_table[name] = solutions[name].iloc[:0]
     measures = [name for name in solutions.columns if name not in first_columns]
     more = [
         name for name in rows_table.columns if name not in first_columns and name not in measures
@@ -429,10 +428,11 @@ def parameter_columns(
 
 
 def _column(values: list[Any]) -> Any:
-    """Return a column; the stability of a neutral orbit, None, is missing."""
+    """Return a column; flags are nullable, since the stability of a neutral orbit is None."""
     import pandas as pd
 
-    return pd.array(values, dtype="boolean") if None in values else np.array(values)
+    are_flags = bool(values) and all(isinstance(each, bool | None) for each in values)
+    return pd.array(values, dtype="boolean") if are_flags else np.array(values)
 
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

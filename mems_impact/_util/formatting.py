@@ -9,11 +9,22 @@ from os import PathLike
 from pathlib import PurePath
 from typing import Any
 
-__all__ = ["class_name", "escape", "html_table", "label", "printable", "shown", "stem"]
+__all__ = [
+    "class_name",
+    "escape",
+    "html_table",
+    "label",
+    "printable",
+    "shown",
+    "stability_name",
+    "stem",
+]
 
 # Longest value and name in a message, in characters.
 _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
+
+_STABILITY_NAMES = {True: "stable", False: "unstable", None: "neutral"}
 
 # Characters that neither XML nor TOML can hold.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -28,6 +39,11 @@ def class_name(kind: str) -> str:
     'PulseAndHold'
     """
     return "".join(word.capitalize() for word in kind.replace("-", "_").split("_"))
+
+
+def stability_name(stable: bool | None) -> str:
+    """Return the name of a stability."""
+    return _STABILITY_NAMES[stable]
 
 
 def label(name: str) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import progress_bar
 from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.design.data_sheet import SLIPS, DataSheet
@@ -57,7 +58,6 @@ from mems_impact.analysis.orbit import find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
-from mems_impact.orbits.spectrum import stability_name
 from mems_impact.studies.sweep import sweep
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.state import State, is_number, whole

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mems_impact import tables as run_tables
 from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import stability_name
 from mems_impact.analysis.run import check_direction
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import unguarded
@@ -32,7 +33,6 @@ from mems_impact.orbits.period_detection import (
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY
-from mems_impact.orbits.spectrum import stability_name
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result

@@ -82,7 +82,7 @@ class Run(Result):
     ended: str = "time"
     _gatherer: StatisticsAccumulator | LazyStatistics = field(repr=False, compare=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
+    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered", "settling")
 
     def __repr__(self) -> str:
         first, last = (border * self.unit for border in self.extent)

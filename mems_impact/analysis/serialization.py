@@ -15,6 +15,7 @@ from mems_impact.analysis import (
     manifold,
     orbit,
     run,
+    settling,
     special_points,
     verification,
 )
@@ -123,6 +124,7 @@ register(
 )  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
+    settling.Settling, settling.SettlingRow,
     Options, HybridState, Events, Samples, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
     BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,

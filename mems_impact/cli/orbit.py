@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact._util.formatting import stability_name
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -28,7 +29,6 @@ from mems_impact.cli.output import (
     show_values,
 )
 from mems_impact.integrators.options import Options
-from mems_impact.orbits.spectrum import stability_name
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit

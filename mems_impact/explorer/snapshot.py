@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import mems_impact as mi
 from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.actuator.automaton import slips
@@ -32,7 +33,6 @@ from mems_impact.explorer.session import (
     unit_of_time,
 )
 from mems_impact.hybrid.simulation import Events
-from mems_impact.orbits.spectrum import stability_name
 from mems_impact.plotting.trajectories import MIN_DRAWN_JUMP, interleaved
 from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import is_shown

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.formatting import stability_name
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
@@ -24,7 +25,7 @@ from mems_impact.orbits.shooting import (
     without_flow_direction,
 )
 from mems_impact.orbits.signature import Segment
-from mems_impact.orbits.spectrum import multipliers_stable, stability_name
+from mems_impact.orbits.spectrum import multipliers_stable
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
 MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14

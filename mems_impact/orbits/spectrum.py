@@ -9,12 +9,6 @@ from mems_impact._util.arrays import Complexes, Floats
 
 MULTIPLIER_RTOL = 1e-7  # error of a monodromy matrix, relative to its largest entry
 EIGENVALUE_RTOL = 1e-9  # error of each entry of the Jacobian of a flow, relative to it
-NAMES = {True: "stable", False: "unstable", None: "neutral"}
-
-
-def stability_name(stable: bool | None) -> str:
-    """Return the name of a stability."""
-    return NAMES[stable]
 
 
 def multipliers_stable(matrix: Floats, sizes: Floats | float = 1.0) -> bool | None:

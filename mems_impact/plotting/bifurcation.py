@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import pandas as pd
 
+from mems_impact._util.formatting import stability_name
 from mems_impact.continuation.sliding import TYPE_LABELS
 from mems_impact.errors import InvalidParameter
-from mems_impact.orbits.spectrum import stability_name
 from mems_impact.plotting.labels import (
     Label,
     Mark,

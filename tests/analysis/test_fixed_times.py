@@ -1,6 +1,7 @@
 """What happens at fixed times: a blow once a period, by a switch that settles; no guard can."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -33,6 +34,9 @@ def struck(**how):
     return mi.System(states=("x", "v"), flow=swing, period=PERIOD, parameters={"J": 1.0}, **how)
 
 
+CONDITIONS = [partial(mi.Guard, condition=True), mi.Impact]
+
+
 def test_a_blow_once_a_period_against_its_closed_form():
     """Just before the blow y = M (y + J), with the matrix M of the motion over a period."""
     system = struck(switches=[1.0], switch_transition=blow)
@@ -48,7 +52,7 @@ def test_a_blow_once_a_period_against_its_closed_form():
     assert np.abs(orbit.multipliers) == pytest.approx(math.exp(-0.1 * PERIOD), abs=1e-8)
 
 
-@pytest.mark.parametrize("kind", [mi.Guard, mi.Impact])
+@pytest.mark.parametrize("kind", CONDITIONS)
 def test_as_a_guard_it_is_reported_why_not(kind):
     with pytest.raises(
         mi.FunctionError, match=r"depends on time alone, .* switches= .* switch_transition="
@@ -56,7 +60,7 @@ def test_as_a_guard_it_is_reported_why_not(kind):
         struck(guards=[kind("hammer", clock, blow)])
 
 
-@pytest.mark.parametrize("kind", [mi.Guard, mi.Impact])
+@pytest.mark.parametrize("kind", CONDITIONS)
 def test_and_so_where_only_a_run_meets_it(kind):
     """A margin that jumps through zero has no rate that a check could look at."""
     system = struck(guards=[kind("hammer", step, blow)])

@@ -24,8 +24,8 @@ def errors(caught: BaseException) -> str:
 
 WARNINGS: tuple[type[Warning], ...] = (
     mi.EngineFallbackWarning, mi.FitWarning, mi.PluginWarning, mi.ScaleWarning,
-    mi.DiscontinuityWarning, mi.StartWarning, mi.StiffnessWarning,
-    mi.UnitsWarning, mi.ValidityWarning,
+    mi.DiscontinuityWarning, mi.LengthWarning, mi.StartWarning, mi.StiffnessWarning,
+    mi.TransientWarning, mi.UnitsWarning, mi.ValidityWarning,
 )  # fmt: skip
 
 
@@ -87,6 +87,8 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     )
     assert_type(mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun)
     assert_type(run.verify(), mi.Verification)
+    assert_type(run.settling, mi.Settling)
+    assert_type(mi.steady_state(run), mi.Run)
     assert_type(run.blow_statistics, mi.BlowStatistics)
     assert_type(mi.duty_cycle(run), mi.DutyCycle)
     assert_type(mi.energy(run), mi.Energy)

@@ -5,7 +5,7 @@ import pytest
 
 from mems_impact.actuator.drives import Sine
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.simulation import Simulation
+from mems_impact.hybrid.simulation import CheckpointGrid, Simulation
 from tests.actuator import machine
 from tests.hybrid.systems import (
     BALL,
@@ -43,7 +43,8 @@ def case(request):
 def log(setup, start, periods, per_period):
     """The events of a run that is sampled on the way."""
     run_ = run(setup, start, periods)
-    again = Simulation(setup, start, run_.final, per_period, None, None)
+    grid = CheckpointGrid(per_period, 1)
+    again = Simulation(setup, start, run_.final, grid, None, None)
     again.go()
     return run_, again
 

@@ -454,8 +454,9 @@ def refine_root(engine: Any, s: Any, i: int, t_start: float, t: float) -> float:
     """
     margins_after, g, y = table_row(s, MARGINS_AFTER), table_row(s, G), table_row(s, STATE)
     margin, rate = margins_after[i] + interface.bias(engine, i), margins_after[s.m + i]
-    if margin == 0.0 and 1e-6 * (t - t_start) > 8.0 * EPS * abs(t):
-        t_earlier = t - 1e-6 * (t - t_start)
+    longest = 1e-6 * min(t - t_start, resolution(s, t))
+    if margin == 0.0 and longest > 8.0 * EPS * abs(t):
+        t_earlier = t - longest
         interface.interpolate(engine, t_earlier, y)
         interface.margins(engine, s.mode, t_earlier, y, g)
         if g[i] == margins_after[i]:
@@ -463,7 +464,7 @@ def refine_root(engine: Any, s: Any, i: int, t_start: float, t: float) -> float:
     if not rate < 0.0:
         return 0.0
     delay: float = margin / rate
-    return delay if 8.0 * EPS * abs(t) < delay < 1e-6 * (t - t_start) else 0.0
+    return delay if 8.0 * EPS * abs(t) < delay < longest else 0.0
 
 
 def bisect_margin(engine: Any, s: Any, i: int, inside: float, outside: float) -> float:

@@ -137,7 +137,8 @@ class Writer:
                 codes = column.cat.codes.to_numpy().astype(np.int64)
                 values: Any = {"codes": codes, "categories": tuple(column.cat.categories)}
             elif isinstance(column.dtype, pd.BooleanDtype):
-                values = tuple(None if pd.isna(each) else bool(each) for each in column)
+                flags = tuple(None if pd.isna(each) else bool(each) for each in column)
+                values = {"flags": flags}
             elif column.dtype.kind in "biufc":
                 values = column.to_numpy()
             else:
@@ -207,10 +208,10 @@ class Reader:
         columns = {}
         for name, part in node["table"].items():
             column = self.value(part)
-            if isinstance(column, dict):
+            if isinstance(column, dict) and "flags" in column:
+                column = pd.array(list(column["flags"]), dtype="boolean")
+            elif isinstance(column, dict):
                 column = pd.Categorical.from_codes(column["codes"], list(column["categories"]))
-            if isinstance(column, tuple) and None in column:
-                column = pd.array(list(column), dtype="boolean")
             elif isinstance(column, tuple):  # texts
                 column = list(column) or np.empty(0, str)
             columns[name] = column

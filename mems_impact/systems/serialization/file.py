@@ -74,6 +74,8 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
             header, members = read_archive(source, raw)
         reader = Reader(members, source, system)
         value = reader.value(header["result"])
+        if not isinstance(value, Result):
+            raise InvalidFile(source, "holds no result", FILE_REMEDY)
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
     except InvalidFile:
         raise
@@ -85,8 +87,6 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
             raise
         reason = f"is damaged ({text_of_error(error)})"
         raise InvalidFile(source, reason, DAMAGE_REMEDY) from error
-    if not isinstance(value, Result):
-        raise InvalidFile(source, "holds no result", FILE_REMEDY)
     if tables and system is None:
         value.attach_saved_tables(tables)
     return value
