@@ -267,3 +267,17 @@ def test_chaos_against_two_neighbouring_runs():
     told = spectrum.errors[0] * spectrum.period
     assert error < 0.05
     assert abs(spectrum.per_period[0] - exponent) < 3.0 * math.hypot(error, told)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "interpreted"])
+def test_perturbations_of_a_body_that_a_stopper_holds_vanish(engine):
+    pressed = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, 5.0 + 0.1 * math.cos(t)),
+        period=2.0 * math.pi,
+        parts=[mi.Stopper("stop", "x", "v", upper=1.0, restitution=0.5)],
+    )
+    options = mi.Options(method="dop853", engine=engine)
+    spectrum = mi.lyapunov(pressed, transient=5, options=options)
+    assert spectrum.exponents.tolist() == [-math.inf]
+    assert spectrum.errors.tolist() == [0.0]

@@ -27,6 +27,7 @@ from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.flow import stretched_flow, with_columns
 from mems_impact.hybrid.variational.saltation import (
     STRETCHING,
+    ZERO_COLUMN,
     PerturbationState,
     PropagationProblem,
     constrain,
@@ -318,7 +319,10 @@ class LyapunovIntegrator:
             columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)
         self._fixed = (self._slopes() == 0.0).all(axis=0) & ~jumps
         columns[:, self._fixed] = 0.0
+        lengths = np.linalg.norm(columns * self._weights, axis=1)
         self._run.call(constrain, state, self._propagation)
+        remaining = np.linalg.norm(columns * self._weights, axis=1)
+        state.alive[remaining <= ZERO_COLUMN * lengths] = 0  # rounding errors of the projection
         orthonormalize(1e-6, state, self._propagation)
 
 
