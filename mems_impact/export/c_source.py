@@ -1587,8 +1587,8 @@ class FunctionWriter:
         if result is not None:
             return result
         if isinstance(function, type) and issubclass(function, tuple):
-            names: tuple[str, ...] = getattr(function, "_fields", ())
-            if names:
+            names: tuple[str, ...] | None = getattr(function, "_fields", None)
+            if names is not None:
                 defaults = {
                     name: constant(value)
                     for name, value in getattr(function, "_field_defaults", {}).items()

@@ -624,3 +624,23 @@ def test_the_time_is_that_of_the_importer(tmp_path, kind, inputs):
         assert times == pytest.approx([20.1, 30.1, 33.3], rel=1e-12)
         ends = (10.0 + 50.2 + 0.0333 + 16.7, 0.5 * (2500.0 - start**2))
         assert (result["q"][-1], result["s"][-1]) == pytest.approx(ends, rel=1e-8)
+
+
+@pytest.mark.usefixtures("unoptimized")
+def test_a_guard_waits_in_a_system_without_parameters(tmp_path):
+    """Below its margin from the start of its mode on, which rises."""
+    down, up = mi.modes("down", "up")
+    saw = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0 if mode == down else 1.0,),
+        modes=(down, up),
+        guards=[
+            mi.Guard("turns", lambda mode, t, y, p: y.x + 1.0, lambda mode, t, y, p: (up, y),
+                     modes=(down,)),
+            mi.Guard("floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (down, y),
+                     modes=(up,)),
+        ],
+    )  # fmt: skip
+    found, result = events_of(saw.to_fmu(tmp_path / "saw.fmu"), 5.0, "CoSimulation")
+    assert [at for at, _ in found.values()] == pytest.approx([1.0], rel=1e-12)
+    assert result["x"][-1] == pytest.approx(3.0, abs=1e-9)
