@@ -23,7 +23,7 @@ __all__ = [
     "FLUCTUATING",
     "SETTLED",
     "UNKNOWN",
-    "Limit",
+    "SequenceLimit",
     "block_length",
     "limit_of",
 ]
@@ -43,7 +43,7 @@ STATE_NOISE = 1e-5  # relative change of a state that does not count
 SHARE = 0.1  # least error of an extrapolation, relative to what remains
 
 
-class Limit(NamedTuple):
+class SequenceLimit(NamedTuple):
     """The limit of a sequence.
 
     Attributes
@@ -63,7 +63,7 @@ class Limit(NamedTuple):
     kind: str
 
 
-def limit_of(blocks: Floats, noise: float, states: Floats) -> Limit:
+def limit_of(blocks: Floats, noise: float, states: Floats) -> SequenceLimit:
     """Return the limit of a sequence.
 
     Parameters
@@ -79,10 +79,10 @@ def limit_of(blocks: Floats, noise: float, states: Floats) -> Limit:
     defined = np.isfinite(blocks)
     b = blocks[defined]
     if b.size < max(FEWEST, 0.5 * blocks.size):
-        return Limit(float(b[-1]) if b.size else math.nan, math.inf, 0.0, UNKNOWN)
+        return SequenceLimit(float(b[-1]) if b.size else math.nan, math.inf, 0.0, UNKNOWN)
     spread = float(np.ptp(b))
     if spread <= noise:
-        return Limit(float(b[-1]), spread, 0.0, SETTLED)
+        return SequenceLimit(float(b[-1]), spread, 0.0, SETTLED)
     limit = _extrapolated(b, noise, states[defined])
     if limit is not None:
         return limit
@@ -91,21 +91,21 @@ def limit_of(blocks: Floats, noise: float, states: Floats) -> Limit:
         return _mean(b)
     late = b[b.size // 2 :]  # after a transient
     if float(np.ptp(late)) <= noise:
-        return Limit(float(b[-1]), float(np.ptp(late)), 0.0, SETTLED)
+        return SequenceLimit(float(b[-1]), float(np.ptp(late)), 0.0, SETTLED)
     if late.size >= ENOUGH and not _has_trend(late):
         return _mean(late)
-    return Limit(float(b[-1]), math.inf, 1.0, CHANGING)
+    return SequenceLimit(float(b[-1]), math.inf, 1.0, CHANGING)
 
 
-def _mean(b: Floats) -> Limit:
+def _mean(b: Floats) -> SequenceLimit:
     """Return the limit of a sequence without a trend."""
     if b.size < ENOUGH:
-        return Limit(float(b[-1]), math.inf, 0.0, UNKNOWN)
+        return SequenceLimit(float(b[-1]), math.inf, 0.0, UNKNOWN)
     from scipy.special import stdtrit  # most runs do not need it
 
     factor = -float(stdtrit(b.size - 1, 0.5 * CONFIDENCE))
     error = factor * float(b.std(ddof=1)) / math.sqrt(b.size)
-    return Limit(float(b.mean()), error, 0.0, FLUCTUATING)
+    return SequenceLimit(float(b.mean()), error, 0.0, FLUCTUATING)
 
 
 def _has_trend(b: Floats) -> bool:
@@ -128,7 +128,7 @@ class _Extrapolation(NamedTuple):
     order: int
 
 
-def _extrapolated(b: Floats, noise: float, states: Floats) -> Limit | None:
+def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | None:
     """Return the limit of a sequence that few multipliers explain, None of another one."""
     moving = np.ptp(states, axis=0) > STATE_NOISE
     changes = np.diff(np.column_stack([b, states[:, moving]]), axis=0)
@@ -150,8 +150,10 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> Limit | None:
     if b.size < ENOUGH or not known:
         half = len(changes) // 2
         early, late = ((part**2).sum() for part in (changes[:half, 0], changes[-half:, 0]))
-        return Limit(last, math.inf, 1.0, CHANGING) if late < CONTRACTION * early else None
-    return Limit(value, max(error, SHARE * far * (1.0 + far / spread), noise), ratio, CHANGING)
+        return SequenceLimit(last, math.inf, 1.0, CHANGING) if late < CONTRACTION * early else None
+    return SequenceLimit(
+        value, max(error, SHARE * far * (1.0 + far / spread), noise), ratio, CHANGING
+    )
 
 
 def _of_order(b: Floats, order: int, noise: float, changes: Floats) -> _Extrapolation | None:
