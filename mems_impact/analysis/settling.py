@@ -26,7 +26,7 @@ from mems_impact.systems.settling import (
     MAX_LAG,
     SETTLED,
     UNKNOWN,
-    Limit,
+    SequenceLimit,
     block_length,
     limit_of,
 )
@@ -319,7 +319,7 @@ class _Blocks:
         periods = self._settled_after(apart / bound if apart > 0.0 else 1.0, limit)
         return SettlingRow(value, limit.value, limit.error, limit.kind, periods)
 
-    def _settled_after(self, excess: float, limit: Limit) -> float:
+    def _settled_after(self, excess: float, limit: SequenceLimit) -> float:
         """Return the length of a run whose second half keeps the bound, exceeded by a factor."""
         block = float(self.times[self.edges[1]] - self.times[self.edges[0]])
         rate = -math.log(limit.ratio) / block if 0.0 < limit.ratio < 1.0 else math.inf
