@@ -62,6 +62,8 @@ def checkpoint_grid(periods: float, window: float, *, forced: bool) -> Checkpoin
         return CheckpointGrid(parts, max(1, math.floor(periods * parts / CHECKPOINTS)))
     least = max(1, math.ceil(periods / MAX_CHECKPOINTS))
     longest = MAX_LAG * math.ceil(periods / (MAX_LAG * CHECKPOINTS)) if least > 1 else 1
+    while longest > 1 and periods < 1.5 * ENOUGH * longest:
+        longest //= 2
     parts_of_window = (window / count for count in range(math.floor(window / least), 0, -1))
     whole = (int(each) for each in parts_of_window if each.is_integer() and each < 4 * least)
     return CheckpointGrid(1, next(whole, longest))

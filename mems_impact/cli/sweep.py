@@ -180,7 +180,7 @@ def _headline(changes: list[ImpactChange], parameter: str, unit: str) -> str:
     if not changes:
         return f"The device does not switch in this range of {parameter}."
     phrases = [
-        f"{'on' if each.begins else 'off'} between {each.before:.9g} and {each.after:.9g}{unit} "
+        f"{'on' if each.begins else 'off'} at {each.before:.9g} to {each.after:.9g}{unit} "
         f"({DIRECTION_WORDS[each.direction]})"
         for each in changes
     ]

@@ -14,9 +14,7 @@ ARGUMENTS += ["--points", "3", "--omega", "0.5", "--transient", "100", "--period
 def test_summary_table_and_figure(cli, tmp_path):
     done = cli(*ARGUMENTS)
     assert done.status == 0
-    headline = (
-        "amplitude: on between 0.2 and 0.24 (increasing), off between 0.2 and 0.16 (decreasing)"
-    )
+    headline = "amplitude: on at 0.2 to 0.24 (increasing), off at 0.2 to 0.16 (decreasing)"
     assert done.out.splitlines()[0] == headline
     assert "increasing amplitude: impacts at 1 of 3 values" in done.out
     assert "decreasing amplitude: impacts at 2 of 3 values" in done.out

@@ -77,7 +77,7 @@ def test_a_linear_oscillator_under_a_voltage_that_switches(c, expected):
     """xi_k is proportional to (M^k)_12 with M = exp(A T), whatever the switches."""
 
     def flow(mode, t, y, p):
-        return y.v, (p.f if t < 5.0 else -p.f) - y.x - p.c * y.v
+        return y.v, (p.f if t % 8.0 < 5.0 else -p.f) - y.x - p.c * y.v
 
     def rebound(mode, t, y, p):
         return mode, (y.x, -0.5 * y.v)
