@@ -148,7 +148,7 @@ class Settling(SummaryRepr):
         percent = f"{100.0 * rows[name].change:.2g} %"
         if self.kind == FLUCTUATING:
             return f"{name} is known within {percent}"
-        if not math.isfinite(rows[name].change):
+        if not (math.isfinite(rows[name].change) and math.isfinite(self.periods)):
             return f"{name} is still changing, and its limit is unknown: a longer run would tell"
         length = "periods" if self.system.forced else "duration"
         return f"{name} is still changing by {percent}: {length}={self.periods:g} would settle"

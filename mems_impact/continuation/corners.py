@@ -16,6 +16,7 @@ __all__ = ["Corner", "corners"]
 DIFFERENCE_STEP = 1e-3  # of one-sided slopes, relative to the interval
 MIN_BEND = 1e-3  # least change of the slope at a corner, relative to the slope
 HALVINGS = 12  # of an interval, after which the bend of a smooth function is below a thousandth
+ROUNDING = 64.0 * np.finfo(float).eps  # error of a state, relative to it
 REMAINDER = 0.5  # of the change, at a corner; for a smooth function almost nothing remains
 STEPS_BEYOND = 5  # of the branch, whose length is searched beyond its end
 
@@ -102,7 +103,7 @@ def _corner(function: Callable[[float], Floats], first: float, last: float) -> f
 def _bends(function: Callable[[float], Floats], first: float, last: float) -> tuple[Floats, Floats]:
     """Return the change of the slope within an interval by component, and the largest slope.
 
-    At a jump the chord is steeper than both ends.
+    At a jump the chord is steeper than both ends. Rounding errors of states do not count.
     """
     length, h = last - first, DIFFERENCE_STEP * (last - first)
     start, end = function(first), function(last)
@@ -111,4 +112,5 @@ def _bends(function: Callable[[float], Floats], first: float, last: float) -> tu
         ((function(first + h) - start) / h, (end - function(last - h)) / h),
     )
     bends = np.maximum(np.abs(after - before), np.abs(chord - 0.5 * (before + after)))
-    return bends, np.abs([before, chord, after]).max(axis=0)
+    noise = ROUNDING * np.maximum(np.abs(start), np.abs(end)) / h
+    return np.maximum(bends - noise, 0.0), np.abs([before, chord, after]).max(axis=0)

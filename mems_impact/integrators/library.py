@@ -57,6 +57,14 @@ def isclose(a, b, *, rel_tol=1e-09, abs_tol=0.0):
     return abs(a - b) <= max(rel_tol * max(abs(a), abs(b)), abs_tol)
 
 
+def cbrt(x):
+    """Return the cube root. That of numba 0.63 loses the sign of zero, and digits."""
+    root = np.cbrt(x)
+    if x == 0.0 or not math.isfinite(x):
+        return x + 0.0 * x
+    return root - (root - x / (root * root)) / 3.0
+
+
 def ldexp(x, i):
     """Return x 2^i."""
     return math.ldexp(x, min(max(i, -5000), 5000))
@@ -258,14 +266,13 @@ def sum(values, start=0):
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    math.cbrt: np.cbrt,
     np.floor_divide: floor_divide,
     np.mod: modulo,
     np.remainder: modulo,
     **{
         getattr(math, function.__name__): function
         for function in (
-            *(comb, dist, factorial, fmod, gcd, hypot, isclose, isqrt, lcm, ldexp, log, modf),
+            *(cbrt, comb, dist, factorial, fmod, gcd, hypot, isclose, isqrt, lcm, ldexp, log, modf),
             *(perm, prod, remainder, ulp),
         )
     },

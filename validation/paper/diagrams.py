@@ -287,7 +287,8 @@ def _inserted(table: pd.DataFrame, point: pd.Series) -> pd.DataFrame:
     share = np.clip(((here - line[:-1]) * along).sum(axis=1) / length, 0.0, 1.0)
     away = ((line[:-1] + share[:, None] * along - here) ** 2).sum(axis=1)
     # Only where the stability changes: two parts of a branch may cross.
-    changes = table["stable"].to_numpy()[1:] != table["stable"].to_numpy()[:-1]
+    stable = table["stable"].fillna(False).to_numpy(dtype=bool)
+    changes = stable[1:] != stable[:-1]
     if not changes.any():
         return table
     i = int(np.nanargmin(np.where(changes, away, np.inf)))
