@@ -61,7 +61,7 @@ def cbrt(x):
     """Return the cube root. That of numba 0.63 loses the sign of zero, and digits."""
     root = np.cbrt(x)
     if x == 0.0 or not math.isfinite(x):
-        return x + 0.0 * x
+        return 1.0 * x
     return root - (root - x / (root * root)) / 3.0
 
 
