@@ -31,7 +31,7 @@ BY_ROUNDING = {
     "bifurcation_diagram_branch",
     "bouncing_ball_branch", "buck_converter_branch", "impact_oscillator_branch", "lorenz_branch",
     "lorenz_run", "methods_and_accuracy", "operating_map_motions", "operating_map_speed",
-    "own_diagram_branch", "studies", "symmetry_breaking_branch", "two_stop_rattler_branch",
+    "own_system_branch", "studies", "symmetry_breaking_branch", "two_stop_rattler_branch",
 }  # fmt: skip
 
 

@@ -31,7 +31,7 @@ def python_blocks(text):
             yield text.count("\n", 0, match.start(2)), dedent(match.group(2))
 
 
-SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
+SLOW = ("designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md")
 SLOW += ("basins.md", "lyapunov.md", "studies.md", "tolerances.md", "sensitivity.md", "terms.md")
 SLOW += ("drives.md", "figures.md", "guide.md", "howto.md", "index.md")
 SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))

@@ -51,4 +51,4 @@ assert mi.simulate(beyond, duration=18.0, options=fine).events.empty
 
 # %%
 # Without ``rate=`` the engine computes the rate by differences along the flow; a given rate is checked.
-# :doc:`/peers` collects published cases in which other solvers lost such events.
+# :doc:`/comparison` lists published cases in which other solvers lost such events.

@@ -22,20 +22,12 @@ def flow(mode, t, y, p):
     return y.v, p.A * math.cos(p.omega * t) - p.k * y.x - p.c * y.v
 
 
-def gap(mode, t, y, p):
-    return p.d - y.x
-
-
-def rebound(mode, t, y, p):
-    return mode, (p.d, -p.e * y.v)
-
-
 oscillator = mi.System(
     states=("x", "v"),
     flow=flow,
     period=lambda p: 2.0 * math.pi / p.omega,
     parameters={"c": 0.1, "k": 1.0, "d": 1.0, "e": 0.8, "A": 0.3, "omega": 0.8},
-    guards=[mi.Impact("stop", gap, rebound)],
+    parts=[mi.Stopper("stop", "x", "v", upper="d", restitution="e")],
 )
 quiet = mi.find_orbit(oscillator, transient=200)
 
@@ -56,6 +48,14 @@ dots = mi.sweep(
     oscillator, "A", np.linspace(0.32, 0.44, 61), direction="both", transient=150, periods=20
 )
 mi.plot_branch(branch, sweep=dots).figure.savefig("grazing.png")
+
+# %%
+# This oscillator is the demo ``impact`` of COCO (MATLAB). With larger amplitudes the orbit with one impact
+# grazes in turn, and continues with two.
+
+longer = mi.continue_orbit(quiet, "A", stop=3.0, back=0.1)
+print(longer.special_table[["label", "A", "impacts"]])
+assert [special.label for special in longer.special_points[:3]] == ["G", "PD", "G"]
 
 # %%
 # The type of a grazing states how the attractor changes: continuously, with a jump, or not at all, if the

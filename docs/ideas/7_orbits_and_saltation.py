@@ -27,20 +27,12 @@ def flow(mode, t, y, p):
     return y.v, p.A * math.cos(p.omega * t) - p.k * y.x - p.c * y.v
 
 
-def gap(mode, t, y, p):
-    return p.d - y.x
-
-
-def rebound(mode, t, y, p):
-    return mode, (p.d, -p.e * y.v)
-
-
 oscillator = mi.System(
     states=("x", "v"),
     flow=flow,
     period=lambda p: 2.0 * math.pi / p.omega,
     parameters={"c": 0.1, "k": 1.0, "d": 1.0, "e": 0.8, "A": 0.6, "omega": 0.8},
-    guards=[mi.Impact("stop", gap, rebound)],
+    parts=[mi.Stopper("stop", "x", "v", upper="d", restitution="e")],
 )
 orbit = mi.find_orbit(oscillator, transient=300)
 mi.plot_orbit(orbit, x="x", y="v").figure.savefig("orbits_and_saltation.png")

@@ -1,12 +1,14 @@
 """
-5. Write your own system
-========================
+5. Write your own system and draw its bifurcation diagram
+=========================================================
 
 A ``System`` switches between smooth modes; its functions read like its equations. The example is a forced
 mass on a spring that strikes a rigid stop.
 """
 
 import math
+
+import numpy as np
 
 import mems_impact as mi
 
@@ -60,5 +62,34 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# Friction, stops, relays and switching surfaces are ready-made :doc:`parts </parts>`. The next tutorial
-# draws the bifurcation diagram of this oscillator.
+# ``continue_orbit`` continues the orbit over the amplitude of the forcing. Downwards the orbit doubles its
+# period (PD), and loses its impact in a grazing (G). The grazing has a closed form: the amplitude of the
+# linear oscillator equals the gap.
+
+branch = mi.continue_orbit(orbit, "A", stop=0.3, back=0.8)
+print(branch.special_table[["label", "A", "impacts"]].to_string(index=False))
+doubling, grazing = branch.special_points[0], branch.special_points[-1]
+assert (doubling.label, grazing.label) == ("PD", "G")
+assert abs(grazing.value - math.sqrt((1.0 - 0.8**2) ** 2 + (0.1 * 0.8) ** 2)) < 1e-9
+
+# %%
+# ``switch_branch`` continues the orbit of twice the period. Solid lines are stable, dashed lines
+# unstable; dots are a sweep.
+
+twice = mi.switch_branch(doubling, bounds=(0.3, 0.8))
+dots = mi.sweep(
+    oscillator, "A", np.linspace(0.3, 0.8, 60), direction="both", transient=150, periods=20
+)
+mi.plot_branch([branch, twice], sweep=dots).figure.savefig("own_system_branch.png")
+
+# %%
+# ``continue_curve`` continues a special point in a second parameter, here the doubling over the
+# coefficient of restitution.
+
+curve = mi.continue_curve(doubling, "e", stop=0.6, back=0.95)
+mi.plot_curve(curve).figure.savefig("own_system_curve.png")
+print(curve.table[["e", "A"]].iloc[[0, -1]])
+
+# %%
+# Stops, friction, relays and switching surfaces are ready-made :doc:`parts </parts>`: the functions ``gap``
+# and ``rebound`` of this oscillator are also ``mi.Stopper("stop", "x", "v", upper="d", restitution="e")``.
