@@ -1269,7 +1269,7 @@ def continue_equilibrium(
     """
     check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
     system = equilibrium.system
-    if equilibrium.neutral:
+    if equilibrium.nullity:
         raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
     stop, back = _ends(system, parameter, stop, back)
     bounds = check_bounds(system, parameter, stop, back)

@@ -63,7 +63,7 @@ class Equilibrium(Result):
         kind = stability_name(self.stable)
         kind += f" in its mode, on the boundary {self.boundaries[0]!r}" if self.boundaries else ""
         kind += "" if self.admissible else ", virtual"
-        kind += f", one of a continuum of dimension {self.neutral}" if self.neutral else ""
+        kind += f", one of a continuum of dimension {self.nullity}" if self.nullity else ""
         return f"Equilibrium({kind}, {self.state})"
 
     def summary(self) -> dict[str, Any]:
@@ -92,17 +92,17 @@ class Equilibrium(Result):
     def eigenvalues(self) -> NDArray[np.complex128]:
         """Eigenvalues of the Jacobian of the flow, per unit of time, largest real part first.
 
-        The zero eigenvalues of a continuum are omitted (see `neutral`).
+        The zero eigenvalues of a continuum are omitted (see `nullity`).
         """
         return self.found.eigenvalues / self.system.out("time", 1.0)
 
     @property
-    def neutral(self) -> int:
+    def nullity(self) -> int:
         """Dimension of the continuum of equilibria that contains it, 0 for an isolated equilibrium.
 
         A body that sticks or rests has a continuum of equilibria.
         """
-        return self.found.neutral
+        return self.found.nullity
 
     @property
     def stable(self) -> bool | None:
@@ -228,7 +228,7 @@ def find_equilibria(
 
 def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     """Return whether two states are the same equilibrium, or belong to one continuum."""
-    if state.neutral and state.neutral == other.neutral:
+    if state.nullity and state.nullity == other.nullity:
         return True
     size = 1.0 + float(np.abs(state.state).max(initial=0.0))
     return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME_STATE_RTOL * size

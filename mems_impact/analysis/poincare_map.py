@@ -177,7 +177,7 @@ def _of_equilibrium(equilibrium: Equilibrium) -> FixedPoint:
     system = equilibrium.system
     problem = system.problem(equilibrium.found.family.problem().options)
     eigenvalues = equilibrium.found.eigenvalues
-    if equilibrium.neutral or not eigenvalues.size:
+    if equilibrium.nullity or not eigenvalues.size:
         raise OrbitError(
             "the equilibrium is one of a continuum, and no saddle", "take an isolated equilibrium"
         )

@@ -223,8 +223,8 @@ class EquilibriumState:
     balance : EquilibriumEvaluation
     eigenvalues : complex array
         Eigenvalues of the Jacobian of the flow, largest real part first, without the zeros of
-        `neutral`; restricted to the constraint manifold if contacts hold or the state slides.
-    neutral : int
+        `nullity`; restricted to the constraint manifold if contacts hold or the state slides.
+    nullity : int
         Dimension of the continuum of equilibria that contains it, as for a stuck or resting body; 0
         for an isolated equilibrium.
     margins : float array, shape (m,)
@@ -238,7 +238,7 @@ class EquilibriumState:
     mode: int
     balance: EquilibriumEvaluation
     eigenvalues: NDArray[np.complex128]
-    neutral: int
+    nullity: int
     margins: Floats
     stable: bool | None
 
@@ -305,17 +305,17 @@ def make_equilibrium(
 ) -> EquilibriumState:
     """Return the equilibrium of solved equations, with stability and admissibility."""
     changes = dict(zip(equations.active, balance.values.tolist(), strict=True))
-    matrix, neutral = equations.linearization(balance)
+    matrix, nullity = equations.linearization(balance)
     eigenvalues = np.linalg.eigvals(matrix).astype(complex)
-    eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][neutral:]
+    eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][nullity:]
     return EquilibriumState(
         family=equations.family.at(**changes),
         mode=equations.mode,
         balance=balance,
         eigenvalues=eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))],
-        neutral=neutral,
+        nullity=nullity,
         margins=equations.margins(balance),
-        stable=eigenvalues_stable(matrix, neutral),
+        stable=eigenvalues_stable(matrix, nullity),
     )
 
 

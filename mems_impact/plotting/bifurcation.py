@@ -230,11 +230,12 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
     values = table.iloc[:, 0].to_numpy()
     stable = [None if pd.isna(each) else bool(each) for each in table["stable"]]
     kind = np.array([stability_name(each) for each in stable])
-    # A single one is where the stability changes, and belongs to the line that ends there.
-    for i in np.flatnonzero(kind == "neutral"):
-        beside = [kind[j] for j in (i - 1, i + 1) if 0 <= j < kind.size]
-        if "neutral" not in beside:
-            kind[i] = next(iter(beside), kind[i])
+    # A neutral part too short to be seen is where the stability changes.
+    lines = np.flatnonzero(kind[1:] != kind[:-1]) + 1
+    for part in np.split(np.arange(kind.size), lines):
+        beside = [j for j in (part[0] - 1, part[-1] + 1) if 0 <= j < kind.size]
+        if kind[part[0]] == "neutral" and beside and _is_short(part, values, table[state].to_numpy()):
+            kind[part] = kind[beside[0]]
     kind = np.where(table["admissible"], kind, "")
     # One column per crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
@@ -266,6 +267,11 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
             text = f"{kind[begin]} {noun}"
             ax.plot(values[rows], y, label=None if text in labels else text, **style)
             labels.add(text)
+
+
+def _is_short(part: Any, *columns: Any) -> bool:
+    """Return whether some rows cover a part of the axes that cannot be seen."""
+    return all(np.ptp(np.take(each, part)) <= BRANCH_SAME * np.ptp(each) for each in columns)
 
 
 def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:

@@ -699,7 +699,7 @@ class DiagramBuilder:
 
     def _add_equilibrium(self, equilibrium: Equilibrium) -> int:
         number = self._number(equilibrium)
-        if number is None and (equilibrium.neutral or not equilibrium.admissible):
+        if number is None and (equilibrium.nullity or not equilibrium.admissible):
             return NO_BRANCH
         return self._add(self._branch_through(equilibrium)) if number is None else number
 

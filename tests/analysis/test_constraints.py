@@ -122,7 +122,7 @@ def test_an_equilibrium_on_a_surface_that_bends_is_isolated():
     )
     (found,) = mi.find_equilibria(ring, guess={"x": 1.5, "y": 1.5})
     assert found.stable
-    assert found.neutral == 0
+    assert found.nullity == 0
     assert found.state.x == pytest.approx(2.0 * math.cos(1.0), abs=1e-10)
     assert found.state.y == pytest.approx(2.0 * math.sin(1.0), abs=1e-10)
     assert found.eigenvalues == pytest.approx([-6.0], abs=1e-7)
@@ -144,7 +144,7 @@ def test_equilibria_around_a_pipe_are_a_continuum_however_steep_the_flow_is_besi
         constraints={"slides": lambda mode, t, y, p: y.x * y.x + y.y * y.y - 4.0},
     )
     (found,) = mi.find_equilibria(pipe)
-    assert (found.stable, found.neutral) == (True, 1)
+    assert (found.stable, found.nullity) == (True, 1)
     assert found.eigenvalues == pytest.approx([-1.0], abs=1e-9)
 
 

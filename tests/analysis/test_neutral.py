@@ -92,3 +92,20 @@ def test_the_stability_of_a_matrix_does_not_hang_on_rounding():
     assert multipliers_stable(np.array([[1.0, 0.0], [0.0, 2.0]])) is False
     assert eigenvalues_stable(np.array([[0.0, 1.0], [-1.0, 1e-15]]), 0) is None
     assert eigenvalues_stable(np.diag([0.0, -1.0]), 1) is True
+
+
+def test_neutral_cycles_at_a_hopf_point_are_no_line_of_a_figure():
+    """Cycles m = c r^2 of the normal form, with the multiplier exp(-4 pi m)."""
+    system = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (
+            p.m * y.x - y.y - p.c * y.x * (y.x**2 + y.y**2),
+            y.x + p.m * y.y - p.c * y.y * (y.x**2 + y.y**2),
+        ),
+        parameters={"m": -0.1, "c": 1e-3},
+    )
+    (rest,) = mi.find_equilibria(system)
+    (hopf,) = mi.continue_equilibrium(rest, "m", stop=0.1).special_points
+    cycles = mi.switch_branch(hopf, bounds=(-0.1, 0.1), steps=mi.StepControl(initial_step=1e-3))
+    assert cycles.table["stable"].isna().sum() > 1
+    assert [line.get_label() for line in mi.plot_branch(cycles).get_lines()] == ["stable orbit"]

@@ -170,7 +170,7 @@ def test_an_equilibrium_on_a_surface_is_one_and_has_the_eigenvalues_along_it(h, 
     along = np.array([slope[1], -slope[0]])
     assert [found.state.x, found.state.y] == pytest.approx([x, y], rel=1e-12)
     assert found.eigenvalues == pytest.approx([along @ kept @ along / (along @ along)], rel=1e-9)
-    assert (found.stable, found.admissible, found.neutral) == (True, True, 0)
+    assert (found.stable, found.admissible, found.nullity) == (True, True, 0)
 
 
 def test_an_equilibrium_leaves_its_surface_where_one_flow_turns_round():
@@ -197,7 +197,7 @@ def test_bodies_at_rest_on_each_other_stand_still_as_one():
     )  # fmt: skip
     (found,) = mi.find_equilibria(system)
     assert found.state.as_dict() == pytest.approx({"x": 0.0, "v": 0.0, "z": -0.4, "w": 0.0})
-    assert (found.stable, found.admissible, found.neutral) == (True, True, 0)
+    assert (found.stable, found.admissible, found.nullity) == (True, True, 0)
     roots = np.roots([2.0, 0.2, 1.0])
     assert found.eigenvalues == pytest.approx(sorted(roots, key=lambda root: -root.imag), rel=1e-9)
 
@@ -216,7 +216,7 @@ def test_bodies_that_rest_on_each_other_anywhere_are_a_continuum(stiffness):
         parts=[mi.Stopper("touch", "x", "v", lower=1.0 / 3.0, restitution=0.3, against=("z", "w"))],
     )  # fmt: skip
     (found,) = mi.find_equilibria(system, modes=["held"])
-    assert (found.stable, found.neutral) == (True, 1)
+    assert (found.stable, found.nullity) == (True, 1)
     assert found.eigenvalues == pytest.approx([-0.1], rel=2e-12 * stiffness + 1e-9)
 
 
