@@ -277,7 +277,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     Returns
     -------
     xarray.Dataset
-        One variable per column, with ``units`` in its ``attrs``; the ``attrs`` of the dataset hold
+        One variable per column, with ``units`` in its ``attrs``; a flag that is missing in some
+        row, as ``stable`` of a neutral orbit, is 1, 0 or NaN. The ``attrs`` of the dataset hold
         the other attributes of the table (``system``, version).
 
     Raises
@@ -312,10 +313,15 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     for column in names:
         if column not in table:
             raise InvalidParameter("index", column, f"one of {', '.join(map(str, table.columns))}")
-    kinds = table.dtypes.items()
-    texts = {name: object for name, kind in kinds if isinstance(kind, pd.CategoricalDtype)}
-    without_categories = table.astype(texts)  # netCDF has no categories
-    rows = without_categories.set_index(names) if names else without_categories.rename_axis("row")
+    # Labelled arrays and netCDF have NumPy's types only, in which a flag that is missing is NaN.
+    plain = table.astype(
+        {
+            name: object if kind != "boolean" else float if table[name].hasnans else bool
+            for name, kind in table.dtypes.items()
+            if isinstance(kind, pd.api.extensions.ExtensionDtype)
+        }
+    )
+    rows = plain.set_index(names) if names else plain.rename_axis("row")
     if len(names) > 1 and rows.index.has_duplicates:
         raise InvalidParameter("index", tuple(names), "columns by which no two rows are the same")
     dataset = xr.Dataset.from_dataframe(rows)

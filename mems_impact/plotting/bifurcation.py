@@ -234,7 +234,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
     lines = np.flatnonzero(kind[1:] != kind[:-1]) + 1
     for part in np.split(np.arange(kind.size), lines):
         beside = [j for j in (part[0] - 1, part[-1] + 1) if 0 <= j < kind.size]
-        if kind[part[0]] == "neutral" and beside and _is_short(part, values, table[state].to_numpy()):
+        if kind[part[0]] == "neutral" and beside and _is_short(part, values, table[state]):
             kind[part] = kind[beside[0]]
     kind = np.where(table["admissible"], kind, "")
     # One column per crossing of the section: v2, v2 2, v2 3, …
@@ -271,7 +271,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
 
 def _is_short(part: Any, *columns: Any) -> bool:
     """Return whether some rows cover a part of the axes that cannot be seen."""
-    return all(np.ptp(np.take(each, part)) <= BRANCH_SAME * np.ptp(each) for each in columns)
+    return all(np.ptp(np.asarray(x)[part]) <= BRANCH_SAME * np.ptp(x) for x in columns)
 
 
 def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:

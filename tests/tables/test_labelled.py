@@ -1,5 +1,7 @@
 """Tables as labelled arrays."""
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -33,6 +35,20 @@ def test_a_file_in_netcdf_has_modes_as_text(samples, tmp_path):
     with xarray.open_dataset(path, engine="scipy") as dataset:
         assert dataset["mode"].values.tolist() == samples["mode"].tolist()
         np.testing.assert_array_equal(dataset["x2"], samples["x2"])
+
+
+@pytest.mark.parametrize(("damping", "flag"), [(0.0, math.nan), (0.1, 1.0), (-0.1, 0.0)])
+def test_a_file_in_netcdf_has_the_stability_of_a_branch(damping, flag, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    system = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -p.k * y.x - p.c * y.v),
+        parameters={"k": 1.0, "c": damping},
+    )  # fmt: skip
+    branch = mi.continue_equilibrium(mi.find_equilibria(system)[0], "k", stop=2.0)
+    for table in (branch.table, branch.special_table):
+        mi.to_xarray(table).to_netcdf(tmp_path / "branch.nc", engine="scipy")
+        with xarray.open_dataset(tmp_path / "branch.nc", engine="scipy") as dataset:
+            np.testing.assert_array_equal(dataset["stable"], [flag] * len(table))
 
 
 def test_a_grid_has_its_axes():
