@@ -230,7 +230,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
     values = table.iloc[:, 0].to_numpy()
     stable = [None if pd.isna(each) else bool(each) for each in table["stable"]]
     kind = np.array([stability_name(each) for each in stable])
-    # A neutral part too short to be seen is where the stability changes.
+    # The stability changes in a neutral part of no visible length.
     lines = np.flatnonzero(kind[1:] != kind[:-1]) + 1
     for part in np.split(np.arange(kind.size), lines):
         beside = [j for j in (part[0] - 1, part[-1] + 1) if 0 <= j < kind.size]
@@ -270,7 +270,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, labels: set[str]) -> None:
 
 
 def _is_short(part: Any, *columns: Any) -> bool:
-    """Return whether some rows cover a part of the axes that cannot be seen."""
+    """Return whether some rows have no visible length on the axes."""
     return all(np.ptp(np.asarray(x)[part]) <= BRANCH_SAME * np.ptp(x) for x in columns)
 
 
