@@ -1,4 +1,4 @@
-"""The Python examples of README.md and docs/ run as they stand, page by page."""
+"""Python examples of README.md and docs/ run as they stand; links of the pages lead somewhere."""
 
 import importlib.util
 import re
@@ -22,6 +22,14 @@ PAGES += [
 FENCE = re.compile(r"^ *```(\w*|\{\w+\}[^\n]*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 ELSEWHERE = re.compile(r"\]\((https?:[^)\s]+)\)")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+ANCHOR = re.compile(r"\]\(([\w./-]*\.md)?#([\w-]+)\)")
+
+
+def slugs(text):
+    """Return the anchors of a page's headings."""
+    headings = HEADING.findall(text)
+    return {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
 
 
 def python_blocks(text):
@@ -45,57 +53,83 @@ def marks(page):
     return (pytest.mark.slow, pytest.mark.built) if built else pytest.mark.slow
 
 
-EXAMPLES = [pytest.param(page, marks=marks(page)) for page in PAGES]
+EXAMPLES = [
+    pytest.param(page, marks=marks(page))
+    for page in PAGES
+    if any(python_blocks(page.read_text(encoding="utf-8")))
+]
 
 
 @pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
 def test_python_examples_run(page, tmp_path, monkeypatch):
-    blocks = list(python_blocks(page.read_text(encoding="utf-8")))
-    if not blocks:
-        pytest.skip("no Python example on this page")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     namespace = {"__name__": "__main__"}
-    for line, block in blocks:
+    for line, block in python_blocks(page.read_text(encoding="utf-8")):
         # Line numbers of the page, so that a failure points into it.
         code = compile("\n" * line + block, str(page), "exec")
         exec(code, namespace)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_within_the_project_lead_somewhere(page):
-    text = page.read_text(encoding="utf-8")
-    missing = [link for link in LINK.findall(text) if not (page.parent / link).exists()]
-    assert missing == []
+def dead_links(page, text):
+    """Yield links of a page to files that are not there."""
+    return (link for link in LINK.findall(text) if not (page.parent / link).exists())
 
 
-HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
-ANCHOR = re.compile(r"\]\(([\w./-]*\.md)?#([\w-]+)\)")
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_to_headings(page):
-    text = page.read_text(encoding="utf-8")
-    missing = []
+def dead_anchors(page, text):
+    """Yield links to headings that are not there."""
     for link, anchor in ANCHOR.findall(text):
         target = (page.parent / link).read_text(encoding="utf-8") if link else text
-        slugs = {
-            re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
-            for heading in HEADING.findall(target)
-        }
-        if anchor not in slugs:
-            missing.append(f"{link}#{anchor}")
-    assert missing == []
+        if anchor not in slugs(target):
+            yield f"{link}#{anchor}"
 
 
-def test_every_block_says_its_language():
-    unnamed = [
-        f"{page.name}:{page.read_text(encoding='utf-8')[: match.start()].count(chr(10)) + 1}"
+def malformed_addresses(page, text):
+    """Yield links to other sites that are no address."""
+    for link in ELSEWHERE.findall(text):
+        if not re.fullmatch(r"https://[\w.-]+\.\w+(/[^\s<>]*)?", link):
+            yield link
+
+
+def missing_modules(page, text):
+    """Yield names of modules that are not there."""
+    roots = (ROOT, ROOT / "mems_impact", page.parent)
+    for path in re.findall(r"`([\w.-]+/[\w./-]*?\.pyi?)`", text):
+        if path.islower() and not any((root / path).exists() for root in roots):
+            yield path
+
+
+def unnamed_blocks(page, text):
+    """Yield lines of blocks without a language."""
+    for match in FENCE.finditer(text):
+        if not match.group(1):
+            yield f"line {text.count(chr(10), 0, match.start()) + 1}"
+
+
+@pytest.mark.parametrize(
+    "fault", [dead_links, dead_anchors, malformed_addresses, missing_modules, unnamed_blocks]
+)
+def test_pages_have_no(fault):
+    found = [
+        f"{page.relative_to(ROOT)}: {each}"
         for page in PAGES
-        for match in FENCE.finditer(page.read_text(encoding="utf-8"))
-        if not match.group(1)
+        for each in fault(page, page.read_text(encoding="utf-8"))
     ]
-    assert unnamed == []
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        (dead_links, "[there](nowhere.md)"),
+        (dead_anchors, "# A heading\n[there](#another)"),
+        (malformed_addresses, "[there](http://example)"),
+        (missing_modules, "`mems_impact/nowhere.py`"),
+        (unnamed_blocks, "```\nx\n```\n"),
+    ],
+)
+def test_a_fault_of_a_page_is_found(fault, text):
+    assert len(list(fault(ROOT / "README.md", text))) == 1
 
 
 def test_every_waveform_is_described():
@@ -123,16 +157,6 @@ def test_the_page_of_validation_says_how_to_run_each_folder():
         assert (path / "__main__.py").exists() or path.with_suffix(".py").exists(), module
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_pages_name_files_that_are_there(page):
-    text = page.read_text(encoding="utf-8")
-    named = set(re.findall(r"`([\w.-]+/[\w./-]*?)`", text))
-    named = {path for path in named if path.endswith((".py", ".pyi")) and path.islower()}
-    roots = (ROOT, ROOT / "mems_impact", page.parent)
-    missing = [path for path in named if not any((root / path).exists() for root in roots)]
-    assert missing == []
-
-
 def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("executing", DOCS / "executing.py")
     executing = importlib.util.module_from_spec(spec)
@@ -152,14 +176,6 @@ def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
     assert content[0].endswith("```\n\n![second](../made/howto_page_second.png)\n\n")
     made = {path.name for path in (tmp_path / "made").iterdir()}
     assert made == {"howto_page_first.png", "howto_page_second.png"}
-
-
-def test_links_to_elsewhere_are_whole():
-    links = [link for page in PAGES for link in ELSEWHERE.findall(page.read_text("utf-8"))]
-    assert len(links) > 10
-    assert [
-        link for link in links if not re.fullmatch(r"https://[\w.-]+\.\w+(/[^\s<>]*)?", link)
-    ] == []
 
 
 def test_signatures_show_what_a_verb_takes_and_no_defaults_of_options():

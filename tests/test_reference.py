@@ -28,19 +28,27 @@ def written(name):
     return ClassDoc(thing) if inspect.isclass(thing) else FunctionDoc(thing)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_numpydoc_finds_nothing_amiss(name):
+def test_docstrings_are_numpydoc():
     found = [
-        error for error in validate(f"mems_impact.{name}")["errors"] if error[0] not in LEFT_OUT
+        f"{name}: {code} {message}"
+        for name in NAMES
+        for code, message in validate(f"mems_impact.{name}")["errors"]
+        if code not in LEFT_OUT
     ]
-    assert found == []
+    assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if inspect.isfunction(getattr(mi, name))])
-def test_every_parameter_is_described(name):
-    described = [each for entry in written(name)["Parameters"] for each in entry[0].split(", ")]
-    actual = list(inspect.signature(getattr(mi, name)).parameters)
-    assert [each.lstrip("*") for each in described] == actual
+def test_every_parameter_is_described():
+    found = []
+    for name in NAMES:
+        if inspect.isfunction(function := getattr(mi, name)):
+            described = [
+                each for entry in written(name)["Parameters"] for each in entry[0].split(", ")
+            ]
+            actual = list(inspect.signature(function).parameters)
+            if [each.lstrip("*") for each in described] != actual:
+                found.append(f"{name}: describes {described}, takes {actual}")
+    assert not found, "\n".join(found)
 
 
 def test_see_also_leads_to_public_names():
