@@ -25,7 +25,7 @@ PICTURES = {
     ("actuator.design.operating_chart", "OperatingChart"): "plot_chart",
     ("actuator.design.closing", "Closing"): "plot_closing",
     ("actuator.design.energy", "Energy"): "plot_energy",
-    ("actuator.design.load_curve", "LoadCurve"): "plot_load",
+    ("actuator.design.force_curve", "ForceCurve"): "plot_force_curve",
     ("actuator.design.soft_landing", "SoftLanding"): "plot_closing",
     ("studies.basins", "Basins"): "plot_basins",
     ("studies.operating_map", "OperatingMap"): "plot_map",

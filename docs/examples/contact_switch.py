@@ -71,7 +71,7 @@ print(f"by a step at {mi.pull_in_voltage(switch, dynamic=True):.1f} V")
 # --------------------
 
 volts = 110.0
-step = mi.closing(switch, mi.Step(amplitude=volts))
+step = mi.closing(switch, mi.VoltageStep(amplitude=volts))
 print(step)
 print(step.table.head(4).to_string(index=False, float_format="{:.4g}".format))
 

@@ -28,7 +28,7 @@ measured = {
     20: 90.9, 25: 57.9, 30: 43.2, 35: 34.9, 40: 29.4, 45: 25.5, 50: 23.1,
     55: 20.5, 60: 18.6, 65: 17.0, 70: 15.4,
 }  # fmt: skip
-closings = {volts: mi.closing(device, mi.Step(amplitude=volts)) for volts in measured}
+closings = {volts: mi.closing(device, mi.VoltageStep(amplitude=volts)) for volts in measured}
 times = {volts: 1e6 * found.closing_time for volts, found in closings.items()}
 
 start = mi.State(x2=device.delta)

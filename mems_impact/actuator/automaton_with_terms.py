@@ -514,14 +514,14 @@ def composed_automaton(
             dy[V1] = resting_acceleration(direction, y, p)
             dy[V2] = 0.0
         else:
-            frame_load = load(side, v, w, y, p)
+            frame_force = load(side, v, w, y, p)
             a1 = 0.0
             if direction != 0:
                 friction = sliding_friction(direction, y[V1], p)
-                a1 = (frame_load + on_frame(y, p) - friction) / p[eq.M1]
+                a1 = (frame_force + on_frame(y, p) - friction) / p[eq.M1]
             dy[X2] = y[V2]
             dy[V1] = a1
-            dy[V2] = (on_block(y, p) - frame_load) / p[eq.M2] - a1
+            dy[V2] = (on_block(y, p) - frame_force) / p[eq.M2] - a1
         dy[X1] = y[V1] if direction != 0 else 0.0
         rates(v, w, y, p, dy)
 

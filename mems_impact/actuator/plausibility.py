@@ -58,7 +58,7 @@ TERM_RANGES = {
     "compliant_stopper.depth": Range(1e-13, 1e-8, 1e-3),
     "cubic_stiffness.k3": Range(1e2, 1e11, 1e20),
     "dielectric_charging.time": Range(1e-8, 1.0, 1e9),
-    "frame_load.force": FORCE,
+    "frame_force.force": FORCE,
     "frame_spring.k1": STIFFNESS,
     "fringing.width": ELECTRODE_LENGTH,
     "fringing.length": ELECTRODE_LENGTH,

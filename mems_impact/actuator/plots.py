@@ -48,7 +48,7 @@ from mems_impact.plotting.trajectories import (
 if TYPE_CHECKING:
     from mems_impact.actuator.design.closing import Closing
     from mems_impact.actuator.design.energy import Energy
-    from mems_impact.actuator.design.load_curve import LoadCurve
+    from mems_impact.actuator.design.force_curve import ForceCurve
     from mems_impact.actuator.design.operating_chart import OperatingChart
     from mems_impact.actuator.design.soft_landing import SoftLanding
     from mems_impact.actuator.drives.base import Drive
@@ -62,7 +62,7 @@ __all__ = [
     "plot_closing",
     "plot_drive",
     "plot_energy",
-    "plot_load",
+    "plot_force_curve",
     "plot_response",
 ]
 
@@ -578,7 +578,7 @@ def plot_closing(closing: Closing | SoftLanding, ax: Any = None) -> tuple[Any, A
     --------
     >>> import mems_impact as mi
     >>> switch = mi.load_actuator("abdulrahim2016")
-    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> found = mi.closing(switch, mi.VoltageStep(amplitude=90))
     >>> mi.plot_closing(found)[0].figure.savefig("closing.png")
     """
     result: Any = getattr(closing, "closing", closing)
@@ -722,14 +722,14 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
 
 AWAY = "runs away"
 LOAD_LINES = {
-    "sliding_load": ("every slip ends", (0, (4, 3))),
-    "walking_load": ("walks", (0, (4, 1.2, 1, 1.2))),
-    "holding_load": ("holds without voltage", (0, (1, 1.5))),
+    "sliding_force": ("every slip ends", (0, (4, 3))),
+    "walking_force": ("walks", (0, (4, 1.2, 1, 1.2))),
+    "holding_force": ("holds without voltage", (0, (1, 1.5))),
 }
 
 
 @styled
-def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
+def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
     """Draw the mean speed over the load.
 
     Filled markers are periodic orbits, hollow markers runs. Loads at which the frame runs away, so
@@ -737,7 +737,7 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
 
     Parameters
     ----------
-    curve : LoadCurve
+    curve : ForceCurve
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
 
@@ -748,15 +748,15 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
 
     See Also
     --------
-    load_curve, LoadCurve
+    force_curve, ForceCurve
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
-    >>> mi.plot_load(curve).figure.savefig("load.png")
+    >>> curve = mi.force_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> mi.plot_force_curve(curve).figure.savefig("load.png")
     """
     if ax is None:
         ax = new_figure(1.25).subplots()

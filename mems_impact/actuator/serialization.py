@@ -11,7 +11,7 @@ import numpy as np
 from mems_impact.actuator.design.characteristics import DutyCycle
 from mems_impact.actuator.design.closing import Closing
 from mems_impact.actuator.design.energy import Energy, WorkSums
-from mems_impact.actuator.design.load_curve import LoadCurve
+from mems_impact.actuator.design.force_curve import ForceCurve
 from mems_impact.actuator.design.operating_chart import OperatingChart
 from mems_impact.actuator.design.ring_down import RingDown
 from mems_impact.actuator.design.soft_landing import SoftLanding
@@ -112,7 +112,7 @@ register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(OperatingChart)
 register(Energy)
-register(LoadCurve)
+register(ForceCurve)
 register(DutyCycle)
 register(RingDown)
 register(Closing)

@@ -23,7 +23,7 @@ from mems_impact.actuator.terms.comb_drive import MIN_OVERLAP_RATIO, CombDrive
 from mems_impact.actuator.terms.compliant_stopper import CompliantStopper
 from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness
 from mems_impact.actuator.terms.dielectric_charging import DielectricCharging
-from mems_impact.actuator.terms.frame_load import FrameLoad
+from mems_impact.actuator.terms.frame_force import FrameForce
 from mems_impact.actuator.terms.frame_spring import FrameSpring
 from mems_impact.actuator.terms.fringing import Fringing
 from mems_impact.actuator.terms.regularized_friction import RegularizedFriction
@@ -350,7 +350,7 @@ TERM_CODES: dict[type[Term], Callable[[Term], TermCode]] = {
     ),
     CubicStiffness: lambda term: TermCode(force="- cubic_stiffness_k3*x2*x2*x2"),
     DielectricCharging: lambda term: TermCode(),  # see `electrode_states`
-    FrameLoad: lambda term: TermCode(on_frame="- frame_load_force"),
+    FrameForce: lambda term: TermCode(on_frame="- frame_force_force"),
     FrameSpring: lambda term: TermCode(on_frame="- frame_spring_k1*x1"),
     Fringing: fringing,
     RegularizedFriction: lambda term: TermCode(

@@ -74,7 +74,7 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
-    drive = drive_from(default_kind="step")
+    drive = drive_from(default_kind="voltage-step")
     with output("closing") as files:
         closing = mi.closing(
             actuator,
@@ -89,7 +89,7 @@ def command(
         show_closing(closing)
         files.show()
     if math.isnan(closing.closing_time):
-        other = "" if isinstance(drive, mi.Step) else ", or give --drive step"
+        other = "" if isinstance(drive, mi.VoltageStep) else ", or give --drive voltage-step"
         remedy = f"raise the voltage (see mems-impact pull-in){other}"
         write_message(f"the contact does not close under this voltage; {remedy}")
         ctx.exit(FAILED)

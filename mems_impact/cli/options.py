@@ -659,7 +659,7 @@ def _drive_options(default_kind: str) -> Decorator:
 
 
 drive_options = _drive_options(DEFAULT_KIND)
-step_options = _drive_options("step")
+step_options = _drive_options("voltage-step")
 pulse_and_hold_options = _drive_options("pulse-and-hold")
 
 

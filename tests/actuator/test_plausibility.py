@@ -81,7 +81,7 @@ AIR["free_path_pressure"] = 6.7e-3
         (mi.Tilt(angle=1.0), "tilt.angle = 1 rad, .*; 1 deg\\?"),
         (mi.FrameSpring(k1=2e-5), "k1 = 2e-05 N/m, .*; 2e-05 N/um\\?"),
         (mi.CubicStiffness(k3=-2e-8), "k3 = -2e-08 N/m.3, .*; -2e-08 N/um.3\\?"),
-        (mi.FrameLoad(force=-20.0), "force = -20 N, .*; -20 uN\\?"),
+        (mi.FrameForce(force=-20.0), "force = -20 N, .*; -20 uN\\?"),
         (mi.SqueezeFilm(**{**AIR, "length": 200.0}), "squeeze_film.length = 200 m, .*; 200 um\\?"),
         (mi.SqueezeFilm(**{**AIR, "viscosity": 18.2}), "viscosity = 18.2 Pa s, .*; 18.2 uPa s\\?"),
         (

@@ -26,7 +26,7 @@ TERMS = {
     "adhesion": mi.Adhesion(force=1e-6),
     "cubic_stiffness": mi.CubicStiffness(k3=1e11),
     "dielectric_charging": mi.DielectricCharging(share=0.1, time=0.1),
-    "frame_load": mi.FrameLoad(force=1e-6),
+    "frame_force": mi.FrameForce(force=1e-6),
     "frame_spring": mi.FrameSpring(k1=0.5),
     "fringing": mi.Fringing(width=1e-4, length=2e-4),
     "series_resistance": mi.SeriesResistance(

@@ -12,9 +12,9 @@ from mems_impact.actuator.drives import (
     Sampled,
     Sine,
     Square,
-    Step,
     Trapezoid,
     TwoSided,
+    VoltageStep,
 )
 
 
@@ -54,8 +54,8 @@ DRIVES = {
     "trapezoid": Trapezoid(amplitude=0.3, omega=0.5, flat=0.3, phase=0.2),
     "triangle": Trapezoid(amplitude=0.3, omega=0.5, flat=0),
     "biased trapezoid": Trapezoid(amplitude=0.3, omega=0.5, bias=0.2),
-    "step": Step(amplitude=0.5, rise=0.4, duration=10.0),
-    "sudden step": Step(amplitude=0.5, duration=10.0),
+    "voltage-step": VoltageStep(amplitude=0.5, rise=0.4, duration=10.0),
+    "sudden step": VoltageStep(amplitude=0.5, duration=10.0),
     "pulse and hold": PulseAndHold(amplitude=0.6, width=1.5, pause=0.9, hold=0.4, low=-0.1,
                                    rise=0.3, duration=10.0),
     "two levels": PulseAndHold(amplitude=0.6, width=1.5, hold=0.4, duration=10.0),

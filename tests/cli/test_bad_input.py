@@ -88,7 +88,7 @@ WORDED = [
     ([*OPTIMIZE, "--tolerance", "nothing=1"], "--tolerance = 'nothing'", "tolerances"),
     (["orbit", *SLOW], "or set --periods;", "periods="),
     (["orbit", *SLOW, "--periods", "3"], "(--transient 300)", "transient="),
-    (["orbit", "zhao2004", "--drive", "step", "--amplitude", "1"], "give --drive-dur", "the dur"),
+    (["orbit", "zhao2004", "--drive=voltage-step", "--amplitude=1"], "give --drive-dur", "the dur"),
     ([*MAP, "--recurrence-tolerance", "0"], "--recurrence-tolerance = 0", ": tolerance"),
     ([*MAP, "--chaos-persistence", "0"], "--chaos-persistence = 0", "chaos_persistence"),
     (["basins", *ORBIT[:5]], "'--x', '--y' or '--box'", "x="),

@@ -13,7 +13,7 @@ SWITCH = mi.load_actuator("abdulrahim2016")
 def test_closing_is_that_of_python(cli, tmp_path):
     done = cli("closing", "abdulrahim2016", "--amplitude", "90 V", "--no-figure", "--json")
     assert done.status == 0
-    found = mi.closing(SWITCH, mi.Step(amplitude=90))
+    found = mi.closing(SWITCH, mi.VoltageStep(amplitude=90))
     shown = json.loads(done.out)
     assert shown["values"]["closing time"] == found.closing_time
     assert shown["values"]["bounces"] == found.bounces
@@ -47,8 +47,8 @@ def test_soft_landing_is_that_of_python(cli, tmp_path):
     ("arguments", "message"),
     [
         (["closing", "zhao2004"], "missing option '--amplitude'"),
-        (["simulate", "zhao2004", "--drive", "step", "--amplitude", "1"],
-         "a Step without a duration has no forcing period"),
+        (["simulate", "zhao2004", "--drive", "voltage-step", "--amplitude", "1"],
+         "a voltage-step without a duration has no forcing period"),
         (["soft-landing", "zhao2004", "--amplitude", "1"], "missing option '--width'"),
     ],
 )  # fmt: skip

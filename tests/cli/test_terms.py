@@ -30,9 +30,9 @@ def test_a_term_is_added_and_changed(cli, tmp_path):
     first = pd.read_csv(tmp_path / "out" / "simulate-impacts.csv").iloc[0]
     assert -first["v2 after"] / first["v2 before"] == pytest.approx(0.5)
     device = mi.load_actuator("zhao2004").changed(**{"tilt.angle": 0.1})
-    changed = device.changed(e=0.7, **{"tilt.angle": 0.2, "frame_load.force": 0.3})
+    changed = device.changed(e=0.7, **{"tilt.angle": 0.2, "frame_force.force": 0.3})
     assert changed == mi.load_actuator("zhao2004").replace(e=0.7).adding(
-        mi.Tilt(angle=0.2), mi.FrameLoad(force=0.3)
+        mi.Tilt(angle=0.2), mi.FrameForce(force=0.3)
     )
 
 
@@ -52,17 +52,17 @@ def test_bad_terms_are_one_line(cli, change, named):
 
 
 def test_a_sweep_over_a_term(cli, tmp_path):
-    vary = ["--parameter", "frame_load.force", "--start", "0", "--stop", "2", "--points", "2"]
+    vary = ["--parameter", "frame_force.force", "--start", "0", "--stop", "2", "--points", "2"]
     vary += ["--direction", "up", "--transient", "0", "--periods", "1", "--engine", "interpreted"]
     done = cli("sweep", "zhao2004", *vary, "--amplitude", "0.3", "--omega", "0.5", "--no-figure")
     assert done.status == 0
     summary = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
-    assert list(summary["frame_load.force"]) == [0.0, 2.0]
+    assert list(summary["frame_force.force"]) == [0.0, 2.0]
 
 
 @pytest.mark.slow
 def test_a_branch_over_a_term(cli, tmp_path):
-    vary = ["--parameter", "frame_load.force", "--start", "0", "--stop", "0.5"]
+    vary = ["--parameter", "frame_force.force", "--start", "0", "--stop", "0.5"]
     done = cli("continue", "zhao2004", *vary, "--amplitude", "0.24", "--omega", "0.5")
     assert done.status == 0
     branch = pd.read_csv(tmp_path / "out" / "continue-branch.csv")

@@ -37,7 +37,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.CompliantStopper(stiffness=1e3),
         mi.CubicStiffness(k3=1e9),
         mi.DielectricCharging(share=0.1, time=1.0),
-        mi.FrameLoad(force=1e-6),
+        mi.FrameForce(force=1e-6),
         mi.FrameSpring(k1=1.0),
         mi.Fringing(width=1e-4),
         mi.PowerLawRestitution(speed=1.0),
@@ -63,7 +63,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.Square(amplitude=1.0, omega=6.0),
         mi.Pulse(amplitude=1.0, width=0.1, period=1.0),
         mi.Trapezoid(amplitude=1.0, omega=6.0),
-        mi.Step(amplitude=1.0),
+        mi.VoltageStep(amplitude=1.0),
         mi.PulseAndHold(amplitude=1.0, width=0.1, hold=0.5),
         mi.Sampled(times=(0.0, 0.5), voltages=(0.0, 1.0), period=1.0),
         mi.Burst(wave=sine, on=3.0, off=2.0),
@@ -108,7 +108,7 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
 def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     target = mi.Target(quantity="pull-in voltage", value=30.0)
     assert_type(mi.fit(actuator, [target], ["k"]), mi.Fit)
-    assert_type(mi.load_curve(actuator, drive, [0.0]), mi.LoadCurve)
+    assert_type(mi.force_curve(actuator, drive, [0.0]), mi.ForceCurve)
     assert_type(mi.ring_down(actuator, drive), mi.RingDown)
     assert_type(mi.closing(actuator, drive, duration="50 us"), mi.Closing)
     assert_type(mi.soft_landing(actuator), mi.SoftLanding)
@@ -118,7 +118,7 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     mi.resolution(mi.speed_over_voltage(actuator, drive, [1.0]))
     mi.plot_response(mi.frequency_response(actuator, drive, [1.0]))
     mi.impact_onset(mi.frequency_response(actuator, drive, [1.0]))
-    mi.plot_load(mi.load_curve(actuator, drive, [0.0]))
+    mi.plot_force_curve(mi.force_curve(actuator, drive, [0.0]))
     mi.plot_chart(mi.operating_chart(actuator))
     assert_type(mi.report(actuator, drive, "report.html"), mi.DeviceReport)
 

@@ -29,7 +29,7 @@ TERMS = [
     mi.CompliantStopper(stiffness=1e5, damping=1e-3, exponent=1.5),
     mi.CubicStiffness(k3=1e9),
     mi.DielectricCharging(share=0.1, time=1e-2),
-    mi.FrameLoad(force=1e-6),
+    mi.FrameForce(force=1e-6),
     mi.FrameSpring(k1=1.0),
     mi.Fringing(width=1e-3),
     mi.PowerLawRestitution(speed=1e-3),

@@ -68,8 +68,8 @@ def load():
         "by": ["orbit", "orbit", "run", "run", ""],
         "does": ["walks"] * 4 + ["runs away"]})  # fmt: skip
     table.attrs = {"units": {"load": "N", "mean speed": "m/s"}}
-    return SimpleNamespace(table=table, sliding_load=2.78e-5, walking_load=1.93e-5,
-                           holding_load=4.12e-5)  # fmt: skip
+    return SimpleNamespace(table=table, sliding_force=2.78e-5, walking_force=1.93e-5,
+                           holding_force=4.12e-5)  # fmt: skip
 
 
 def response():
@@ -121,7 +121,7 @@ def resisted():
 
 @cache
 def closing():
-    return mi.closing(mi.load_actuator("abdulrahim2016"), mi.Step(amplitude=90.0, rise=1e-6))
+    return mi.closing(mi.load_actuator("abdulrahim2016"), mi.VoltageStep(amplitude=90.0, rise=1e-6))
 
 
 @cache
@@ -179,7 +179,7 @@ LONG = {
     "plot_drive": lambda _: two_sided(),
     "plot_drive of a source with a slew rate": lambda _: two_sided(mi.SlewRate(rate=2e5)),
     "plot_energy": lambda _: mi.plot_energy(energy()),
-    "plot_load": lambda _: mi.plot_load(load()),
+    "plot_force_curve": lambda _: mi.plot_force_curve(load()),
     "plot_map of a column": lambda _: mi.plot_map(made_map(), "speed"),
     "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
     "plot_orbit of an actuator": lambda _: mi.plot_orbit(walk()),

@@ -149,7 +149,7 @@ REFUSED = {
         lambda: mi.operating_chart(MITA, frequency=("100 Hz", "2 V")),
         "frequency = '2 V': " + UNIT.format("Hz"),
     ),
-    "loads": (lambda: mi.load_curve(MITA, DRIVE, ["1 V"]), "loads = '1 V': " + UNIT.format("N")),
+    "loads": (lambda: mi.force_curve(MITA, DRIVE, ["1 V"]), "loads = '1 V': " + UNIT.format("N")),
     "a derived quantity": (lambda: MITA.changed(quality=10), DERIVED),
     "a free derived quantity": (
         lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], free=["frequency"]),
@@ -172,10 +172,10 @@ BARE = {
     "a changed drive": lambda: ZHAO.under(VOLTS.replace(omega=0.4)),
     "a nested drive": lambda: ZHAO.under(mi.Burst(wave=VOLTS, on=2, off=2)),
     "a frequency": lambda: ZHAO.under(mi.Sine(amplitude=0.2, frequency="0.1 Hz")),
-    "a term": lambda: ZHAO.adding(mi.FrameLoad(force="3 N")),
+    "a term": lambda: ZHAO.adding(mi.FrameForce(force="3 N")),
     "changes": lambda: DIMENSIONLESS.changed(amplitude="3 V"),
     "values": lambda: mi.sweep(DIMENSIONLESS, "omega", ["1 Hz"]),
-    "loads": lambda: mi.load_curve(ZHAO, DIMENSIONLESS.drive, ["3 uN"]),
+    "loads": lambda: mi.force_curve(ZHAO, DIMENSIONLESS.drive, ["3 uN"]),
     "a target": lambda: mi.fit(ZHAO, [mi.Target(quantity="resonance", value="1 kHz")], free="k"),
 }
 
@@ -198,8 +198,8 @@ def test_a_value_given_with_a_unit_is_the_number():
         assert (drive, hash(drive), repr(drive)) == (plain, hash(plain), repr(plain))
         assert dict(drive) == dict(plain)
     ZHAO.under(VOLTS.replace(amplitude=0.2))
-    loaded = MITA.adding(mi.FrameLoad(force="3 uN"))
-    assert loaded.to_dimensionless().to_si(loaded.scales).term("frame_load").force == (
+    loaded = MITA.adding(mi.FrameForce(force="3 uN"))
+    assert loaded.to_dimensionless().to_si(loaded.scales).term("frame_force").force == (
         pytest.approx(3e-6)
     )
 

@@ -152,7 +152,7 @@ def _tilted(rng: Rng, p: Values) -> Values:
 DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     "tilt": lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)},
     "cubic_stiffness": lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)},
-    "frame_load": lambda rng, p: {
+    "frame_force": lambda rng, p: {
         "force": p["mu_s"] * (p["m1"] + p["m2"]) * p["g"] * rng.uniform(-0.8, 0.8)
     },
     "frame_spring": lambda rng, p: {"k1": decades(rng, -2.0, 0.5)},

@@ -372,7 +372,7 @@ class Device:
 KNOWN: dict[str, dict[str, str]] = {
     "tilt": {"angle": "angle"},
     "cubic_stiffness": {"k3": "k3"},
-    "frame_load": {"force": "load"},
+    "frame_force": {"force": "load"},
     "frame_spring": {"k1": "k1"},
     "squeeze_film": {
         "pressure": "ambient",

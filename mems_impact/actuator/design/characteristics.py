@@ -336,7 +336,7 @@ def speed_over_voltage(
 
     See Also
     --------
-    resolution, load_curve, sweep
+    resolution, force_curve, sweep
 
     Examples
     --------

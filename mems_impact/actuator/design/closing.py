@@ -76,7 +76,7 @@ class Closing(Result):
     --------
     >>> import mems_impact as mi
     >>> switch = mi.load_actuator("abdulrahim2016")
-    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> found = mi.closing(switch, mi.VoltageStep(amplitude=90))
     >>> f"{found.energy.lost:.3g} J dissipated"
     '6.97e-11 J dissipated'
     """
@@ -116,8 +116,8 @@ def closing(
     ----------
     actuator : Actuator
     drive : Drive
-        A voltage that is switched on at t = 0: `Step` or `PulseAndHold`, or the first part of any
-        other drive.
+        A voltage that is switched on at t = 0: `VoltageStep` or `PulseAndHold`, or the first part
+        of any other drive.
     duration : float or str, optional
         Length of the run [s], or a text such as ``"50 us"``. By default it ends when the contact
         stays closed, after at most 512 natural periods of the block; with a periodic drive after
@@ -153,7 +153,7 @@ def closing(
     --------
     >>> import mems_impact as mi
     >>> switch = mi.load_actuator("abdulrahim2016")
-    >>> found = mi.closing(switch, mi.Step(amplitude=90))
+    >>> found = mi.closing(switch, mi.VoltageStep(amplitude=90))
     >>> f"{found.closing_time * 1e6:.1f} us at {found.impact_speed:.3f} m/s"
     '27.8 us at 0.234 m/s'
     >>> found.bounces, f"{found.settling_time * 1e6:.1f} us"
@@ -162,7 +162,7 @@ def closing(
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     if not isinstance(drive, Drive):
-        raise InvalidParameter("drive", drive, "a Drive, such as Step(amplitude=…)")
+        raise InvalidParameter("drive", drive, "a Drive, such as VoltageStep(amplitude=…)")
     si = actuator.units == "SI"
     fixed = quantity("duration", duration, "s" if si else None, "device")
     if fixed is not None and not (is_number(fixed) and fixed > 0.0):

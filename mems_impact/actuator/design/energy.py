@@ -314,7 +314,7 @@ class Energy(Result):
 
     Energies are in the units of the device. The input from the drive is the work of the electrodes
     on the block, plus losses and stored energy of terms at the electrodes. Lost energy is
-    dissipated as heat. Load is the work against external forces: `FrameLoad`, `Tilt`,
+    dissipated as heat. Load is the work against external forces: `FrameForce`, `Tilt`,
     `FrameSpring`. Stored is the increase of the energy of bodies, spring and terms; it is 0 over a
     closed orbit.
 

@@ -18,7 +18,7 @@ from mems_impact.actuator.automaton import V2
 from mems_impact.actuator.design.closing import Closing, closing, natural_period, run_of
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drives.pulse_and_hold import PulseAndHold
-from mems_impact.actuator.drives.step import Step
+from mems_impact.actuator.drives.voltage_step import VoltageStep
 from mems_impact.actuator.impact_statistics import is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
@@ -179,7 +179,7 @@ def soft_landing(
     elif not isinstance(drive, PulseAndHold):
         raise InvalidParameter("drive", drive, "a PulseAndHold")
     max_iterations = whole("iterations", iterations, 1)
-    step = closing(actuator, Step(amplitude=drive.amplitude), options=options)
+    step = closing(actuator, VoltageStep(amplitude=drive.amplitude), options=options)
     if over is None:
         over = default_bounds(drive, natural, step)
     landing = Landing(actuator, drive, checked_bounds(actuator, drive, over), step, options)

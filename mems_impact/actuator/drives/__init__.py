@@ -5,7 +5,7 @@ import lazy_loader
 from mems_impact._util.formatting import class_name
 
 _KINDS = (
-    "sine", "square", "pulse", "trapezoid", "step", "pulse-and-hold", "sampled", "burst",
+    "sine", "square", "pulse", "trapezoid", "voltage-step", "pulse-and-hold", "sampled", "burst",
     "two-sided", "custom",
 )  # fmt: skip
 WAVEFORMS = {kind: class_name(kind) for kind in _KINDS}

@@ -46,7 +46,7 @@ class PulseAndHold(AperiodicDrive):
 
     See Also
     --------
-    soft_landing, closing, Step
+    soft_landing, closing, VoltageStep
 
     Examples
     --------

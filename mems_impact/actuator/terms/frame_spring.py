@@ -27,7 +27,7 @@ class FrameSpring(Term):
 
     See Also
     --------
-    FrameLoad, Tilt, Actuator
+    FrameForce, Tilt, Actuator
 
     Notes
     -----

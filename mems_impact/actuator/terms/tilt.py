@@ -32,7 +32,7 @@ class Tilt(Term):
 
     See Also
     --------
-    FrameLoad, FrameSpring, Actuator
+    FrameForce, FrameSpring, Actuator
 
     Notes
     -----

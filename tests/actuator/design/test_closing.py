@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import mems_impact as mi
 
 SWITCH = mi.load_actuator("abdulrahim2016")
-STEP = mi.Step(amplitude=90.0)
+STEP = mi.VoltageStep(amplitude=90.0)
 INTERPRETED = mi.Options(method="dop853", engine="interpreted", rtol=1e-10, atol=1e-12)
 
 
@@ -102,13 +102,13 @@ def test_values(found, tmp_path):
     assert mi.load(tmp_path / "closing.zip") == found
     assert "closing_time=2.7795e-05 s" in repr(found)
     assert found.table.attrs["units"]["flight"] == "s"
-    assert mi.closing(SWITCH, mi.Step(amplitude="90 V")) == found
+    assert mi.closing(SWITCH, mi.VoltageStep(amplitude="90 V")) == found
 
 
 def test_units(found):
     """The same closing without units."""
     scales = SWITCH.scales
-    drive = mi.Step(amplitude=90.0 / scales.unit("V"))
+    drive = mi.VoltageStep(amplitude=90.0 / scales.unit("V"))
     bare = mi.closing(SWITCH.to_dimensionless(), drive)
     assert bare.closing_time * scales.unit("s") == pytest.approx(found.closing_time, rel=1e-8)
     assert bare.impact_speed * scales.unit("m/s") == pytest.approx(found.impact_speed, rel=1e-8)
@@ -119,7 +119,7 @@ def test_units(found):
 def test_it_closes_above_the_dynamic_pull_in_voltage():
     volts = mi.pull_in_voltage(SWITCH, dynamic=True)
     below, above = (
-        mi.closing(SWITCH, mi.Step(amplitude=each * volts), options=INTERPRETED)
+        mi.closing(SWITCH, mi.VoltageStep(amplitude=each * volts), options=INTERPRETED)
         for each in (0.999, 1.001)
     )
     assert math.isnan(below.closing_time)
@@ -129,8 +129,8 @@ def test_it_closes_above_the_dynamic_pull_in_voltage():
 
 def test_stoppers_and_restitution():
     duration = 1e-4
-    none = mi.Step(amplitude=0.0, duration=duration)
-    pull = mi.Step(amplitude=90.0, duration=duration)
+    none = mi.VoltageStep(amplitude=0.0, duration=duration)
+    pull = mi.VoltageStep(amplitude=90.0, duration=duration)
     drive = mi.TwoSided(right=none, left=pull)
     left = mi.closing(SWITCH, drive, duration=duration, options=INTERPRETED)
     assert left.stopper == "left"
@@ -198,7 +198,7 @@ def test_a_block_that_is_pulled_off_and_rests_on_the_other_stopper():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"drive": 3.0}, "drive = 3: must be a Drive, such as Step"),
+        ({"drive": 3.0}, "drive = 3: must be a Drive, such as VoltageStep"),
         ({"actuator": "switch"}, "actuator = 'switch': must be an Actuator"),
         ({"duration": -1.0}, "duration = -1: must be a finite number > 0"),
         ({"duration": "3 V"}, "must be a number"),
@@ -214,7 +214,7 @@ def test_wrong_arguments(arguments, message):
 
 
 def test_functions_that_need_a_period_refuse_a_step(tmp_path):
-    refusal = "duration: missing: a Step without a duration has no forcing period"
+    refusal = "duration: missing: a VoltageStep without a duration has no forcing period"
     for refused in (
         lambda: mi.simulate(SWITCH, STEP),
         lambda: mi.find_orbit(SWITCH, STEP),
@@ -225,7 +225,7 @@ def test_functions_that_need_a_period_refuse_a_step(tmp_path):
         with pytest.raises(mi.InvalidParameter, match=refusal):
             refused()
     path = tmp_path / "step.toml"
-    path.write_text('[drive]\nkind = "step"\namplitude = "90 V"\n')
+    path.write_text('[drive]\nkind = "voltage-step"\namplitude = "90 V"\n')
     assert mi.load_drive(path) == STEP
     run = mi.simulate(SWITCH, STEP.replace(duration=5e-5), 1)
     assert run.impacts["t"].iloc[0] == pytest.approx(2.7795033e-5, rel=1e-6)
@@ -234,7 +234,10 @@ def test_functions_that_need_a_period_refuse_a_step(tmp_path):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: mi.Step(amplitude=1.0, rise=2.0, duration=1.0), "duration = 1: must be above 2"),
+        (
+            lambda: mi.VoltageStep(amplitude=1.0, rise=2.0, duration=1.0),
+            "duration = 1: must be above 2",
+        ),
         (lambda: mi.PulseAndHold(amplitude=1.0, width=1.0, hold=1.0, rise=2.0), "rise = 2: must"),
         (
             lambda: mi.PulseAndHold(amplitude=1.0, width=1.0, hold=1.0, pause=0.1, rise=0.5),

@@ -16,7 +16,7 @@ OPTIONS = mi.Options(method="dop853", engine="interpreted")
 FINE = mi.Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
 LOADED = ZHAO.adding(
     mi.Tilt(angle=0.01),
-    mi.FrameLoad(force=0.5),
+    mi.FrameForce(force=0.5),
     mi.FrameSpring(k1=2.0),
     mi.CubicStiffness(k3=0.5),
 )
@@ -109,7 +109,7 @@ def test_every_account_by_quadrature():
     assert found["lost", "friction"] == pytest.approx(friction, rel=1e-5)
     assert found["lost", "impacts"] == pytest.approx(run.impacts["energy lost"].sum(), rel=1e-12)
     moved = run.final.x1
-    assert found["load", "frame_load"] == pytest.approx(0.5 * moved, rel=1e-9)
+    assert found["load", "frame_force"] == pytest.approx(0.5 * moved, rel=1e-9)
     assert found["load", "frame_spring"] == pytest.approx(moved**2, rel=1e-9)
     lifted = weight * moved + ZHAO.m2 * ZHAO.g * run.final.x2
     assert found["load", "tilt"] == pytest.approx(math.sin(0.01) * lifted, abs=1e-10)
@@ -144,7 +144,7 @@ def test_an_orbit_stores_nothing_and_gives_the_same(run, orbit):
 
 
 def test_an_orbit_against_a_load_does_work_on_it(run):
-    loaded = ZHAO.adding(mi.FrameLoad(force=1.0))
+    loaded = ZHAO.adding(mi.FrameForce(force=1.0))
     orbit = mi.find_orbit(loaded, DRIVE, guess=run.final, periods=1, options=FINE)
     found = mi.energy(orbit)
     assert found.load_work == pytest.approx(orbit.step, rel=1e-10)

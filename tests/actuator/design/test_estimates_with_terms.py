@@ -52,7 +52,7 @@ def top(square, low, high=0.5):
         ([mi.Tilt(angle=-0.02), mi.SeriesResistance(resistance=3.0)],
          lambda x: x - 9.81 * math.sin(0.02)),
         ([Stretched()], lambda x: x + 0.1 * x**2),
-        ([mi.FrameLoad(force=0.1), mi.DielectricCharging(share=0.5, time=1.0)], lambda x: x),
+        ([mi.FrameForce(force=0.1), mi.DielectricCharging(share=0.5, time=1.0)], lambda x: x),
     ],
 )  # fmt: skip
 def test_voltages_are_those_of_the_statics(terms, force):
@@ -100,7 +100,7 @@ def test_step_on_a_slope_with_a_load():
     # Equations (1), (3) and (5) by hand.
     angle, load, speed, volts = 0.03, 0.4, 0.5, 0.2
     device = ZHAO.adding(
-        mi.Tilt(angle=angle), mi.FrameLoad(force=load), mi.CubicStiffness(k3=0.6),
+        mi.Tilt(angle=angle), mi.FrameForce(force=load), mi.CubicStiffness(k3=0.6),
         mi.SeriesResistance(resistance=2.0),
     )  # fmt: skip
     after = 1.8 / 6.0 * speed
@@ -111,7 +111,7 @@ def test_step_on_a_slope_with_a_load():
         after**2 / (2.0 * slowing), rel=1e-12
     )
     assert mi.step_length(device, [speed, 0.0], volts).tolist()[1] == 0.0
-    slippery = ZHAO.replace(mu_d=0.0).adding(mi.FrameLoad(force=-9.0))
+    slippery = ZHAO.replace(mu_d=0.0).adding(mi.FrameForce(force=-9.0))
     assert mi.step_length(slippery, 0.1) == math.inf
 
 

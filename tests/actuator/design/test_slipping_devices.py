@@ -42,7 +42,7 @@ def test_readings(seed):
     assert 0.0 < mi.life(run, wear=1e-15, area=1e-8, depth=1e-7).time < math.inf
     duty = mi.duty_cycle(orbit)
     assert duty.forward + duty.backward + duty.stuck == pytest.approx(1.0)
-    curve = mi.load_curve(device, drive, [0.0, 1e-7], initial=orbit.state, transient=300)
+    curve = mi.force_curve(device, drive, [0.0, 1e-7], initial=orbit.state, transient=300)
     assert curve.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-6)
     response = mi.frequency_response(device, drive, [drive.omega], transient=100, periods=10)
     assert np.isfinite(response["deflection"]).all()

@@ -53,7 +53,7 @@ def test_the_pulse_of_the_energy_lands_at_zero_speed():
     width, pause = landing(undamped, 110.0)
     drive = PULSE.replace(width=width * (1.0 + 1e-9), pause=pause)
     landed = mi.closing(undamped, drive, options=mi.Options(rtol=1e-11, atol=1e-13))
-    step = mi.closing(undamped, mi.Step(amplitude=110.0))
+    step = mi.closing(undamped, mi.VoltageStep(amplitude=110.0))
     assert landed.table["impact speed"].max() < 3e-3 * step.impact_speed
     late = mi.closing(undamped, drive.replace(width=1.01 * width))
     assert late.impact_speed > 0.05 * step.impact_speed
@@ -96,7 +96,7 @@ def test_defaults_without_units():
         ({"over": {"width": 3.0}}, "over width = 3: must be .lowest, highest"),
         ({"over": {"width": ("5 V", "6 V")}}, "over width = '5 V'"),
         ({"over": {"width": (-1.0, 1e-5)}}, "width = -1: must be a finite number > 0"),
-        ({"drive": mi.Step(amplitude=90.0)}, "drive = .*must be a PulseAndHold"),
+        ({"drive": mi.VoltageStep(amplitude=90.0)}, "drive = .*must be a PulseAndHold"),
         ({"actuator": 3}, "actuator = 3: must be an Actuator"),
         ({"iterations": 0}, "iterations = 0"),
         ({"drive": PULSE.replace(amplitude=20.0, hold=20.0)}, "closes nowhere within these bounds"),

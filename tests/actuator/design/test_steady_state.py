@@ -36,7 +36,7 @@ def test_verbs_of_the_steady_state(slipping, speed):
     options = mi.Options(method="auto")
     table = mi.speed_over_voltage(device, drive, [drive.amplitude], options=options)
     assert table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
-    curve = mi.load_curve(device, drive, [0.0], options=options)
+    curve = mi.force_curve(device, drive, [0.0], options=options)
     assert curve.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
     response = mi.frequency_response(
         device, drive, [drive.frequency], direction="down", options=options

@@ -95,13 +95,13 @@ def integrated(p, drive, speed, duration):
 
 
 def test_creep_of_regularised_friction():
-    device = ZHAO.replace(c=1.0).adding(RegularizedFriction(width=1e-2), mi.FrameLoad(force=5.0))
+    device = ZHAO.replace(c=1.0).adding(RegularizedFriction(width=1e-2), mi.FrameForce(force=5.0))
     stiff = mi.Options(engine="interpreted", method="bdf", rtol=1e-9, atol=1e-12)
     run = mi.simulate(device, SILENT, duration=40.0, options=stiff)
     held = 0.27 * 6.0 * 9.81
     assert run.final.v1 == pytest.approx(-1e-2 * math.atanh(5.0 / held), rel=1e-5)
     assert run.statistics["share slipping"] == pytest.approx(1.0)
-    exact = ZHAO.replace(c=1.0).adding(mi.FrameLoad(force=5.0))
+    exact = ZHAO.replace(c=1.0).adding(mi.FrameForce(force=5.0))
     assert mi.simulate(exact, SILENT, duration=40.0, options=PRECISE).final.x1 == 0.0
 
 

@@ -37,7 +37,7 @@ def test_momentum_of_a_device_that_slides_downhill():
     "term",
     [
         lambda share: mi.Tilt(angle=math.atan(share * ZHAO.mu_s)),
-        lambda share: mi.FrameLoad(force=share * ZHAO.mu_s * WEIGHT),
+        lambda share: mi.FrameForce(force=share * ZHAO.mu_s * WEIGHT),
         lambda share: mi.FrameSpring(k1=share * ZHAO.mu_s * WEIGHT),
     ],
 )
@@ -89,12 +89,12 @@ def test_a_spring_brings_the_frame_back_and_friction_takes_its_energy():
 def test_orbits_with_a_spring_close_in_the_position_of_the_frame():
     system = ZHAO.adding(mi.FrameSpring(k1=0.1)).under(ON)
     assert system.automaton.cyclic == ()
-    assert ZHAO.adding(mi.FrameLoad(force=0.1)).under(ON).automaton.cyclic == (0,)
+    assert ZHAO.adding(mi.FrameForce(force=0.1)).under(ON).automaton.cyclic == (0,)
 
 
 def test_no_load_is_the_papers_device():
     plain = mi.simulate(ZHAO, ON, periods=6, options=SLOW)
-    for term in (mi.Tilt(angle=0.0), mi.FrameLoad(force=0.0), mi.FrameSpring(k1=0.0)):
+    for term in (mi.Tilt(angle=0.0), mi.FrameForce(force=0.0), mi.FrameSpring(k1=0.0)):
         run = mi.simulate(ZHAO.adding(term), ON, periods=6, options=SLOW)
         for name in ("x1", "x2", "v2"):
             assert math.isclose(run.final[name], plain.final[name], rel_tol=1e-7)

@@ -45,12 +45,12 @@ def test_without_terms_the_equations_are_the_papers():
 
 
 def test_one_of_each_kind():
-    device = ZHAO.adding(mi.Tilt(angle=0.1), mi.FrameLoad(force=1.0))
+    device = ZHAO.adding(mi.Tilt(angle=0.1), mi.FrameForce(force=1.0))
     assert device.adding(mi.Tilt(angle=0.2)).term("tilt") == mi.Tilt(angle=0.2)
-    assert device.without("tilt").terms == (mi.FrameLoad(force=1.0),)
+    assert device.without("tilt").terms == (mi.FrameForce(force=1.0),)
     with pytest.raises(mi.InvalidParameter, match="Tilt and Tilt have the same class"):
         ZHAO.replace(terms=(mi.Tilt(angle=0.1), mi.Tilt(angle=0.2)))
-    with pytest.raises(mi.InvalidParameter, match="term = 'spin': must be one of tilt, frame_load"):
+    with pytest.raises(mi.InvalidParameter, match="term = 'spin': must be one of tilt, frame"):
         device.without("spin")
     with pytest.raises(mi.InvalidParameter, match="terms"):
         ZHAO.adding("tilt")

@@ -10,10 +10,10 @@ from mems_impact.actuator.drives.aperiodic import AperiodicDrive
 from mems_impact.actuator.drives.piecewise import Piece
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 
-__all__ = ["Step"]
+__all__ = ["VoltageStep"]
 
 
-class Step(AperiodicDrive):
+class VoltageStep(AperiodicDrive):
     """A voltage that is switched on at t = 0 and stays.
 
     A step has no forcing period. Functions that need one, such as `find_orbit`, take a step with a
@@ -41,7 +41,7 @@ class Step(AperiodicDrive):
     Examples
     --------
     >>> import mems_impact as mi
-    >>> drive = mi.Step(amplitude=0.6, rise=0.2, duration=20)
+    >>> drive = mi.VoltageStep(amplitude=0.6, rise=0.2, duration=20)
     >>> float(drive.value(0.1)), float(drive.value(10.0))
     (0.3, 0.6)
     """

@@ -16,26 +16,26 @@ WEIGHT = 6.0 * 9.81
 
 @pytest.fixture(scope="module")
 def curve():
-    return mi.load_curve(ZHAO, DRIVE, [23.4, 8.0, 0.0], transient=20, periods=10, options=OPTIONS)
+    return mi.force_curve(ZHAO, DRIVE, [23.4, 8.0, 0.0], transient=20, periods=10, options=OPTIONS)
 
 
 def test_what_friction_holds_by_hand():
     tilted = ZHAO.adding(mi.Tilt(angle=0.1))
     quiet = mi.Sine(amplitude=0.0, omega=0.5)
-    held = mi.load_curve(tilted, quiet, 0.0, initial=mi.State(), transient=0, periods=1,
+    held = mi.force_curve(tilted, quiet, 0.0, initial=mi.State(), transient=0, periods=1,
                          options=OPTIONS)  # fmt: skip
     normal, weight = WEIGHT * math.cos(0.1), WEIGHT * math.sin(0.1)
-    assert held.holding_load == pytest.approx(0.4 * normal - weight, rel=1e-12)
-    assert held.sliding_load == pytest.approx(0.27 * normal - weight, rel=1e-12)
+    assert held.holding_force == pytest.approx(0.4 * normal - weight, rel=1e-12)
+    assert held.sliding_force == pytest.approx(0.27 * normal - weight, rel=1e-12)
     assert held.table["does"].tolist() == ["stands"]
-    assert math.isnan(held.walking_load)
-    assert math.isnan(held.stall_load)
+    assert math.isnan(held.walking_force)
+    assert math.isnan(held.stall_force)
 
 
 @pytest.mark.slow
 def test_it_walks_until_the_frame_is_torn_off(curve):
-    assert curve.holding_load == pytest.approx(0.4 * WEIGHT, rel=1e-12)
-    assert curve.sliding_load == pytest.approx(0.27 * WEIGHT, rel=1e-12)
+    assert curve.holding_force == pytest.approx(0.4 * WEIGHT, rel=1e-12)
+    assert curve.sliding_force == pytest.approx(0.27 * WEIGHT, rel=1e-12)
     table = curve.table
     assert table["load"].tolist() == [0.0, 8.0, 23.4]
     assert table["does"].tolist() == ["walks", "walks", "runs away"]
@@ -47,10 +47,10 @@ def test_it_walks_until_the_frame_is_torn_off(curve):
 @pytest.mark.slow
 def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve):
     # By a run: from the orbit just below it goes on, just above the frame breaks away.
-    below, above = (curve.walking_load * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
-    loaded = ZHAO.adding(mi.FrameLoad(force=below))
+    below, above = (curve.walking_force * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
+    loaded = ZHAO.adding(mi.FrameForce(force=below))
     orbit = mi.find_orbit(loaded, DRIVE, guess=mi.find_orbit(
-        ZHAO.adding(mi.FrameLoad(force=8.0)), DRIVE, guess=mi.kicked_state(ZHAO), periods=1,
+        ZHAO.adding(mi.FrameForce(force=8.0)), DRIVE, guess=mi.kicked_state(ZHAO), periods=1,
         transient=20, options=OPTIONS).state, periods=1, options=OPTIONS)  # fmt: skip
     assert orbit.stable
     assert orbit.admissible
@@ -61,14 +61,14 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
     push = ZHAO.k * x2 + ZHAO.c * v2 - ZHAO.alpha * volts**2 / (ZHAO.d - x2) ** 2 - below
     assert np.abs(push[stuck]).max() == pytest.approx(0.4 * WEIGHT, rel=2e-5)
     beyond = mi.simulate(
-        ZHAO.adding(mi.FrameLoad(force=above)), DRIVE, 4, initial=orbit.state, options=OPTIONS
+        ZHAO.adding(mi.FrameForce(force=above)), DRIVE, 4, initial=orbit.state, options=OPTIONS
     )
     assert beyond.final.v1 < -10.0
 
 
 @pytest.mark.slow
 def test_steps_are_those_of_runs(curve):
-    loaded = ZHAO.adding(mi.FrameLoad(force=8.0))
+    loaded = ZHAO.adding(mi.FrameForce(force=8.0))
     run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked_state(ZHAO), options=OPTIONS)
     moved = run.statistics["displacement per period"]
     assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
@@ -78,12 +78,12 @@ def test_steps_are_those_of_runs(curve):
 def test_a_frame_that_always_slips_is_not_running_away():
     # Beyond the friction on a frame that slips, 2.47 uN, nothing ends a slip; below, all do.
     loads = [-2.6e-6, 0.0, 0.5e-6, 2.6e-6, 3e-6]
-    curve = mi.load_curve(SLIPPING, PULLED, loads, transient=20, periods=5, options=OPTIONS)
+    curve = mi.force_curve(SLIPPING, PULLED, loads, transient=20, periods=5, options=OPTIONS)
     does = ["runs away", "walks", "walks back", "runs away", "runs away"]
     assert curve.table["does"].tolist() == does
-    assert curve.sliding_load == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-12)
-    assert 0.0 < curve.stall_load < 0.5e-6
-    assert math.isnan(curve.walking_load)
+    assert curve.sliding_force == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-12)
+    assert 0.0 < curve.stall_force < 0.5e-6
+    assert math.isnan(curve.walking_force)
     # The speed is that of a run of the device without load, in which the frame never rests.
     run = mi.simulate(SLIPPING, PULLED, 60, window=(50, 60), options=OPTIONS)
     assert run.statistics["share slipping"] > 0.99
@@ -96,22 +96,22 @@ def test_a_frame_that_always_slips_is_not_running_away():
 def test_friction_that_rises_with_the_speed_holds_in_the_end():
     # 0.3 at rest, 0.24 once the frame slips, and 1 s/m more: 3 uN are held at a slow slip back.
     rising = SLIPPING.adding(mi.StribeckFriction(speed=1e-4, viscous=10.0))
-    curve = mi.load_curve(rising, PULLED, [3.2e-6], initial=mi.State(v1=-0.01), options=OPTIONS)
+    curve = mi.force_curve(rising, PULLED, [3.2e-6], initial=mi.State(v1=-0.01), options=OPTIONS)
     assert curve.table["does"].tolist() == ["walks back"]
     falling = SLIPPING.adding(mi.StribeckFriction(speed=1e-4))
-    curve = mi.load_curve(falling, PULLED, [3.2e-6], transient=5, periods=5,
+    curve = mi.force_curve(falling, PULLED, [3.2e-6], transient=5, periods=5,
                           initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
     assert curve.table["does"].tolist() == ["runs away"]
-    assert curve.sliding_load == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-9)
+    assert curve.sliding_force == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-9)
     spring = SLIPPING.adding(mi.FrameSpring(k1=1e-4))
-    curve = mi.load_curve(spring, PULLED, [3.2e-6], transient=0, periods=2,
+    curve = mi.force_curve(spring, PULLED, [3.2e-6], transient=0, periods=2,
                           initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
     assert curve.table["does"].tolist() != ["runs away"]
 
 
 @pytest.mark.slow
 def test_figure_and_file(curve, tmp_path):
-    ax = mi.plot_load(curve)
+    ax = mi.plot_force_curve(curve)
     assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"orbit", "runs away"}
     ax.figure.savefig(tmp_path / "load.png")
     curve.save(tmp_path / "load.zip")
@@ -120,6 +120,6 @@ def test_figure_and_file(curve, tmp_path):
 
 def test_what_it_does_not_take():
     with pytest.raises(mi.InvalidParameter, match="finite numbers"):
-        mi.load_curve(ZHAO, DRIVE, [0.0, math.inf])
+        mi.force_curve(ZHAO, DRIVE, [0.0, math.inf])
     with pytest.raises(mi.InvalidParameter, match="Actuator"):
-        mi.load_curve("zhao2004", DRIVE, [0.0])
+        mi.force_curve("zhao2004", DRIVE, [0.0])

@@ -6,10 +6,10 @@ from mems_impact.actuator.automaton import X1
 from mems_impact.actuator.parameter_base import Number
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
-__all__ = ["FrameLoad"]
+__all__ = ["FrameForce"]
 
 
-class FrameLoad(Term):
+class FrameForce(Term):
     """A constant force on the frame, against motion to the right.
 
     Parameters
@@ -24,7 +24,7 @@ class FrameLoad(Term):
 
     See Also
     --------
-    FrameSpring, Tilt, load_curve, Actuator
+    FrameSpring, Tilt, force_curve, Actuator
 
     Notes
     -----
@@ -33,7 +33,7 @@ class FrameLoad(Term):
     Examples
     --------
     >>> import mems_impact as mi
-    >>> loaded = mi.load_actuator("zhao2004").adding(mi.FrameLoad(force=0.2))
+    >>> loaded = mi.load_actuator("zhao2004").adding(mi.FrameForce(force=0.2))
     """
 
     force: Number

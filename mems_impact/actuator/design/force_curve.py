@@ -16,7 +16,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import Actuator, numbers_for
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.actuator.terms.frame_load import FrameLoad
+from mems_impact.actuator.terms.frame_force import FrameForce
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.steady_state import steady_state
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["LoadCurve", "load_curve"]
+__all__ = ["ForceCurve", "force_curve"]
 
-LOAD = "frame_load.force"
+LOAD = "frame_force.force"
 WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
 FASTER = 1e3  # factor of the speed at which friction is checked for a frame that runs away
 ROUNDS = 8  # number of successive orbits on which the walking load is sought
@@ -40,7 +40,7 @@ MIN_DISPLACEMENT = 1e-12  # of delta: a smaller displacement is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class LoadCurve(Result):
+class ForceCurve(Result):
     """Mean speed over an opposing force, in the units of the device.
 
     Attributes
@@ -51,23 +51,23 @@ class LoadCurve(Result):
         One row per load, ascending: load, displacement per period, mean speed, power (load times
         speed), motion ("walks", "walks back", "stands", or "runs away" without a mean speed), and
         whether it is from an "orbit" or a "run".
-    sliding_load : float
+    sliding_force : float
         Largest load at which every slip ends by itself: the friction on a slipping frame [N]. Above
         it, a device that slips back runs away.
-    holding_load : float
+    holding_force : float
         Largest load that static friction holds without voltage [N].
-    walking_load : float
+    walking_force : float
         Largest load at which the device walks on the continued orbit: above it the frame breaks
         away backwards during a rest and runs away [N]; NaN if it is above the given loads, or no
         orbit was continued. A device whose frame slips back in every period has no such load: it
         slows down, stalls, and walks back.
-    stall_load : float
+    stall_force : float
         Load at which the speed is zero, interpolated between two rows [N]; NaN if there is none: a
         device that friction holds between its blows still walks at the load that breaks it away.
 
     See Also
     --------
-    load_curve, plot_load
+    force_curve, plot_force_curve
 
     Notes
     -----
@@ -79,21 +79,21 @@ class LoadCurve(Result):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> curve = mi.force_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
     >>> bool((curve.table["mean speed"].diff().dropna() < 0).all())
     True
     """
 
     system: ActuatorSystem = field(repr=False)
     table: pd.DataFrame = field(repr=False)
-    sliding_load: float
-    holding_load: float
-    walking_load: float
-    stall_load: float
+    sliding_force: float
+    holding_force: float
+    walking_force: float
+    stall_force: float
 
     def summary(self) -> dict[str, Any]:
         """Return the characteristic loads."""
-        names = ("sliding_load", "holding_load", "walking_load", "stall_load")
+        names = ("sliding_force", "holding_force", "walking_force", "stall_force")
         return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
 
 
@@ -103,7 +103,7 @@ class _Row(NamedTuple):
     by: str
 
 
-def load_curve(
+def force_curve(
     actuator: Actuator,
     drive: Drive,
     loads: ArrayLike,
@@ -112,7 +112,7 @@ def load_curve(
     periods: int = 40,
     initial: State | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
-) -> LoadCurve:
+) -> ForceCurve:
     """Compute the mean speed of a device over an opposing force.
 
     Loads are processed in ascending order, each from the state at the previous one: along a stable
@@ -121,7 +121,7 @@ def load_curve(
     Parameters
     ----------
     actuator : Actuator
-        The device; its own `FrameLoad` is ignored.
+        The device; its own `FrameForce` is ignored.
     drive : Drive
     loads : array_like of float or str
         Forces [N] to the left, against motion to the right; texts may have units (``"3 uN"``).
@@ -134,7 +134,7 @@ def load_curve(
 
     Returns
     -------
-    LoadCurve
+    ForceCurve
 
     Raises
     ------
@@ -145,15 +145,15 @@ def load_curve(
 
     See Also
     --------
-    LoadCurve, plot_load, FrameLoad
+    ForceCurve, plot_force_curve, FrameForce
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
-    >>> f"{curve.holding_load:.2f}", f"{curve.sliding_load:.2f}"
+    >>> curve = mi.force_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> f"{curve.holding_force:.2f}", f"{curve.sliding_force:.2f}"
     ('23.54', '15.89')
     """
     if not isinstance(actuator, Actuator):
@@ -166,7 +166,7 @@ def load_curve(
     if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
         raise InvalidParameter("loads", loads, "one or more finite numbers")
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
-    system = actuator.adding(FrameLoad(force=0.0)).under(drive)
+    system = actuator.adding(FrameForce(force=0.0)).under(drive)
     start = system.start_of("down") if initial is None else initial
     chain = _Chain(system, start, transient, periods, options)
     rows = [chain.at(load) for load in values.tolist()]
@@ -176,13 +176,13 @@ def load_curve(
     table = results.load(
         values, moved, speed, [row.does for row in rows], [row.by for row in rows], system
     )
-    return LoadCurve(
+    return ForceCurve(
         system=system,
         table=table,
-        sliding_load=sliding,
-        holding_load=holding,
-        walking_load=chain.limit(),
-        stall_load=_zero(values, speed),
+        sliding_force=sliding,
+        holding_force=holding,
+        walking_force=chain.limit(),
+        stall_force=_zero(values, speed),
     )
 
 

@@ -11,7 +11,7 @@ from tests.plotting.test_print import load
 
 
 def test_a_speed_that_was_not_computed_is_no_point():
-    ax = mi.plot_load(load())
+    ax = mi.plot_force_curve(load())
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_marker() != "None"])
     assert sorted(points[:, 0]) == [-2e-5, 0.0, 1e-5, 2e-5]
     # The device runs away at the last load alone, halfway from the one before.
@@ -31,7 +31,7 @@ def narrow():
         "by": ["orbit"] * 5 + [""], "does": ["walks"] * 5 + ["runs away"]})  # fmt: skip
     table.attrs = load().table.attrs
     return SimpleNamespace(
-        table=table, sliding_load=3.331e-5, walking_load=4.667e-5, holding_load=4.935e-5
+        table=table, sliding_force=3.331e-5, walking_force=4.667e-5, holding_force=4.935e-5
     )
 
 
@@ -41,13 +41,13 @@ def narrow():
     ids=["apart", "narrow"],
 )
 def test_limits_are_labelled_on_their_lines(found, sliding, walking, holding):
-    ax = mi.plot_load(found)
+    ax = mi.plot_force_curve(found)
     ax.figure.draw_without_rendering()
     places = {text.get_text().replace("\n", " "): text.get_window_extent() for text in ax.texts}
     lines = {
-        f"every slip ends up to {sliding} µN": found.sliding_load,
-        f"walks up to {walking} µN": found.walking_load,
-        f"holds without voltage up to {holding} µN": found.holding_load,
+        f"every slip ends up to {sliding} µN": found.sliding_force,
+        f"walks up to {walking} µN": found.walking_force,
+        f"holds without voltage up to {holding} µN": found.holding_force,
     }
     assert set(places) == set(lines)
     table = found.table.dropna()
