@@ -41,7 +41,7 @@ def python_blocks(text):
 
 SLOW = ("designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md")
 SLOW += ("basins.md", "lyapunov.md", "studies.md", "tolerances.md", "sensitivity.md", "terms.md")
-SLOW += ("drives.md", "figures.md", "guide.md", "howto.md", "index.md")
+SLOW += ("drives.md", "figures.md", "guide.md")
 SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))
 
 
