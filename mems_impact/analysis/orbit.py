@@ -176,8 +176,9 @@ class Orbit(Result):
     def stable(self) -> bool | None:
         """Whether all multipliers lie inside the unit circle.
 
-        None ("neutral") if one lies on it within its error, 1e-7 of the largest entry of the
-        monodromy matrix, and none beyond, as of conservative motions and at bifurcations.
+        None ("neutral") if one lies on it within its error, and none beyond, as of conservative
+        motions and at bifurcations. The error of the monodromy matrix is that of the integration,
+        at least 1e-7 of the largest entry.
         """
         return self.found.stable
 

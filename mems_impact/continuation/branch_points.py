@@ -92,7 +92,7 @@ class BranchPoints(Generic[P]):
         if (
             not -radius <= position <= length + radius
             or aside > abs(position) + radius
-            or beta > self._equations.error
+            or beta > self._equations.error(solution.point)
         ):
             raise OrbitError(NOT_LOCATED, "take a shorter step", solution.point)
         self._known.append((x, radius))

@@ -698,8 +698,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         first, last = (test[BranchPointTest()] for test in (before, after))
         if max(abs(first), abs(last)) < REGULARITY_NOISE:
             first = last = 0.0
-        bifurcations = []
-        for position, kind, here, value in self.bifurcations.within(step, length, first, last):
+        bifurcations, located = [], self.bifurcations.within(step, length, first, last)
+        if any(each.kind == CROSSING for each in located):
+            ends = [make_orbit(shooting, step.at(s).point).stable for s in (0.0, length)]
+            if ends == [None, None]:  # errors of neutral multipliers
+                located = [each for each in located if each.kind != CROSSING]
+        for position, kind, here, value in located:
             monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
             if monitor.kind == PERIOD_DOUBLING:
                 position, here = _refined(shooting, step, length, position, monitor)

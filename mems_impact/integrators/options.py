@@ -11,6 +11,7 @@ from mems_impact.errors import InvalidParameter
 FOLDERS = {"adams": "cvode", "bdf": "cvode", "dop853": "dop853", "auto": "auto"}
 METHODS = tuple(FOLDERS)
 ENGINES = ("auto", "compiled", "interpreted")
+MIN_RTOL = 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,7 @@ class Options:
         if self.method is not None:
             _one_of("method", self.method, METHODS)
         _one_of("engine", self.engine, ENGINES)
-        _within("rtol", self.rtol, 1e-14, 1e-2)
+        _within("rtol", self.rtol, MIN_RTOL, 1e-2)
         _within("atol", self.atol, 1e-300, math.inf)
         _within("max_steps", self.max_steps, 1, 2**62)
         _within("max_events", self.max_events, 1, 2**62)

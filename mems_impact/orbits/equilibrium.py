@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from mems_impact.orbits.spectrum import eigenvalues_stable
 DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to a value, or to 1 if that is larger
 CANCELLATION_RTOL = 1e-11  # error of an entry by the basis, relative to the largest of its row
 ROUNDING_SAFETY = 10.0  # factor on estimates of the rounding errors of differences
+FLOW_ERROR = 1e-9
 EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible equilibrium
 
 
@@ -69,8 +69,6 @@ class EquilibriumEquations:
     mode: int
     active: tuple[str, ...] = ()
 
-    error: ClassVar[float] = 1e-9  # of a flow, whose terms may cancel
-
     @cached_property
     def automaton(self) -> Automaton:
         """The automaton of the family."""
@@ -80,6 +78,10 @@ class EquilibriumEquations:
     def free(self) -> tuple[int, ...]:
         """The components of the state that are not cyclic."""
         return tuple(free_components(self.automaton))
+
+    def error(self, point: EquilibriumEvaluation) -> float:
+        """Return the error of a flow, whose terms may cancel."""
+        return FLOW_ERROR
 
     def state(self, unknowns: Floats) -> Floats:
         """Return the whole state, shape (n,); cyclic components are zero."""

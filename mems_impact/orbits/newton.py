@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -59,11 +59,11 @@ P_co = TypeVar("P_co", bound=Linearized, covariant=True)
 class Solvable(Protocol[P_co]):
     """Equations for `newton`: `Shooting`, `EquilibriumEquations`."""
 
-    error: ClassVar[float]
-    """The error of the residual, which an imperfection of a crossing must exceed to be known."""
-
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
         """Evaluate residual and derivatives."""
+
+    def error(self, point: Any) -> float:
+        """Return the error of the residual, which a known imperfection of a crossing exceeds."""
 
 
 class Solution(NamedTuple, Generic[P]):

@@ -25,10 +25,12 @@ from mems_impact.orbits.shooting import (
     without_flow_direction,
 )
 from mems_impact.orbits.signature import Segment
-from mems_impact.orbits.spectrum import multipliers_stable
+from mems_impact.orbits.spectrum import multipliers_stable, ratios
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
 MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14
+MAX_ERROR_RATIO = 1e6  # largest ratio of the error of a monodromy matrix to the tolerance
+ERROR_SAFETY = 3.0  # factor on the estimate of this error
 MIN_PIECE_RATIO = 2.0**-12  # shortest piece of an arc of larger growth, relative to the arc
 
 
@@ -282,8 +284,23 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
         point=point,
         multipliers=multipliers[np.argsort(-np.abs(multipliers))],
         defects=defects(shooting, point),
-        stable=multipliers_stable(matrix, _sizes(shooting, point)),
+        stable=_stable(shooting, point, matrix),
     )
+
+
+def _stable(shooting: Shooting, point: ShootingEvaluation, matrix: Floats) -> bool | None:
+    """Return the stability, by the error of the monodromy matrix where a bound does not decide."""
+    sizes, bound = _sizes(shooting, point), MAX_ERROR_RATIO * shooting.family.problem().options.rtol
+    stable = multipliers_stable(matrix, sizes, bound)
+    if stable is not None:
+        return stable
+    try:
+        refined = shooting.refined.evaluate(point.unknowns, point.values)
+        change = ratios(reduced_monodromy(shooting.refined, refined) - matrix, sizes)
+    except (OrbitError, ValueError):  # the components that count differ
+        return None
+    error = ERROR_SAFETY * np.abs(change).max() / np.abs(ratios(matrix, sizes)).max()
+    return multipliers_stable(matrix, sizes, float(error))
 
 
 def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool:

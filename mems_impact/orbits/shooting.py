@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.variational.derivatives import Arc, Event, Variational, free_components
 from mems_impact.hybrid.variational.saltation import NO_EVENT
+from mems_impact.integrators.options import MIN_RTOL
 from mems_impact.orbits.family import Family, ParameterPoint
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
@@ -167,6 +168,10 @@ def normal_basis(flow: Floats) -> Floats:
 TOUCHING_RATE = 1e-9  # rate of a guard at its event that counts as zero
 KICK_RTOL = 1e-11  # ratio to the largest flow below which a difference of flows is zero there
 RESIDUAL_TOLERANCE = 1e-8  # largest residual that is attributed to integration errors
+RESIDUAL_RESOLUTION = 1e-10  # least residual of a solution that is distinguished from zero
+RESIDUAL_ERROR_SAFETY = 10.0  # factor on estimates of the error of a residual
+# Tolerances and longest steps of the refined equations, relative to those of the equations.
+REFINED_TOLERANCE, REFINED_STEP = 0.1, 0.8
 CONSERVATION_STEP = 1e-3  # relative difference step in the search for conserved sums
 ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
 MIN_MARGIN_RATE = 1e-14  # of saltation matrices, which are unbounded at zero rate
@@ -258,7 +263,7 @@ class Shooting:
         Phase condition of a limit cycle, whose period is then an unknown.
     """
 
-    error: ClassVar[float] = RESIDUAL_TOLERANCE
+    is_refined = False
 
     def __init__(
         self,
@@ -291,8 +296,33 @@ class Shooting:
         """The engine of arcs and their sensitivities, made on first use."""
         return self._engine(self.family)
 
+    @cached_property
+    def refined(self) -> Shooting:
+        """The same equations, integrated with smaller tolerances and shorter steps.
+
+        The difference estimates the error of an evaluation.
+        """
+        other = Shooting(*self._key())
+        other.is_refined = True
+        return other
+
+    def error(self, point: ShootingEvaluation) -> float:
+        """Return the error of the residual at a point, at most `RESIDUAL_TOLERANCE`."""
+        try:
+            refined = self.refined.evaluate(point.unknowns, point.values)
+        except OrbitError:
+            return RESIDUAL_TOLERANCE
+        difference = float(np.abs(refined.residual - point.residual).max())
+        error = max(RESIDUAL_RESOLUTION, RESIDUAL_ERROR_SAFETY * difference)
+        return min(error, RESIDUAL_TOLERANCE)
+
     def _engine(self, family: Family) -> Variational:
         problem = family.problem()
+        if self.is_refined:
+            options, scale = problem.options, problem.time_scale or problem.period
+            rtol = max(REFINED_TOLERANCE * options.rtol, MIN_RTOL)
+            options = replace(options, rtol=rtol, atol=REFINED_TOLERANCE * options.atol)
+            problem = replace(problem, options=options, time_scale=REFINED_STEP * scale)
         count = np.asarray(problem.parameters).size
         return Variational(problem, np.zeros((max(1, len(self.active)), count)))
 

@@ -7,22 +7,30 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Complexes, Floats
 
-MULTIPLIER_RTOL = 1e-7  # error of a monodromy matrix, relative to its largest entry
+MULTIPLIER_RTOL = 1e-7  # least error of a monodromy matrix, relative to its largest entry
 EIGENVALUE_RTOL = 1e-9  # error of each entry of the Jacobian of a flow, relative to it
 
 
-def multipliers_stable(matrix: Floats, sizes: Floats | float = 1.0) -> bool | None:
+def multipliers_stable(
+    matrix: Floats, sizes: Floats | float = 1.0, rtol: float = MULTIPLIER_RTOL
+) -> bool | None:
     """Return whether all multipliers of a monodromy matrix lie inside the unit circle.
 
     None if errors of the matrix could place one on either side and none is beyond for certain.
-    `sizes` are the magnitudes of the components.
+    `sizes` are the magnitudes of the components, `rtol` the error of the matrix of their ratios,
+    relative to its largest entry, at least `MULTIPLIER_RTOL`.
     """
-    scaled = matrix * sizes / np.reshape(sizes, (-1, 1))
-    errors = np.full(matrix.shape, MULTIPLIER_RTOL * np.abs(scaled).max(initial=0.0))
+    scaled = ratios(matrix, sizes)
+    errors = np.full(matrix.shape, max(rtol, MULTIPLIER_RTOL) * np.abs(scaled).max(initial=0.0))
     values = np.linalg.eigvals(scaled).astype(complex)
     moduli = np.abs(values)
     nearest = np.divide(values, moduli, out=np.ones_like(values), where=moduli > 0.0)
     return _stable(scaled, errors, values, moduli < 1.0, nearest)
+
+
+def ratios(matrix: Floats, sizes: Floats | float) -> Floats:
+    """Return a matrix of derivatives between ratios of components to their magnitudes."""
+    return np.asarray(matrix * sizes / np.reshape(sizes, (-1, 1)))
 
 
 def eigenvalues_stable(matrix: Floats, nullity: int) -> bool | None:

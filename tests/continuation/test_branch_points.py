@@ -44,6 +44,23 @@ def test_the_branch_that_crosses_turns_round_there_in_no_fold():
     assert branch.orbits[-1].state.x == pytest.approx(-off.state.x, abs=1e-9)
 
 
+@pytest.mark.parametrize(("offset", "labels"), [(0.0, ["BP"]), (1e-9, []), (-1e-8, [])])
+def test_an_imperfection_above_the_error_of_integration_is_no_branch_point(offset, labels):
+    """x'' + d x' + x^3 = a cos t + offset, whose symmetric orbit loses stability at a = 2.403."""
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, p.a * math.cos(t) + p.offset - p.d * y.v - y.x**3),
+        period=2.0 * math.pi,
+        parameters={"a": 2.0, "d": 0.2, "offset": offset},
+        typical={"offset": 1e-3},
+    )
+    options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    orbit = mi.find_orbit(system, transient=100, periods=1, options=options)
+    branch = mi.continue_orbit(orbit, "a", stop=2.6)
+    assert [special.label for special in branch.special_points] == labels
+    assert branch.orbits[-1].stable is not bool(labels)
+
+
 def of_equilibrium(flow, start, **values):
     (found, *_) = mi.find_equilibria(
         mi.System(states=("x",), flow=flow, parameters=values), guess={"x": start}
