@@ -44,7 +44,7 @@ import re
 from collections import namedtuple
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
@@ -245,11 +245,6 @@ class _CodeWriter:
         )
         self.by_array = writes_into_arrays(definition.flow)
         self.timed: list[int] = []
-        # A function that reads t only by those of the forcing is periodic, too.
-        self.periodic: set[Argument] = set()
-        if definition.forced:
-            for function in forcing(definition):
-                reads_time(function, self.periodic)
         self.space: dict[str, Any] = {
             "__name__": __name__,
             "nan": math.nan,
@@ -258,6 +253,15 @@ class _CodeWriter:
         }
         if not self.by_array:
             self.space["State"] = named_tuple("State", definition.states)
+
+    @cached_property
+    def periodic(self) -> set[Argument]:
+        """The functions of the forcing: a function that reads t only by these is periodic, too."""
+        visited: set[Argument] = set()
+        if self.definition.forced:
+            for each in forcing(self.definition):
+                reads_time(each, visited)
+        return visited
 
     def functions(self) -> dict[str, Any]:
         """Return flow, margins, transition and jacobian of the automaton."""
@@ -272,7 +276,7 @@ class _CodeWriter:
     def time(self, function: Callable[..., Any], *, forcing: bool) -> str:
         """Return the time that a function receives."""
         is_periodic = forcing and self.definition.forced
-        if is_periodic or not reads_time(function, set(self.periodic)):
+        if is_periodic or not (reads_time(function) and reads_time(function, set(self.periodic))):
             return "t"
         self.clock = self.count + TIME_BASE
         return f"t + p[{self.clock}]"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dis import get_instructions
 from functools import lru_cache
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 __all__ = ["reads_time", "time_error"]
@@ -50,7 +50,7 @@ def reads_time(
     code = function.__code__
     if position >= code.co_argcount:
         return True  # one of *args
-    if not _mentions(function, code.co_varnames[position]):
+    if not _mentions(code, code.co_varnames[position]):
         return False
     uses = _uses(function, position)
     if uses is None:
@@ -61,9 +61,9 @@ def reads_time(
     return reads
 
 
-def _mentions(function: FunctionType, name: str) -> bool:
+@lru_cache(maxsize=512)
+def _mentions(code: CodeType, name: str) -> bool:
     """Return whether code loads a variable, or an inner function closes over it."""
-    code = function.__code__
     loads = (step for step in get_instructions(code) if step.opname.startswith(("LOAD", "STORE")))
     return name in code.co_cellvars or any(
         name in (each.argval if isinstance(each.argval, tuple) else (each.argval,))

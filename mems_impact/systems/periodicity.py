@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain, pairwise
+from functools import cache
+from itertools import chain, compress, cycle
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.definition import Definition, moves
@@ -36,6 +38,7 @@ MAX_DOUBLINGS = 20
 GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples, less whole numbers, are spread evenly
 VALUE_RTOL = 1e-6  # difference of periodic values, relative to the largest
 DRIFT = 2e-7  # of a period per period: error of a period, within which values may differ
+PHASES = 32  # compared along a run
 STATES = 16  # states of a run at which functions are compared
 PHASES_BESIDE = (-0.146, 0.382)  # of a period: times compared beside a number of a function
 
@@ -129,19 +132,23 @@ def check_forcing(system: HybridSystem, definition: Definition, trajectory: Traj
         return
     start, final, events = trajectory.start, trajectory.final, trajectory.events
     rows = np.unique(np.linspace(0, len(events) - 1, min(STATES, len(events))).astype(int))
-    states = [(at.mode, at.y) for at in (start, final)]
-    states += [(int(events.mode_after[i]), events.after[i]) for i in rows]
-    states += [(int(events.mode_before[i]), events.before[i]) for i in rows]
-    points = [_point(system, definition, mode, y) for mode, y in states]
+    modes = [start.mode, final.mode, *events.mode_after[rows], *events.mode_before[rows]]
+    y = np.vstack([start.y, final.y, events.after[rows], events.before[rows]])
+    for i, name in enumerate(system.states):
+        y[:, i] = 0.0 if i in definition.cyclic else system.out(name, y[:, i])
+    points = [
+        EvaluationPoint(int(mode), 0.0, at) for mode, at in zip(modes, y.tolist(), strict=True)
+    ]
     first = start.cycle + start.time / trajectory.period
     last = final.cycle + final.time / trajectory.period
-    borders = np.linspace(first, last, 1 + min(BLOCKS, max(2, math.ceil(last - first))))
-    times = [
-        a + math.fmod(GOLDEN_RATIO * i, 1.0) * (b - a)
-        for i, (a, b) in enumerate(pairwise(borders.tolist()))
+    starts = np.linspace(first, last, min(BLOCKS, max(2, math.ceil(last - first))), endpoint=False)
+    phases = [math.fmod(GOLDEN_RATIO * i, 1.0) for i in range(PHASES)]
+    instants = [
+        (math.ceil(start - phase), phase)
+        for start, phase in zip(starts.tolist(), cycle(phases), strict=False)
     ]
     period = float(system.out("time", trajectory.period))
-    _compare(system, checked, functions, points, period, times, (first, last))
+    _compare(system, checked, functions, points, period, instants, (first, last))
 
 
 def check_recurrence(system: HybridSystem, definition: Definition, period: float) -> None:
@@ -155,23 +162,14 @@ def check_recurrence(system: HybridSystem, definition: Definition, period: float
     start = {**dict.fromkeys(system.states, 0.0), **system.initial.as_dict()}
     y = [float(start[name]) for name in system.states]
     points = [EvaluationPoint(mode, 0.0, y) for mode in range(len(definition.modes))]
-    cycles = [*range(1, CONSECUTIVE_PERIODS), *(2.0**n for n in range(6, MAX_DOUBLINGS))]
+    cycles = [*range(1, CONSECUTIVE_PERIODS), *(2**n for n in range(6, MAX_DOUBLINGS))]
     phases = (math.fmod(GOLDEN_RATIO * i, 1.0) for i in range(1, len(cycles) + 1))
-    times = [cycle + phase for cycle, phase in zip(cycles, phases, strict=True)]
-    _compare(system, checked, functions, points, period, times, (0.0, 2.0**MAX_DOUBLINGS))
+    instants = list(zip(cycles, phases, strict=True))
+    _compare(system, checked, functions, points, period, instants, (0.0, 2.0**MAX_DOUBLINGS))
 
 
 def _checked(system: HybridSystem, definition: Definition) -> CheckedFunctions:
     return CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
-
-
-def _point(system: HybridSystem, definition: Definition, mode: int, y: Any) -> EvaluationPoint:
-    """Return a state of a run in the units of the user, without the values of cyclic components."""
-    values = zip(system.states, y.tolist(), strict=True)
-    point = [float(system.out(*each)) for each in values]
-    for i in definition.cyclic:
-        point[i] = 0.0
-    return EvaluationPoint(mode, 0.0, point)
 
 
 def _compare(
@@ -180,7 +178,7 @@ def _compare(
     functions: Iterable[TimeFunction],
     points: Sequence[EvaluationPoint],
     period: float,
-    times: Sequence[float],
+    instants: Sequence[tuple[int, float]],
     within: tuple[float, float],
 ) -> None:
     """Raise FunctionError if functions differ from their values in the first period.
@@ -193,8 +191,8 @@ def _compare(
     points : sequence of EvaluationPoint
         States at which they are compared in turn.
     period : float
-    times : sequence of float
-        In periods; beside those that the functions name.
+    instants : sequence of (int, float)
+        Whole periods and phases; beside those that the functions name.
     within : tuple of float
         First and last time, in periods.
     """
@@ -205,13 +203,47 @@ def _compare(
             for number in {*_numbers(each.function.call), *checked.p}
             for phase in PHASES_BESIDE
         ]
-        later = (time for time in named if time > 1.0 and within[0] <= time <= within[1])
-        for i, time in enumerate(chain(times, later) if places else ()):
-            at = places[i % len(places)]
+        later = ((math.floor(t), t - math.floor(t)) for t in named if abs(t) < math.inf)
+        pairs = [
+            (i % PHASES % len(places), phase, n)
+            for i, (n, phase) in enumerate(chain(instants, later) if places else ())
+            if n >= 1 and within[0] <= n + phase <= within[1]
+        ]
+        for i, phase, n in _differences(checked, each.function.call, places, pairs, period):
             try:
-                _compare_at(system, each, at, time - math.floor(time), math.floor(time), period)
+                _compare_at(system, each, places[i], phase, n, period)
             except DomainError:
                 continue
+
+
+def _differences(
+    checked: CheckedFunctions,
+    call: Callable[..., Any],
+    places: Sequence[EvaluationPoint],
+    pairs: Sequence[tuple[int, float, int]],
+    period: float,
+) -> Iterable[tuple[int, float, int]]:
+    """Return where values of a function, called without checks, differ; all if a call fails."""
+    call = getattr(call, "py_func", call)  # the source of a numba function
+    modes, states = [at.mode for at in places], [checked.state(at.y) for at in places]
+
+    def value(i: int, t: float) -> Any:
+        if not checked.by_array:
+            return call(modes[i], t, states[i], checked.p)
+        call(modes[i], t, states[i], checked.p, slope := [math.nan] * checked.n)
+        return slope
+
+    early = cache(value)  # phases repeat
+    try:
+        values = [
+            (early(i, phase * period), value(i, (n + phase) * period)) for i, phase, n in pairs
+        ]
+        one, other = np.array(values, dtype=float).reshape(len(pairs), 2, -1).swapaxes(0, 1)
+    except Exception:
+        return pairs
+    size = VALUE_RTOL * np.maximum(abs(one), abs(other)).max(axis=1, initial=0.0)
+    near: NDArray[np.bool_] = (abs(one - other) <= size[:, None]).all(axis=1)
+    return compress(pairs, ~near)
 
 
 def _numbers(function: Callable[..., Any]) -> Iterator[float]:
