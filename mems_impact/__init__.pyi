@@ -33,7 +33,6 @@ from .actuator.design.wear import life as life
 from .actuator.drives.base import Drive as Drive
 from .actuator.drives.burst import Burst as Burst
 from .actuator.drives.custom import Custom as Custom
-from .actuator.drives.files import load_drive as load_drive
 from .actuator.drives.pulse import Pulse as Pulse
 from .actuator.drives.pulse_and_hold import PulseAndHold as PulseAndHold
 from .actuator.drives.sampled import Sampled as Sampled
@@ -54,8 +53,6 @@ from .actuator.report import report as report
 from .actuator.report_page import DeviceReport as DeviceReport
 from .actuator.results import BlowStatistics as BlowStatistics
 from .actuator.system import kicked_state as kicked_state
-from .actuator.system_files import load_study as load_study
-from .actuator.system_files import load_system as load_system
 from .actuator.terms.adhesion import Adhesion as Adhesion
 from .actuator.terms.base import Term as Term
 from .actuator.terms.charge_drive import ChargeDrive as ChargeDrive
@@ -137,6 +134,7 @@ from .errors import WorkersLost as WorkersLost
 from .hybrid.automaton import Guard as Guard
 from .hybrid.automaton import Impact as Impact
 from .integrators.options import Options as Options
+from .loading import load as load
 from .overloads import find_orbit as find_orbit
 from .overloads import simulate as simulate
 from .plotting.animation import Animation as Animation
@@ -163,7 +161,6 @@ from .studies.basins import basins as basins
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram
 from .studies.bifurcation_diagram import bifurcation_diagram as bifurcation_diagram
 from .studies.engine.store import StoredStudy as StoredStudy
-from .studies.engine.store import read_study as read_study
 from .studies.operating_map import OperatingMap as OperatingMap
 from .studies.operating_map import operating_map as operating_map
 from .studies.optimize import Optimum as Optimum
@@ -185,7 +182,6 @@ from .systems.components.stopper import Stopper as Stopper
 from .systems.components.switching_surface import SwitchingSurface as SwitchingSurface
 from .systems.observables import Observable as Observable
 from .systems.observables import Quantity as Quantity
-from .systems.serialization.file import load as load
 from .systems.state import State as State
 from .systems.state import modes as modes
 from .systems.system import System as System

@@ -639,7 +639,7 @@ class PluginWarning(UserWarning):
 
     See Also
     --------
-    load_system, load_drive
+    load
 
     Examples
     --------

@@ -29,7 +29,7 @@ mi.plot_map(found).figure.savefig("studies.png")
 # The store is a directory of Parquet files, which other programs can read. The same call resumes an
 # interrupted study, and reads a finished one:
 
-stored = mi.read_study(store)
+stored = mi.load(store)
 print(stored.done, "of", stored.total)
 assert stored.done == stored.total == 72
 

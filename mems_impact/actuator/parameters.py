@@ -29,7 +29,7 @@ from mems_impact.actuator.units import (
     scaled_fields,
     unscaled_fields,
 )
-from mems_impact.errors import InvalidParameter, UnitsWarning
+from mems_impact.errors import InvalidFile, InvalidParameter, UnitsWarning
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.data_sheet import DataSheet
@@ -592,7 +592,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
 
     See Also
     --------
-    Actuator, load_drive, load_study
+    Actuator, load
 
     Examples
     --------
@@ -638,6 +638,16 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         warn(message, UnitsWarning, source)
     check_plausible_device(actuator)
     return actuator
+
+
+def names_in_file(name_or_path: str) -> frozenset[str]:
+    """Return the names at the top of a TOML file; none for a preset or another file."""
+    if name_or_path in preset_names() or not Path(name_or_path).is_file():
+        return frozenset()
+    try:
+        return frozenset(parse_toml(_read(name_or_path), name_or_path, ""))
+    except InvalidFile:
+        return frozenset()  # the function that loads the file reports the error
 
 
 def _read(source: str) -> bytes:

@@ -13,9 +13,9 @@ from typing import Any
 from mems_impact._util import plugins
 from mems_impact._util.files import file_path
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, holds_drive, load_drive
+from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, load_drive
 from mems_impact.actuator.parameter_base import unknown
-from mems_impact.actuator.parameters import Actuator, load_actuator, preset_names
+from mems_impact.actuator.parameters import Actuator, load_actuator, names_in_file, preset_names
 from mems_impact.actuator.system import kicked_state
 from mems_impact.actuator.toml_files import (
     CodeRequest,
@@ -27,7 +27,7 @@ from mems_impact.actuator.toml_files import (
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
+__all__ = ["is_system_name", "load_study", "load_system"]
 
 # --- Systems in Python code
 
@@ -35,50 +35,11 @@ FORM = (
     'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that '
     "returns one"
 )
-SYSTEM_REQUEST = CodeRequest(
-    field="system", description=FORM, kind="command line", reader="load_system"
-)
+SYSTEM_REQUEST = CodeRequest(field="system", description=FORM, kind="command line", reader="load")
 
 
 def load_system(name: str) -> HybridSystem:
-    """Load a system defined in Python code.
-
-    Parameters
-    ----------
-    name : str
-        ``"FILE.py:NAME"`` or ``"MODULE:NAME"``: the name in a file, or in a module that can be
-        imported from the working directory or is installed, of a `System` or of a function without
-        arguments that makes one. Or the name of a system of a plugin, registered by an entry point
-        of the group ``mems_impact.systems``. The code is executed with your permissions.
-
-    Returns
-    -------
-    System
-
-    Raises
-    ------
-    InvalidParameter
-        If `name` is not such a name.
-    InvalidFile
-        If the code fails, or does not define the system.
-
-    See Also
-    --------
-    load_actuator, load_drive, load_study
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> import mems_impact as mi
-    >>> _ = Path("decay.py").write_text('''
-    ... import mems_impact as mi
-    ... def flow(mode, t, y, p):
-    ...     return (-y.x,)
-    ... decay = mi.System(states=("x",), flow=flow, initial={"x": 1.0})
-    ... ''')
-    >>> mi.load_system("decay.py:decay").states
-    ('x',)
-    """
+    """Load a system from Python code, or that of a plugin; see `mems_impact.load`."""
     source, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
     if isinstance(name, str) and not colon:
         return _plugin_system(name)
@@ -156,7 +117,7 @@ STUDY_REQUEST = CodeRequest(
         'Python file and a name in it: "FILE.py:NAME", a System or a function that returns one'
     ),
     kind="study file",
-    reader="load_study",
+    reader="load",
 )
 MAX_SYSTEM_FILE_BYTES = 10_000_000  # bytes
 
@@ -194,56 +155,7 @@ class StudyFile:
 
 
 def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyFile:
-    """Load a study from a file, to be run by ``load_study(path).run()``.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        A TOML file with a table ``[study]``: its ``kind``, and the arguments of the verb by their
-        names in Python. Above it ``device``, a preset or the file of a device, with a table
-        ``[drive]`` as in drive files (or ``drive``, such a file; or none, where the file of the
-        device has such a table) and changes of parameters in a
-        table ``[set]``; or ``system = "FILE.py:NAME"``, a system of your own or a function that
-        makes it. All paths are relative to the file.
-    allow_code : bool, optional
-        Whether Python code named by the file may be executed, with your permissions. Allow it for
-        files whose code you have read. It must lie in the folder of the TOML file or below, links
-        followed.
-
-    Returns
-    -------
-    StudyFile
-
-    Raises
-    ------
-    InvalidFile
-        If a file cannot be read, or is not a study file; if it names code without `allow_code`, or
-        outside its folder.
-    InvalidParameter
-        If it holds a wrong, missing or unknown entry, which the message names.
-
-    See Also
-    --------
-    read_study, operating_map
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> import mems_impact as mi
-    >>> _ = Path("map.toml").write_text('''
-    ... device = "zhao2004"
-    ... [drive]
-    ... kind = "sine"
-    ... [study]
-    ... kind = "map"
-    ... x = ["amplitude", 0.22, 0.24, 2]
-    ... y = ["omega", [0.5]]
-    ... initial = "kicked"
-    ... ''')
-    >>> found = mi.load_study("map.toml").run()
-    >>> found.table["motion"].tolist()
-    ['periodic', 'periodic']
-    """
+    """Load a study from a TOML file; see `mems_impact.load`."""
     source = file_path(path, "the path of a TOML file")
     content = _content(source)
     try:
@@ -255,16 +167,6 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
         return _Reader(content, Path(source), allow_code).study()
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
-
-
-def holds_study(name_or_path: str) -> bool:
-    """Return whether a name is the path of a study file, rather than of a device."""
-    if name_or_path in preset_names() or not Path(name_or_path).is_file():
-        return False
-    try:
-        return "study" in _content(name_or_path)
-    except InvalidFile:
-        return False  # loading the device reports the error
 
 
 def _content(source: str) -> dict[str, Any]:
@@ -339,7 +241,7 @@ class _Reader:
         """Return the drive; varied parameters may be absent from its table."""
         table = self.content.get("drive")
         device = str(self.file.parent / self.content["device"])
-        if table is None and holds_drive(device):
+        if table is None and "drive" in names_in_file(device):
             table = self.content["device"]
         if isinstance(table, str):
             return load_drive(self.file.parent / table, allow_code=self.allow_code)

@@ -47,7 +47,7 @@ def from_file(
         if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
             option = parameter.opts[0]
             raise click.UsageError(f"{option}: {path} describes the study; omit the option")
-    study = mi.load_study(path, allow_code=code_is_allowed())
+    study = mi.load(path, allow_code=code_is_allowed())
     if study.kind != kind:
         raise click.UsageError(
             f"{path} describes a study of another kind; run it by mems-impact {study.kind}"
@@ -83,10 +83,10 @@ def study_of(
     allowed_options : collection of str, optional
         Options of the command that are allowed beside a study file.
     """
-    from mems_impact.actuator.system_files import holds_study
+    from mems_impact.actuator.parameters import names_in_file
 
     device, varied = options["device"], varied or {}
-    if holds_study(device):
+    if "study" in names_in_file(device):
         system, arguments = from_file(ctx, device, kind, allowed_options)
     else:
         # The device may lack the term whose parameter is varied.
@@ -155,7 +155,7 @@ def load_subject(
     Parameters
     ----------
     name : str
-        Name of a device, or of a system as `mems_impact.load_system` takes it.
+        Name of a device, or of a system as `mems_impact.load` takes it.
     changes : mapping of str to float
         Values of ``--set``.
     initial : mapping of str to float or "kicked"

@@ -107,11 +107,11 @@ def command(
     study file can replace DEVICE. The exit status is 1 if the search ends before a local optimum.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.system_files import holds_study
+    from mems_impact.actuator.parameters import names_in_file
     from mems_impact.studies.engine.config import optimize_from
 
     arguments: dict[str, Any]
-    if holds_study(device):
+    if "study" in names_in_file(device):
         system, arguments = from_file(ctx, device, KIND)
     else:
         if not over:

@@ -693,26 +693,28 @@ def drive_from(
 
 def drive_choice(default_kind: str = DEFAULT_KIND) -> str:
     """Return the kind or file of the drive; for a device file with a drive, that file."""
-    from mems_impact.actuator.drives.files import holds_drive
+    from mems_impact.actuator.parameters import names_in_file
 
     context = click.get_current_context()
     chosen: str | None = context.meta.get(KEY, {}).get("choice")
     if chosen is not None:
         return chosen
     device = context.params.get("device")
-    return device if isinstance(device, str) and holds_drive(device) else default_kind
+    return device if isinstance(device, str) and "drive" in names_in_file(device) else default_kind
 
 
 def drive_source() -> str:
     """Return the Python code that loads the drive's file; empty if options describe the drive."""
     from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES
+    from mems_impact.actuator.parameters import names_in_file
 
     path = drive_choice()
     if described_by_options(path):
         return ""
     if path.lower().endswith(SAMPLE_SUFFIXES):
         return f"mi.Sampled.from_csv({path!r})"
-    return f"mi.load_drive({path!r}{', allow_code=True' if code_is_allowed() else ''})"
+    of_device = ".drive" if names_in_file(path) & {"parameters", "design"} else ""
+    return f"mi.load({path!r}{', allow_code=True' if code_is_allowed() else ''}){of_device}"
 
 
 def code_is_allowed() -> bool:

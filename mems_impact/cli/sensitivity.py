@@ -77,13 +77,13 @@ def command(
     tornado chart of one quantity. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.system_files import holds_study
+    from mems_impact.actuator.parameters import names_in_file
     from mems_impact.studies.engine.config import orbit_sensitivity_study
     from mems_impact.studies.sampling import deviations
     from mems_impact.studies.sensitivity import chosen_quantities
 
     arguments: dict[str, Any]
-    if holds_study(device):
+    if "study" in names_in_file(device):
         system, arguments = from_file(ctx, device, KIND, allowed_options=("quantity", "tolerances"))
         names = arguments.pop("quantities", None)
     else:

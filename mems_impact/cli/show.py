@@ -55,7 +55,7 @@ def command(*, store: str, output: str | None, figure: str | None, no_figure: bo
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    study = mi.read_study(store)
+    study = mi.load(store)
     if figure is not None and not study.figure:
         raise click.UsageError(f"--figure: a study of the kind {study.kind} has no figure")
     directory = output or (None if figure is None else str(Path(figure).parent))

@@ -76,7 +76,7 @@ def run_picture(run: Run) -> bytes:
 
 
 def device_file(subject: Subject, system: ActuatorSystem) -> str:
-    """Return device and drive as a TOML file, for `load_actuator` and `load_drive`.
+    """Return device and drive as a TOML file, for `load`.
 
     A drive of user functions is omitted.
     """

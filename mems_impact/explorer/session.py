@@ -156,7 +156,7 @@ def subject_of_device(
     drive : Drive
     drive_source : str, optional
         Python source of the drive without changed parameters, such as
-        ``mi.load_drive("wave.toml")``; the waveform's class by default.
+        ``mi.load("wave.toml")``; the waveform's class by default.
     options : Options, optional
         How runs are integrated.
     """
@@ -209,7 +209,7 @@ def subject_of_code(
     Parameters
     ----------
     name : str
-        As in `mems_impact.load_system`, for example "FILE.py:NAME". The code is run.
+        As in `mems_impact.load`, for example "FILE.py:NAME". The code is run.
     changes : mapping of str to float, optional
         Other values of some parameters.
     options : Options, optional
@@ -219,7 +219,7 @@ def subject_of_code(
 
     def source(system: HybridSystem) -> str:
         changes = _change_source(system.parameters, begin.parameters)
-        return f"system = mi.load_system({name!r}){changes}"
+        return f"system = mi.load({name!r}){changes}"
 
     return Subject(
         system=begin.changed(**changes) if changes else begin,

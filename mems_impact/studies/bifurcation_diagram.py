@@ -66,7 +66,7 @@ from mems_impact.studies.sweep import SweepStudy
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
-from mems_impact.systems.serialization.file import load
+from mems_impact.systems.serialization.file import load_result
 from mems_impact.systems.serialization.identity import (
     identity,
     identity_of_options,
@@ -1130,7 +1130,7 @@ def _stored(
         raise InvalidParameter("resume", resume, "", problem="is not possible with store=")
     if not os.path.exists(store):
         return None
-    diagram = load(store, system=None if system.is_data_only else system)
+    diagram = load_result(store, system=None if system.is_data_only else system)
     if not isinstance(diagram, BifurcationDiagram):
         raise InvalidFile(store, "holds no bifurcation diagram", "give another file")
     differing = difference(diagram.inputs, inputs)

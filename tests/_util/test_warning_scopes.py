@@ -23,7 +23,7 @@ def study(tmp_path):
 
 def test_a_device_of_a_study(study):
     with pytest.warns(mi.UnitsWarning) as caught:
-        mi.load_study(study)
+        mi.load(study)
     assert caught[0].filename == __file__
 
 
@@ -37,7 +37,7 @@ def test_a_device_without_a_compiler(tmp_path, monkeypatch):
 
 def test_a_caller_beside_the_package(study):
     script = f"{Path(mi.__file__).parent}_scripts/script.py"
-    call = compile("mi.load_study(study)", script, "exec")
+    call = compile("mi.load(study)", script, "exec")
     with pytest.warns(mi.UnitsWarning) as caught:
         exec(call, {"mi": mi, "study": study})
     assert caught[0].filename == script

@@ -37,7 +37,7 @@ def test_a_new_waveform_is_one_file_and_one_line(cli, tmp_path, monkeypatch):
     monkeypatch.setattr(drives, "__path__", [*drives.__path__, str(tmp_path)])
     monkeypatch.setitem(WAVEFORMS, "ramp", "Ramp")
     (tmp_path / "ramp.toml").write_text('[drive]\nkind = "ramp"\namplitude = 1\nomega = 1\n')
-    assert type(mi.load_drive("ramp.toml")).__name__ == "Ramp"
+    assert type(mi.load("ramp.toml")).__name__ == "Ramp"
     for options in (["ramp.toml"], ["ramp", "--amplitude", "1", "--omega", "1"]):
         assert "Ramp" in cli("drive", "zhao2004", "--drive", *options, "--no-figure").out
 
@@ -107,7 +107,7 @@ def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
         if any(each.name == "drive_choice" for each in command.params):
             with click.Context(command) as context:
                 context.params["device"] = own
-                assert drive_from() == mi.load_drive(own), name
+                assert drive_from() == mi.load(own).drive, name
                 assert any(each.name == "device" for each in command.params), name
 
 
@@ -123,7 +123,7 @@ def test_numbers_change_the_drive_of_the_device(cli, own):
 def test_a_study_file_takes_the_drive_of_its_device(own, tmp_path):
     study = 'device = "own.toml"\n[study]\nkind = "map"\nx = ["e", [0.8]]\ny = ["duty", [0.3]]\n'
     (tmp_path / "map.toml").write_text(study)
-    assert mi.load_study(tmp_path / "map.toml").system.drive == mi.load_drive(tmp_path / own)
+    assert mi.load(tmp_path / "map.toml").system.drive == mi.load(tmp_path / own).drive
 
 
 def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):

@@ -184,7 +184,7 @@ def test_an_interrupt_names_the_store_and_the_same_command_completes_it(tmp_path
         f"mems-impact: interrupted after 0 of 6 points; the same command resumes from {store}\n"
     )
     assert cli(*command, "one").status == 0
-    assert mi.read_study(store).done == 6
+    assert mi.load(store).done == 6
 
 
 def test_an_interrupt_during_the_margins_keeps_the_search(tmp_path, monkeypatch, cli):

@@ -36,7 +36,7 @@ def test_a_system_in_python_code(cli, file, name):
     done = cli("simulate", name, "--periods", "2", *QUICK)
     assert done.status == 0
     assert "Statistics over forcing periods 1 to 2" in done.out
-    assert mi.load_system(name).parameters == {"A": 0.5}
+    assert mi.load(name).parameters == {"A": 0.5}
 
 
 def test_parameters_and_initial_state(cli, file):
@@ -68,10 +68,11 @@ def test_what_is_no_system_is_reported(cli, file, name, problem):
 
 
 def test_a_name_that_nobody_adds():
-    with pytest.raises(mi.InvalidParameter, match=r"system = .nobody.: must be a name in Python"):
-        mi.load_system("nobody")
-    with pytest.raises(mi.InvalidParameter, match="system"):
-        mi.load_system("own_code.py:two words")
+    for name in ("nobody", "own_code.py:two words"):
+        with pytest.raises(mi.InvalidFile, match=r"no such file.*a system as FILE.py:NAME"):
+            mi.load(name)
+    with pytest.raises(mi.InvalidFile, match=r"a preset.*mi.load_actuator\('zhao2004'\)"):
+        mi.load("zhao2004")
 
 
 @pytest.mark.parametrize(

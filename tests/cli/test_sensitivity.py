@@ -108,7 +108,7 @@ def test_study_files(cli, tmp_path):
     aim = 'maximize = "mean speed"\nover = {amplitude = [0.239, 0.241]}\n'
     limit = 'subject_to = {"largest multiplier" = [-inf, 0.9]}\n'
     (tmp_path / "best.toml").write_text(FILE + 'kind = "optimize"\n' + aim + limit)
-    best = mi.load_study(tmp_path / "best.toml").run()
+    best = mi.load(tmp_path / "best.toml").run()
     assert best.values["amplitude"] == pytest.approx(0.241, abs=1e-9)
     wrong = aim.replace("[0.239, 0.241]", "0.3")
     (tmp_path / "bad.toml").write_text(FILE + 'kind = "optimize"\n' + wrong)

@@ -26,7 +26,7 @@ def test_what_is_done(cli, store, tmp_path):
     done = cli("show", store)
     assert done.status == 0
     lines = done.out.splitlines()
-    count = mi.read_study(store).done
+    count = mi.load(store).done
     assert lines[0] == f"toy: {count} of 30 points ({count / 30:.0%}), 2 failed"
     assert lines[1] == "  2 failed: no luck"
     assert lines[3].split() == ["column", "min", "median", "max", "numbers"]
@@ -44,7 +44,7 @@ def test_what_is_done_as_a_table(cli, store, tmp_path):
     done = cli("show", store, "--output", "out")
     assert done.out.splitlines()[-1] == "written: out/show-table.csv"
     table = pd.read_csv(tmp_path / "out" / "show-table.csv")
-    assert len(table) == mi.read_study(store).done
+    assert len(table) == mi.load(store).done
     assert "number [m]" in table
 
 
@@ -86,6 +86,6 @@ def test_basins_and_tolerance_analyses_are_drawn(cli, tmp_path, verb, arguments)
     shown = cli("show", "store", "--figure", f"{verb}.png")
     assert shown.out.startswith(f"{verb}: 4 of 4 points (100%), 0 failed\n")
     assert (tmp_path / f"{verb}.png").read_bytes().startswith(b"\x89PNG")
-    study = mi.read_study(tmp_path / "store")
+    study = mi.load(tmp_path / "store")
     with pytest.raises(mi.InvalidParameter, match="must be"):
         (mi.plot_tolerance_analysis if verb == "basins" else mi.plot_basins)(study)

@@ -69,7 +69,7 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
         mi.Burst(wave=sine, on=3.0, off=2.0),
         mi.TwoSided(right=sine, left=sine),
         mi.Custom(function=math.cos, rate=math.sin, period=1.0),
-        mi.load_drive("wave.toml"),
+        mi.load("wave.toml"),
     ]
     assert_type(mi.pull_in_voltage(actuator), float)
     assert_type(mi.pull_in_charge(actuator.adding(terms[1])), float)
@@ -143,7 +143,7 @@ def systems() -> mi.System:
     free, _held = mi.modes("free", "held")
     assert free is not None
     assert guards
-    assert_type(mi.load_system("own.py:oscillator"), mi.HybridSystem)
+    assert_type(mi.load("own.py:oscillator"), mi.HybridSystem)
     return system
 
 
@@ -204,5 +204,5 @@ def studies(system: mi.HybridSystem, orbit: mi.Orbit) -> None:
     assert_type(front, mi.ParetoFront)
     mi.plot_pareto(front)
     mi.bifurcation_margins(orbit, ["A"])
-    assert_type(mi.read_study("store"), mi.StoredStudy)
-    mi.load_study("study.toml").run()
+    assert_type(mi.load("store"), mi.StoredStudy)
+    mi.load("study.toml").run()

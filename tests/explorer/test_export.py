@@ -62,8 +62,8 @@ def test_the_python_has_terms_and_files_of_drives(tmp_path, monkeypatch):
     wave.write_text('[drive]\nkind = "sine"\namplitude = 0.2\nomega = 0.5\n')
     device = mi.load_actuator("zhao2004").changed(e=0.7, **{"tilt.angle": 0.01})
     subject = subject_of_device(
-        "zhao2004", device, mi.load_drive("wave.toml").varied({"omega": 0.45}),
-        drive_source='mi.load_drive("wave.toml")',
+        "zhao2004", device, mi.load("wave.toml").varied({"omega": 0.45}),
+        drive_source='mi.load("wave.toml")',
     )  # fmt: skip
     names = {"mi": mi}
     exec(subject.source(subject.system), names)
@@ -94,7 +94,7 @@ def test_the_file_of_the_device_is_read_back(tmp_path):
         subject = subject_of_device("mita2003", device, drive)
         saved.write_text(device_file(subject, system))
         assert mi.load_actuator(saved) == device
-        assert mi.load_drive(saved) == drive
+        assert mi.load(saved).drive == drive
 
 
 def test_a_measured_voltage_is_in_the_file(tmp_path):
@@ -103,7 +103,7 @@ def test_a_measured_voltage_is_in_the_file(tmp_path):
     device = mi.load_actuator("zhao2004")
     saved = tmp_path / "saved.toml"
     saved.write_text(device_file(subject_of_device("zhao2004", device, drive), device.under(drive)))
-    assert mi.load_drive(saved) == drive
+    assert mi.load(saved).drive == drive
 
 
 def test_the_picture_is_a_png():

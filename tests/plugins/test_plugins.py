@@ -137,5 +137,5 @@ def test_systems(cli, python, tmp_path):
     assert "missing ('toy_mems.nowhere:system') of the package toy-mems fails" in broken.stderr
     assert broken.returncode == 2
     (tmp_path / "study.toml").write_text(STUDY)
-    script = "import mems_impact as mi; print(mi.load_study('study.toml').system.states)"
+    script = "import mems_impact as mi; print(mi.load('study.toml').system.states)"
     assert python("-c", script).stdout == "('angle', 'w')\n"

@@ -268,7 +268,7 @@ def test_a_stored_sweep_goes_on_where_it_was_interrupted(tmp_path):
 
     with pytest.raises(mi.Interrupted) as caught:
         swept(values, direction="both", store=tmp_path, progress=interrupt, workers=1)
-    stored = mi.read_study(tmp_path)
+    stored = mi.load(tmp_path)
     assert 0 < stored.done < 40
     assert caught.value.after == f"{stored.done} of 40 points"
     assert bits(stored.table) == bits(caught.value.partial)

@@ -221,7 +221,7 @@ def test_a_study_file_with_units(tmp_path):
         recurrence = {transient = 2, periods = 2, exponents = "none"}
         initial = {x2 = "1 um"}
     """)
-    found = mi.load_study(path).run()
+    found = mi.load(path).run()
     assert (found.x.values, found.y.values) == ((10.0, 20.0), (100.0, 110.0))
     assert found.system.actuator.k == 5.0
     kind, others = "tolerances", 'over = {k = "0.1 N/m", delta = ["norm", "2.6 um", "0.1 um"]}'
@@ -229,6 +229,6 @@ def test_a_study_file_with_units(tmp_path):
         path.read_text().split("[study]")[0] + f'[study]\nkind = "{kind}"\n{others}\nsamples = 4\n'
         "recurrence = {transient = 2, periods = 2, exponents = 'none'}"
     )
-    table = mi.load_study(path).run().table
+    table = mi.load(path).run().table
     assert table["k"].mean() == pytest.approx(5.0, abs=0.2)
     assert table["delta"].mean() == pytest.approx(2.6e-6, abs=2e-7)

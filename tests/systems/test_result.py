@@ -388,7 +388,7 @@ def test_files_that_are_none_are_reported(saved, tmp_path):
         assert loaded == saved[1]  # a byte that says nothing, such as a date
     with pytest.raises(mi.InvalidFile, match="no such file"):
         mi.load(tmp_path / "nowhere")
-    with pytest.raises(mi.InvalidFile, match="is a directory"):
+    with pytest.raises(mi.InvalidFile, match="holds no study"):
         mi.load(tmp_path)
     with pytest.raises(mi.InvalidParameter, match="the path of a file"):
         mi.load(3)

@@ -170,9 +170,9 @@ def files(seed: int, small: bool) -> Result:
             if which < 3:
                 text, load, ending = DEVICE, mi.load_actuator, ".toml"
             elif which < 9:
-                text, load, ending = str(rng.choice(DRIVES)), mi.load_drive, ".toml"
+                text, load, ending = str(rng.choice(DRIVES)), mi.load, ".toml"
             else:
-                text, load, ending = CSV, mi.load_drive, ".csv"
+                text, load, ending = CSV, mi.load, ".csv"
             how = rng.random() < 0.4
             other = broken_table if ending == ".csv" else broken_structure
             raw = (broken_bytes if how else other)(rng, text)

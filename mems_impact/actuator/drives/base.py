@@ -86,7 +86,7 @@ class Drive(Checked, ABC):
 
     See Also
     --------
-    load_drive, plot_drive, Sine, Custom
+    load, plot_drive, Sine, Custom
 
     Examples
     --------

@@ -29,7 +29,6 @@ __all__ = [
     "drive_in_table",
     "drive_kinds",
     "drive_of_kind",
-    "holds_drive",
     "load_drive",
 ]
 
@@ -40,7 +39,7 @@ CODE = CodeRequest(
     field="source",
     description="Python file with functions voltage(t, q) and voltage_rate(t, q)",
     kind="drive file",
-    reader="load_drive",
+    reader="load",
 )
 DRIVE_FILE_REMEDY = (
     'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
@@ -50,50 +49,7 @@ MAX_DRIVE_FILE_BYTES = 10_000_000  # bytes
 
 
 def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
-    """Load a drive from a file.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        A TOML file with a table ``[drive]`` that holds the ``kind`` and the parameters of the
-        waveform (``frequency`` [Hz] may replace ``omega``); a nested waveform is a nested table
-        (``[drive.wave]`` of a burst, ``[drive.right]`` and ``[drive.left]``). A sampled waveform
-        takes ``file``, a custom one ``source``, relative to the TOML file. A device file may
-        contain the table. Or a CSV file for `Sampled.from_csv`.
-    allow_code : bool, optional
-        Whether a custom drive may be loaded: its ``source`` is Python code, which is run and can do
-        all that you can. Allow it for files whose code you have read. It must lie in the folder of
-        the TOML file or below, links followed.
-
-    Returns
-    -------
-    Drive
-
-    Raises
-    ------
-    InvalidFile
-        If the file cannot be read, or is not such a file; if it names code without `allow_code`, or
-        outside its folder.
-    InvalidParameter
-        If it holds a wrong, missing or unknown entry.
-
-    See Also
-    --------
-    Drive, Sampled, load_actuator
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> import mems_impact as mi
-    >>> _ = Path("wave.toml").write_text('''
-    ... [drive]
-    ... kind = "sine"
-    ... amplitude = 0.24
-    ... omega = 0.5
-    ... ''')
-    >>> mi.load_drive("wave.toml").amplitude
-    0.24
-    """
+    """Load a drive from a TOML or CSV file; see `mems_impact.load`."""
     source = file_path(path, "the path of a TOML or CSV file")
     if source.lower().endswith(SAMPLE_SUFFIXES):
         record = Sampled.from_csv(source)
@@ -113,21 +69,6 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
         return drive_in_table(content["drive"], Path(source), allow_code)
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
-
-
-def holds_drive(name_or_path: str) -> bool:
-    """Return whether the argument is the path of a TOML file with a table ``[drive]``."""
-    from mems_impact.actuator.parameters import preset_names
-
-    if name_or_path in preset_names() or not Path(name_or_path).is_file():
-        return False
-    try:
-        raw = read_bytes(
-            name_or_path, DRIVE_FILE_REMEDY, largest=MAX_DRIVE_FILE_BYTES, kind="drive file"
-        )
-        return "drive" in parse_toml(raw, name_or_path, DRIVE_FILE_REMEDY)
-    except InvalidFile:
-        return False  # loading the device reports the error
 
 
 def drive_kinds() -> tuple[str, ...]:

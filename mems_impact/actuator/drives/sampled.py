@@ -61,7 +61,7 @@ class Sampled(PiecewiseDrive):
 
     See Also
     --------
-    Custom, load_drive
+    Custom, load
 
     Notes
     -----

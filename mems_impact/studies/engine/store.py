@@ -682,7 +682,7 @@ class StoredStudy(SummaryRepr):
 
     See Also
     --------
-    read_study, load_study
+    load, operating_map
 
     Examples
     --------
@@ -692,7 +692,7 @@ class StoredStudy(SummaryRepr):
     >>> table = mi.sweep(
     ...     actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5, store="out/sweep"
     ... )
-    >>> study = mi.read_study("out/sweep")
+    >>> study = mi.load("out/sweep")
     >>> study.failed, len(study.table)
     (0, 10)
     """
@@ -774,42 +774,7 @@ class StoredStudy(SummaryRepr):
 
 
 def read_study(path: str | os.PathLike[str]) -> StoredStudy:
-    """Read the completed points of a study from its store, at any time.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        The directory given as ``store``.
-
-    Returns
-    -------
-    StoredStudy
-
-    Raises
-    ------
-    InvalidFile
-        If there is no study.
-    InvalidParameter
-        If pyarrow is not installed.
-
-    See Also
-    --------
-    StoredStudy, load_study, operating_map
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.sweep(
-    ...     actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5, store="out/sweep"
-    ... )
-    >>> study = mi.read_study("out/sweep")
-    >>> study.kind, study.done, study.total
-    ('sweep', 2, 2)
-    >>> study.table.equals(table)
-    True
-    """
+    """Read the completed points of a study from its store, at any time; see `mems_impact.load`."""
     check()
     directory = Path(file_path(path, "the directory of a study"))
     manifest = manifest_of(directory)

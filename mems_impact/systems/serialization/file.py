@@ -19,51 +19,11 @@ from mems_impact.systems.serialization.archive import (
 )
 from mems_impact.systems.serialization.codec import Reader
 
-__all__ = ["load"]
+__all__ = ["load_result"]
 
 
-def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> Any:
-    """Load a result from a file written by its ``save(path)``.
-
-    No code in the file, or named by it, is run. A system that numbers define completely, such as an
-    actuator under one of the package's waveforms, is restored completely. For a system with your
-    own functions the file holds only a description: without `system`, the result provides the saved
-    tables, and other operations raise `FunctionsMissing`; with `system`, it can be sampled,
-    verified and continued like the original.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-    system : System, optional
-        The system of the result, with the same states, modes, guards and parameters; the values of
-        parameters are taken from the file. For an actuator, ``actuator.under(drive)``.
-
-    Returns
-    -------
-    Run, Orbit, Branch, SpecialPoint, Curve, OperatingChart, Verification or System
-
-    Raises
-    ------
-    InvalidFile
-        If the file cannot be read, is not a result file, is damaged, or has another format.
-    InvalidParameter
-        If `system` does not match the file.
-
-    See Also
-    --------
-    Run, Branch, Orbit, FunctionsMissing
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> run = mi.simulate(actuator, drive, periods=300)
-    >>> run.save("run.zip")
-    >>> again = mi.load("run.zip")
-    >>> again.impacts.equals(run.impacts)
-    True
-    """
+def load_result(path: str | PathLike[str], *, system: HybridSystem | None = None) -> Any:
+    """Load a result, with `system` as in `mems_impact.load`; no code in the file is run."""
     if system is not None and not isinstance(system, HybridSystem):
         allowed = "the System of the result; for an actuator, actuator.under(drive)"
         raise InvalidParameter("system", system, allowed)

@@ -226,7 +226,7 @@ def test_functions_that_need_a_period_refuse_a_step(tmp_path):
             refused()
     path = tmp_path / "step.toml"
     path.write_text('[drive]\nkind = "voltage-step"\namplitude = "90 V"\n')
-    assert mi.load_drive(path) == STEP
+    assert mi.load(path) == STEP
     run = mi.simulate(SWITCH, STEP.replace(duration=5e-5), 1)
     assert run.impacts["t"].iloc[0] == pytest.approx(2.7795033e-5, rel=1e-6)
 

@@ -100,7 +100,7 @@ def test_in_a_device_file(tmp_path):
     head = f"[parameters]\n{numbers}\n"
     path.write_text(f"{head}[tilt]\nangle = 0.1\n[drive]\nkind = 'sine'\namplitude = 1\nomega = 1")
     assert mi.load_actuator(path) == ZHAO.adding(mi.Tilt(angle=0.1))
-    assert mi.load_drive(path) == mi.Sine(amplitude=1.0, omega=1.0)
+    assert mi.load(path).drive == mi.Sine(amplitude=1.0, omega=1.0)
     for wrong, message in {
         "[tilt]\nangel = 0.1": r"tilt\.angel = 0\.1: unknown name, did you mean angle\?",
         "[tilt]\nangle = 4": r"tilt\.angle = 4: must be a finite number > -1\.57.*mine\.toml",

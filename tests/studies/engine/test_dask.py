@@ -40,7 +40,7 @@ def test_the_table_is_the_same(client, tmp_path):
         store = tmp_path / str(study.size)
         table = run_study(study, executor=client.get_executor(), store=store)
         assert bits(table) == bits(run_study(study))
-        assert bits(mi.read_study(store).table) == bits(table)
+        assert bits(mi.load(store).table) == bits(table)
 
 
 def test_a_sweep(client):

@@ -89,7 +89,7 @@ def test_workers_that_cannot_be_had_anew_leave_what_was_done(pool, tmp_path):
     with pool() as executor, pytest.raises(mi.WorkersLost, match="function that creates") as caught:
         run_study(study, executor=executor, store=tmp_path / "store")
     lost = caught.value
-    assert len(lost.partial) == mi.read_study(tmp_path / "store").done < 30
+    assert len(lost.partial) == mi.load(tmp_path / "store").done < 30
     table = run_study(study, executor=pool, store=tmp_path / "store")
     assert bits(table) == bits(run_study(Toy(size=30)))
 

@@ -68,14 +68,14 @@ def test_a_stored_table_is_the_table_to_the_last_bit(store, study):
     expected = bits(run_study(study))
     assert bits(run_study(study, store=store)) == expected
     assert bits(run_study(study, store=store)) == expected  # read alone
-    assert bits(mi.read_study(store).table) == expected
+    assert bits(mi.load(store).table) == expected
 
 
 @pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
 def test_an_interrupted_study_goes_on(store, study):
     stop = broken_off(study, store, 10, chunk=3)
     before = chunks(store)
-    seen = mi.read_study(store)
+    seen = mi.load(store)
     assert bits(seen.table) == bits(stop.partial)
     assert (seen.kind, f"{seen.done} of {seen.total} points") == (stop.work, stop.after)
     assert 9 <= seen.done < 30
@@ -89,11 +89,11 @@ def test_an_interrupted_study_goes_on(store, study):
 def test_failed_points_are_computed_again(store, chained, again):
     sound = Toy(size=30, chained=chained)
     run_study(replace(sound, failing=(7,)), store=store, chunk=3)
-    assert mi.read_study(store).failed == 1
-    assert mi.read_study(store).discard_failed() == again
-    assert mi.read_study(store).done == 30 - again
+    assert mi.load(store).failed == 1
+    assert mi.load(store).discard_failed() == again
+    assert mi.load(store).done == 30 - again
     assert bits(run_study(sound, store=store)) == bits(run_study(sound))
-    assert mi.read_study(store).discard_failed() == 0
+    assert mi.load(store).discard_failed() == 0
 
 
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
@@ -123,7 +123,7 @@ def wait_until(process, store, points):
 
 
 def done_in(store):
-    return mi.read_study(store).done if (store / "study.json").exists() else 0
+    return mi.load(store).done if (store / "study.json").exists() else 0
 
 
 def test_what_a_killed_process_leaves_is_removed(store):
@@ -131,7 +131,7 @@ def test_what_a_killed_process_leaves_is_removed(store):
     for folder in (store, store / "points"):
         (folder / ".mems_impact-77").mkdir()
         (folder / ".mems_impact-77" / "000000009-000000012.parquet").write_bytes(b"PAR1 half of it")
-    assert stop.after == f"{mi.read_study(store).done} of 30 points"
+    assert stop.after == f"{mi.load(store).done} of 30 points"
     run_study(STUDY, store=store)
     assert [name for name in chunks(store) if name.startswith(".")] == []
     assert sorted(path.name for path in store.iterdir()) == ["lock", "points", "study.json"]
@@ -143,7 +143,7 @@ def test_a_chunk_that_was_cut_off_is_computed_again(store):
     whole = path.read_bytes()
     for content in (whole[:-9], whole[:40], b""):
         path.write_bytes(content)
-        assert mi.read_study(store).done < 30
+        assert mi.load(store).done < 30
         assert bits(run_study(STUDY, store=store)) == expected
 
 
@@ -157,7 +157,7 @@ def test_a_wrong_bit_is_found(store):
         damaged[place] ^= 1
         path.write_bytes(damaged)
         try:
-            seen = mi.read_study(store)
+            seen = mi.load(store)
             # It is of no consequence, or the chunk counts as missing.
             assert seen.done < 30 or bits(seen.table) == expected
         except mi.InvalidFile as error:
@@ -178,7 +178,7 @@ def test_every_bit_of_a_description_is_checked(store):
         damaged = bytearray(content)
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
-        for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+        for read in (mi.load, lambda store: run_study(STUDY, store=store)):
             with pytest.raises(mi.InvalidFile, match=r"study.json is damaged"):
                 read(store)
 
@@ -199,12 +199,12 @@ def test_a_chunk_from_elsewhere_is_refused(tmp_path, study, kind):
     content = second.read_bytes()
     foreign = first if kind == "other points" else stores[1] / "points" / second.name
     second.write_bytes(foreign.read_bytes())
-    for read in (mi.read_study, lambda store: run_study(study, store=store)):
+    for read in (mi.load, lambda store: run_study(study, store=store)):
         with pytest.raises(mi.InvalidFile, match="another study, or other points") as caught:
             read(stores[0])
         assert caught.value.path == str(second)
     second.write_bytes(content)
-    assert bits(mi.read_study(stores[0]).table) == bits(run_study(study))
+    assert bits(mi.load(stores[0]).table) == bits(run_study(study))
 
 
 def test_a_pipe_in_place_of_a_file(store):
@@ -213,7 +213,7 @@ def test_a_pipe_in_place_of_a_file(store):
         content = path.read_bytes()
         path.unlink()
         os.mkfifo(path)
-        for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+        for read in (mi.load, lambda store: run_study(STUDY, store=store)):
             with pytest.raises(mi.InvalidFile, match="is a pipe, a socket or a device"):
                 read(store)
         assert path.is_fifo()
@@ -291,7 +291,7 @@ def test_what_is_no_study_cannot_be_read(tmp_path, content):
     if content is not None:
         (tmp_path / "study.json").write_text(content)
     with pytest.raises(mi.InvalidFile, match="holds no study"):
-        mi.read_study(tmp_path)
+        mi.load(tmp_path)
 
 
 def rewrite(store, **changes):
@@ -312,7 +312,7 @@ def test_another_format_is_refused(store, number, remedy):
     with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
         run_study(STUDY, store=store)
     with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
-        mi.read_study(store)
+        mi.load(store)
 
 
 def test_a_full_disk_leaves_the_chunks_before(store):
@@ -327,7 +327,7 @@ def test_a_full_disk_leaves_the_chunks_before(store):
             run_study(STUDY, store=store, progress=fill, workers=1, chunk=3)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert 9 <= mi.read_study(store).done < 30
+    assert 9 <= mi.load(store).done < 30
     assert bits(run_study(STUDY, store=store)) == bits(run_study(STUDY))
 
 
@@ -363,7 +363,7 @@ def test_a_second_process_is_refused_and_readers_are_not(forking, store):
     told = f"is in use by process {process.pid} on "
     with pytest.raises(mi.InvalidFile, match=f"{store}: {told}"):
         run_study(quick, store=store)
-    seen = mi.read_study(store)
+    seen = mi.load(store)
     assert 8 <= seen.done == len(seen.table) < 1000
     process.kill()
     process.join()
@@ -425,7 +425,7 @@ def test_the_modules_of_studies_import_where_there_is_no_fcntl():
 
 def test_other_versions_are_reported(store, caplog):
     broken_off(STUDY, store, 10, chunk=3)
-    rewrite(store, versions={**mi.read_study(store).attrs["versions"], "numpy": "1.26.0"})
+    rewrite(store, versions={**mi.load(store).attrs["versions"], "numpy": "1.26.0"})
     run_study(STUDY, store=store)
     assert "numpy is '1.26.0' there" in caplog.text
 
@@ -449,7 +449,10 @@ def test_other_programs_read_the_chunks(store):
 
 def test_without_pyarrow_it_is_said_how_to_get_it(store, monkeypatch):
     monkeypatch.setattr(parquet, "find_spec", lambda name: None)
-    for use in (lambda: run_study(STUDY, store=store), lambda: mi.read_study(store)):
-        with pytest.raises(mi.InvalidParameter, match=r"pip install 'mems-impact\[parquet\]'"):
-            use()
+    remedy = r"pip install 'mems-impact\[parquet\]'"
+    with pytest.raises(mi.InvalidParameter, match=remedy):
+        run_study(STUDY, store=store)
     assert not store.exists()
+    store.mkdir(parents=True)
+    with pytest.raises(mi.InvalidParameter, match=remedy):
+        mi.load(store)
