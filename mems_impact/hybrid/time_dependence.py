@@ -11,7 +11,7 @@ from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-__all__ = ["reads_time", "time_error"]
+__all__ = ["Argument", "reads_time", "time_error"]
 
 TIME_POSITION = 1  # of t among the arguments (mode, t, y, p)
 PASSING = ("binop", "inplace_binop", "unary", "cast", "phi")  # results that depend on time as well

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.definition import Definition, moves
+from mems_impact.hybrid.definition import Definition, forcing, moves
 from mems_impact.hybrid.diagnostics.user_functions import (
     CheckedFunctions,
     DomainError,
@@ -25,7 +25,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     UserFunction,
 )
 from mems_impact.hybrid.simulation import Trajectory
-from mems_impact.hybrid.time_dependence import reads_time
+from mems_impact.hybrid.time_dependence import Argument, reads_time
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number
 from mems_impact.systems.validation import loaded, reachable_functions
@@ -37,6 +37,7 @@ CONSECUTIVE_PERIODS = 64  # compared for motions without an end, before 2^n peri
 MAX_DOUBLINGS = 20
 GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples, less whole numbers, are spread evenly
 VALUE_RTOL = 1e-6  # difference of periodic values, relative to the largest
+ROUNDING_RTOL = 1e-13  # of a value that is zero but for rounding, relative to the largest
 DRIFT = 2e-7  # of a period per period: error of a period, within which values may differ
 PHASES = 32  # compared along a run
 STATES = 16  # states of a run at which functions are compared
@@ -94,7 +95,10 @@ def time_functions(checked: CheckedFunctions, *, motion: bool) -> Iterator[TimeF
             if getattr(guard, kind) is not None:
                 function = UserFunction(kind, getattr(guard, kind), guard.name)
                 found.append(TimeFunction(function, change(kind, i), guard.modes))
-    return (each for each in found if reads_time(each.function.call))
+    periodic: set[Argument] = set()  # A function that reads t only by the forcing is periodic.
+    for forced in forcing(definition) if not motion else ():
+        reads_time(forced, periodic)
+    return (each for each in found if reads_time(each.function.call, set(periodic)))
 
 
 # --- Systems without a period
@@ -211,7 +215,7 @@ def _compare(
         ]
         for i, phase, n in _differences(checked, each.function.call, places, pairs, period):
             try:
-                _compare_at(system, each, places[i], phase, n, period)
+                _compare_at(system, each, places[i], phase, n, period, places)
             except DomainError:
                 continue
 
@@ -262,6 +266,7 @@ def _compare_at(
     phase: float,
     cycle: int,
     period: float,
+    places: Sequence[EvaluationPoint],
 ) -> None:
     early, late = phase * period, (cycle + phase) * period
     one, other = each.values(at._replace(t=early)), each.values(at._replace(t=late))
@@ -271,6 +276,7 @@ def _compare_at(
     # The period may be rounded, and a phase lie at a jump.
     shift = min(DRIFT * cycle, 0.01) * period
     beside = [each.values(at._replace(t=early + sign * shift)) for sign in (-1.0, 1.0)]
+    size += ROUNDING_RTOL * max(_largest(each, place._replace(t=early)) for place in places)
     for i, (a, b) in enumerate(zip(one, other, strict=True)):
         room = size + 2.0 * max(abs(values[i] - a) for values in beside)
         if abs(a - b) > room:
@@ -281,3 +287,11 @@ def _compare_at(
             )
             remedy = "give the period of the forcing, or simulate the system without one"
             raise each.function.error(problem, remedy)
+
+
+def _largest(each: TimeFunction, at: EvaluationPoint) -> float:
+    """Return the largest magnitude of the values of a function at a point, 0 if it has none."""
+    try:
+        return max(map(abs, each.values(at)))
+    except DomainError:
+        return 0.0

@@ -244,3 +244,75 @@ def test_a_body_with_friction_slides_along_the_line_that_its_control_holds():
     assert run.events["t"].tolist() == pytest.approx([t], rel=1e-9)
     assert run.final.mode == "sliding-backward"
     assert run.final.x == pytest.approx(1.7 * t * math.exp(t - 4.0), rel=1e-8)
+
+
+@pytest.mark.parametrize(("a", "b", "meets"), [(1.6, 1.3, False), (1.05, 1.1, True)])
+def test_an_orbit_slides_on_two_surfaces_for_parts_of_its_period(a, b, meets):
+    def flow(mode, t, y, p):
+        return p.a * math.cos(t) - mode.sx, p.b * math.sin(t + 0.4) - mode.sy, y.x - 0.3 * y.z
+
+    system = mi.System(
+        states=("x", "y", "z"), flow=flow, period=2.0 * math.pi, parameters={"a": a, "b": b},
+        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")],
+    )  # fmt: skip
+    orbit = mi.find_orbit(mi.simulate(system, periods=40, options=PLAIN))
+    events = orbit.events.set_index("event")
+    # The flow of one side is tangent where the cosine and the sine have the size of the jump.
+    left = [math.acos(-1.0 / a), 2.0 * math.pi - math.acos(1.0 / a)]
+    assert events["t"]["sx leaves down"] == pytest.approx(left[0], abs=1e-9)
+    assert events["t"]["sx leaves up"] == pytest.approx(left[1], abs=1e-9)
+    assert events["t"]["sy leaves up"] == pytest.approx(math.asin(1.0 / b) - 0.4, abs=1e-9)
+    assert ("sliding-sliding" in set(events["mode after"])) == meets
+    assert sorted(abs(orbit.multipliers)) == pytest.approx(
+        [0.0, 0.0, math.exp(-0.6 * math.pi)], abs=1e-9
+    )
+
+
+def test_a_limit_cycle_lies_on_an_intersection():
+    def flow(mode, t, y, p):
+        growth = p.mu - y.z * y.z - y.w * y.w
+        return (
+            0.5 - 2.0 * mode.sx,
+            1.0 - 3.0 * mode.sy + 0.1 * y.z,
+            growth * y.z - y.w + 0.3 * (0.25 - mode.sx),
+            growth * y.w + y.z,
+        )
+
+    system = mi.System(
+        states=("x", "y", "z", "w"), flow=flow, parameters={"mu": 0.5},
+        initial={"x": 1.0, "y": 1.0, "z": 0.5},
+        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")],
+    )  # fmt: skip
+    cycle = mi.find_orbit(system, transient=5, options=PLAIN)
+    # The mean of sgn x is 1/4: the normal form of a Hopf bifurcation remains.
+    assert cycle.period == pytest.approx(2.0 * math.pi, abs=1e-9)
+    assert max(abs(cycle.multipliers)) == pytest.approx(math.exp(-2.0 * math.pi), abs=1e-9)
+    assert cycle.stable
+
+
+def test_equilibria_on_an_intersection_have_the_eigenvalues_of_the_motion_along_it():
+    def flow(mode, t, y, p):
+        return (
+            0.5 - 2.0 * mode.sx + 0.1 * y.w,
+            1.0 - 3.0 * mode.sy + 0.1 * y.z,
+            p.u - 0.7 * y.z + y.w + 0.4 * mode.sx,
+            0.2 * mode.sy - 0.5 * y.w - y.z * y.z,
+        )
+
+    system = mi.System(
+        states=("x", "y", "z", "w"), flow=flow, parameters={"u": 0.3},
+        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")],
+    )  # fmt: skip
+    (rest,) = mi.find_equilibria(system, modes=["sliding-sliding"])
+    z, w = rest.state.z, rest.state.w
+    # With the means (0.5 + 0.1 w)/2 and (1 + 0.1 z)/3 of the signs.
+    assert 0.4 - 0.7 * z + 1.02 * w == pytest.approx(0.0, abs=1e-9)
+    assert 0.2 / 3.0 + 0.02 / 3.0 * z - 0.5 * w - z * z == pytest.approx(0.0, abs=1e-9)
+    fold = mi.continue_equilibrium(rest, "u", stop=-1.0).special_points[0]
+    trace, product = -1.2, 0.35 + 1.02 * (2.0 * z - 0.02 / 3.0)
+    assert sum(rest.eigenvalues) == pytest.approx(trace, abs=1e-9)
+    assert math.prod(rest.eigenvalues) == pytest.approx(product, abs=1e-9)
+    z = 0.5 * (0.02 / 3.0 - 0.35 / 1.02)  # where the product is zero
+    w = 2.0 * (0.2 / 3.0 + 0.02 / 3.0 * z - z * z)
+    assert fold.label == "LP"
+    assert fold.value == pytest.approx(0.7 * z - 1.02 * w - 0.1, abs=1e-9)
