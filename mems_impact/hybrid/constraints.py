@@ -58,14 +58,14 @@ def slope(i: int, j: int, n: int) -> str:
     return f"({' + '.join(terms)})"
 
 
-def elimination(k: int) -> list[str]:
+def elimination(k: int, redundant: str = REDUNDANCY_RTOL) -> list[str]:
     """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
 
     Unknowns of redundant equations are zero.
     """
     lines = [f"size{i} = g{i}_{i}" for i in range(k)]
     for i in range(k):
-        lines.append(f"alone{i} = g{i}_{i} > {REDUNDANCY_RTOL} * size{i}")
+        lines.append(f"alone{i} = g{i}_{i} > {redundant} * size{i}")
         lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
         for j in range(i + 1, k):
             lines.append(f"share = g{i}_{j} * inverse{i}")

@@ -211,6 +211,7 @@ class System(HybridSystem):
                 parameters=tuple(self._parameters),
                 masses=masses or {},
                 guards=guards,
+                time_scale=next(each for each in (time_scale, period, 1.0) if each is not None),
             )
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())

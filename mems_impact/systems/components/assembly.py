@@ -67,6 +67,7 @@ class FlowWriter:
     masses : mapping of str to Quantity
     flow : callable
         ``flow(mode, t, y, p)``, with the modes of the parts by name.
+    time_scale : Quantity
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class FlowWriter:
         parameters: tuple[str, ...],
         masses: Mapping[str, Quantity],
         flow: Callable[..., Any],
+        time_scale: Quantity,
     ) -> None:
         self.parts, self.states = parts, states
         self.counts = [len(part.modes) for part in parts]
@@ -122,7 +124,8 @@ class FlowWriter:
             if isinstance(part, SwitchingSurface)
         ]
         size = len(states) + len(self.holding.force_index)
-        self.sliding = Sliding(surfaces, self.strides, self.count, size, len(states))
+        scale = self.names[0].value("time_scale", time_scale)
+        self.sliding = Sliding(surfaces, self.strides, self.count, size, len(states), scale)
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
         """Return the lines that split a mode into the modes of the parts."""
@@ -457,6 +460,7 @@ def assemble(
     parameters: tuple[str, ...],
     masses: Mapping[str, Quantity],
     guards: Sequence[Guard],
+    time_scale: Quantity,
 ) -> AssembledSystem:
     """Assemble parts and a flow.
 
@@ -470,6 +474,7 @@ def assemble(
         Masses by velocity.
     guards : sequence of Guard
         The user's guards, which read the modes of the parts by name.
+    time_scale : Quantity
 
     Raises
     ------
@@ -477,7 +482,7 @@ def assemble(
         If parts and system do not fit together.
     """
     check(parts, flow, states, masses, guards)
-    text = FlowWriter(parts, states, parameters, masses, flow)
+    text = FlowWriter(parts, states, parameters, masses, flow, time_scale)
     driven = {sides.velocity for _, _, sides in text.contacts}
     for names, _, sides in text.contacts:
         if sides.other_velocity in driven and sides.other_mass is None:
@@ -541,6 +546,7 @@ def assemble(
                 condition=True,
             )
         )
+    assembled += text.sliding.guards()
     for i, guard in enumerate(guards):
         functions: dict[str, Any] = {
             role: space.get(f"users_{role}_{i}")

@@ -10,6 +10,9 @@ The intersection holds the state if no motion leads away from it: into a region,
 its surfaces, where these hold the state themselves. The *room* of a mode is the least distance of
 all these motions from leaving, a rate: for one surface the lesser of the speeds at which the two
 flows approach it. Its zero is an exit, which leads into the motion that leaves.
+
+An exit is not unique if a second motion leaves within `EXIT_SPAN`. Two more changes end sliding on
+an intersection: the combinations become several velocities, and a spiral around it expands.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.constraints import elimination
 from mems_impact.hybrid.definition import function, indented
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
@@ -35,7 +39,10 @@ ALL_SURFACES = -2  # in place of a part whose mode is given
 START = -2  # in place of the part of an event
 ONE_SURFACE = "make them one SwitchingSurface, whose mode the flow reads for both"
 PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that coincide
-UNIQUE_RTOL = "1e-8"  # relative difference of the velocities of one motion
+UNIQUE_RTOL = "2e-7"  # relative difference of the velocities of one motion
+ROW_RTOL = "1e-14"  # square of it, below which a row of the symmetric system is redundant
+EXIT_SPAN = 1e-8  # time scales within which two exits are one event
+EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding error
 
 
 class Sliding:
@@ -53,6 +60,8 @@ class Sliding:
         Number of values that ``field`` returns: derivatives of the states, and forces.
     n : int
         Number of states.
+    time_scale : str
+        An expression.
     """
 
     def __init__(
@@ -62,8 +71,10 @@ class Sliding:
         modes: int,
         size: int,
         n: int,
+        time_scale: str,
     ) -> None:
         self.surfaces, self.modes, self.size, self.n = surfaces, modes, size, n
+        self.time_scale = time_scale
         self.digits = [names.mode for names, _ in surfaces]
         self.strides = [strides[names.number] for names, _ in surfaces]
         self.k = len(surfaces)
@@ -73,6 +84,15 @@ class Sliding:
     def count(self) -> str:
         """The number of surfaces on which a mode slides, as an expression."""
         return " + ".join(f"({digit} == {SLIDING})" for digit in self.digits)
+
+    @property
+    def region(self) -> str:
+        """The mode of a region beside an intersection, as an expression."""
+        steps = (
+            f"({digit} == {SLIDING}) * {(ABOVE - SLIDING) * stride}"
+            for digit, stride in zip(self.digits, self.strides, strict=True)
+        )
+        return " + ".join(["mode", *steps])
 
     def beside(self, name: str) -> str:
         """Return the mode with the digits ``name0``, ``name1``, … of the surfaces."""
@@ -120,10 +140,10 @@ class Sliding:
             [*self.digit_lines(), *lines, f"return ({', '.join(mixed)},)"],
         )
 
-    def is_unique(self) -> str:
-        """Return the source of the test whether all combinations have one velocity.
+    def ambiguity(self) -> str:
+        """Return the source of the difference between velocities of combinations, over its limit.
 
-        That is, whether a generic sum of the derivatives of the states depends linearly on the rows
+        There is none if a generic sum of the derivatives of the states depends linearly on the rows
         of the symmetric system.
         """
         rows, columns = range(self.k + 1), range(self.n)
@@ -134,24 +154,85 @@ class Sliding:
             f"w{j} = {weight(j)!r} / math.sqrt(size{j}) if size{j} > 0.0 else 0.0" for j in columns
         ]
         generic = f"value = {' + '.join(f'w{j} * d[{j}]' for j in columns)}"
-        lines += [f"g{i}_{j} = 0.0" for i, j in self.gram()] + [f"r{i} = 0.0" for i in rows]
-        adds = [generic, *(f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram())]
-        adds += [f"r{i} += l{i} * value" for i in rows]
-        lines += [*self.flows(), *indented(indented(adds)), *elimination(self.k + 1)]
-        explained = " + ".join(f"f{i} * l{i}" for i in rows)
-        adds = [generic, f"rest = value - ({explained})", "error += rest * rest"]
+        rest = [generic, f"rest = value - ({' + '.join(f'sum{i} * l{i}' for i in rows)})"]
+        lines += [f"sum{i} = 0.0" for i in rows]
+        fit = [f"g{i}_{j} = 0.0" for i, j in self.gram()] + [f"r{i} = 0.0" for i in rows]
+        adds = [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
+        adds += [f"r{i} += l{i} * rest" for i in rows]
+        fit += [
+            *self.flows(),
+            *indented(indented([*rest, *adds])),
+            *elimination(self.k + 1, ROW_RTOL),
+        ]
+        fit += [f"sum{i} += f{i}" for i in rows]
+        lines += ["for _ in range(2):", *indented(fit)]  # the second time for rounding errors
+        adds = [*rest, "error += rest * rest"]
         lines += ["error = 0.0", *self.flows(), *indented(indented(adds))]
-        lines.append(f"return error <= {UNIQUE_RTOL} * {UNIQUE_RTOL} * {self.n}.0")
-        return function("is_unique(mode, t, y, p)", [*self.digit_lines(), *lines])
+        lines.append(f"return math.sqrt(error / {self.n}.0) / {UNIQUE_RTOL}")
+        return function("ambiguity(mode, t, y, p)", [*self.digit_lines(), *lines])
+
+    def spiral(self) -> str:
+        """Return the source of the contraction of a spiral around two surfaces.
+
+        Between -1 and 1, negative if the spiral expands; 1 if there is no spiral. The flow of each
+        region approaches one surface and departs from the other.
+        """
+        lines = ["one, two = 0.0, 0.0"]
+        for i, j in itertools.combinations(range(self.k), 2):
+            outward = (f"(1 - 2 * side{a}) * l{a + 1}" for a in (i, j))
+            lines += [
+                f"if {self.digits[i]} == {SLIDING} and {self.digits[j]} == {SLIDING}:",
+                f"    one, two = {', '.join(outward)}",
+                f"    if side{i} != side{j}:",
+                "        one, two = two, one",
+            ]
+        lines += ["left *= one", "right *= two", "turns += (one < 0.0 < two) - (two < 0.0 < one)"]
+        return function(
+            "spiral(mode, t, y, p)",
+            [
+                *self.digit_lines(),
+                f"if {self.count} != 2:",
+                "    return 1.0",
+                "left, right, turns = 1.0, 1.0, 0",
+                *self.flows(),
+                *indented(indented(lines)),
+                "if abs(turns) < 4:",
+                "    return 1.0",
+                "return (left - right) / (left + right) * (1 if turns > 0 else -1)",
+            ],
+        )
+
+    def lapse(self) -> tuple[str, str]:
+        """Return the sources of margin and transition of the end of unique sliding."""
+        if self.k < 2:
+            return "", ""
+        margin = function(
+            "lapse_margin(mode, t, y, p)",
+            [
+                # Constant, so that rounding errors have no closest approach.
+                "one = max(ambiguity(mode, t, y, p), 0.5)",
+                "return min(1.0 - one, spiral(mode, t, y, p))",
+            ],
+        )
+        return margin, function(
+            "lapse(mode, t, y, p)",
+            [
+                *self.digit_lines(),
+                "other = mode",
+                "if spiral(mode, t, y, p) < 0.5:",
+                f"    other = {self.region}",
+                f"return {NO_FIT - 1} - mode * {self.modes} - other, y",
+            ],
+        )
 
     def rooms(self) -> list[str]:
         """Return the sources of ``room_1``, … for modes that slide on up to so many surfaces.
 
-        ``room_1(mode, which, side, t, y, p)`` returns the least distance of a motion from leaving,
-        and its mode: of all motions if `which` is -1, else of those that leave the surface with
-        this number to this side.
+        ``room_1(mode, which, side, but, t, y, p)`` returns the least distance of a motion from
+        leaving, and its mode: of all motions if `which` is -1, else of those that leave the surface
+        with this number to this side; in any mode except `but`.
         """
-        sources = [function("room_0(mode, which, side, t, y, p)", ["return math.inf, mode"])]
+        sources = [function("room_0(mode, which, side, but, t, y, p)", ["return math.inf, mode"])]
         for most in range(1, self.k + 1):
             lines = ["least, exit = math.inf, mode"]
             free = " + ".join(f"(other{i} == {SLIDING})" for i in range(self.k))
@@ -162,7 +243,7 @@ class Sliding:
             body = [
                 f"near = {self.beside('other')}",
                 "x = slopes(near, t, y, p)",
-                f"leads, _ = room_{most - 1}(near, -1, 0, t, y, p)",
+                f"leads, _ = room_{most - 1}(near, -1, 0, -1, t, y, p)",
             ]
             for i, (names, part) in enumerate(self.surfaces):
                 along = part.along(names, "x")
@@ -170,17 +251,49 @@ class Sliding:
                     f"if {names.mode} == {SLIDING} and other{i} != {SLIDING}:",
                     f"    leads = min(leads, {along} if other{i} == {ABOVE} else -({along}))",
                 ]
-            body += ["if not -leads >= least:", "    least, exit = -leads, near"]  # nan too
+            body += [
+                "if near != but and not -leads >= least:",  # nan too
+                "    least, exit = -leads, near",
+            ]
             inner = [f"if {free} < {self.count}{asked}:", *indented(body)]
             lines += [*self.around("other", 3), *indented(indented(inner)), "return least, exit"]
             if most > 1:
-                fewer = f"return room_{most - 1}(mode, which, side, t, y, p)"
+                fewer = f"return room_{most - 1}(mode, which, side, but, t, y, p)"
                 lines = [f"if {self.count} < {most}:", f"    {fewer}", *lines]
-            name = f"room_{most}(mode, which, side, t, y, p)"
+            name = f"room_{most}(mode, which, side, but, t, y, p)"
             sources.append(function(name, [*self.digit_lines(), *lines]))
-        call = f"room_{self.k}(mode, number, side, t, y, p)"
+        call = f"room_{self.k}(mode, number, side, -1, t, y, p)"
         lines = [f"least, _ = {call}", "return least"]
-        return [*sources, function("exit_room(mode, number, side, t, y, p)", lines)]
+        room = function("exit_room(mode, number, side, t, y, p)", lines)
+        return [*sources, room, self.two_exits()]
+
+    def two_exits(self) -> str:
+        """Return the source that finds two motions that leave, as a code, or -1.
+
+        They leave soon after, along the motion that slides or, where two tangencies meet and its
+        direction is undetermined, along the mean of the flows.
+        """
+        columns = range(self.n)
+        adds = ["count += 1", *(f"v{j} += d[{j}]" for j in columns)]
+        ahead = ", ".join(f"y[{j}] + span * v{j}" for j in columns)
+        call = f"room_{self.k}(mode, -1, 0, {{}}, t + span, near, p)"
+        lines = [
+            "for way in range(2):",
+            f"    count, span = 1, {EXIT_SPAN!r} * ({self.time_scale})",
+            "    x = slopes(mode, t, y, p)",
+            *indented([f"v{j} = x[{j}]" for j in columns]),
+            "    if way == 1:",
+            *indented(indented(["count = 0", *(f"v{j} = 0.0" for j in columns)])),
+            *indented(indented([*self.flows(), *indented(indented(adds))])),
+            "    span /= count",
+            f"    near = State({ahead})",
+            f"    first, one = {call.format('-1')}",
+            "    if first < 0.0:",
+            f"        second, two = {call.format('one')}",
+            f"        if second < {EXIT_RATIO!r} * first:",
+            f"            return one * {self.modes} + two",
+        ]
+        return function("two_exits(mode, t, y, p)", [*self.digit_lines(), *lines, "return -1"])
 
     def sources(self) -> tuple[list[str], list[str]]:
         """Return the sources of functions that ``slopes`` calls, and that call it."""
@@ -193,7 +306,8 @@ class Sliding:
         if not self.surfaces:
             return [self.verdict()]
         slides = function("slides(mode)", [*self.digit_lines(), f"return {self.count}"])
-        several = [slides, self.is_unique(), self.coincidence()] if self.k > 1 else []
+        several = [slides, self.ambiguity(), self.spiral(), *self.lapse()] if self.k > 1 else []
+        several += [self.coincidence()] if self.k > 1 else []
         return [self.rival(), *several, self.verdict()]
 
     def exit(self) -> list[str]:
@@ -208,7 +322,7 @@ class Sliding:
         ]
         for names, _ in self.surfaces:
             inside = f"{names.fired} and own >= 0 and {names.last} == {SLIDING}"
-            call = f"room_{self.k}(mode, {names.number}, own, t, y, p)"
+            call = f"room_{self.k}(mode, {names.number}, own, -1, t, y, p)"
             lines += [f"if {inside}:", f"    _, exit = {call}"]
         return lines
 
@@ -241,7 +355,7 @@ class Sliding:
         lines = []
         if self.k > 1:
             lines += [
-                "if slides(mode) > 1 and not is_unique(mode, t, y, p):",
+                "if slides(mode) > 1 and ambiguity(mode, t, y, p) > 1.0:",
                 f"    return {NO_FIT - 1} - mode * {self.modes + 1}",
             ]
         if self.surfaces:
@@ -250,6 +364,10 @@ class Sliding:
                 "    other = rival(mode, before, fired, jumped, t, y, p)",
                 "    if other >= 0:",
                 f"        return {NO_FIT - 1} - mode * {self.modes} - other",
+                f"if own >= 0 and ({' or '.join(names.fired for names, _ in self.surfaces)}):",
+                "    pair = two_exits(before, t, y, p)",
+                "    if pair >= 0:",
+                f"        return {NO_FIT - 1} - pair",
             ]
         return function(
             "verdict(mode, before, fired, own, jumped, t, y, p)", [*lines, "return mode"]
@@ -292,7 +410,21 @@ class Sliding:
         """Return the lines of variables in the conditions of the modes of surfaces."""
         if not self.surfaces:
             return []
-        return [*self.contact("before"), f"room, _ = room_{self.k}(mode, -1, 0, t, y, p)"]
+        return [*self.contact("before"), f"room, _ = room_{self.k}(mode, -1, 0, -1, t, y, p)"]
+
+    def guards(self) -> list[Guard]:
+        """Return the guard of the end of unique sliding, after the sources have been executed."""
+        sliding = [
+            mode
+            for mode in range(self.modes)
+            if sum(mode // stride % 3 == SLIDING for stride in self.strides) > 1
+        ]
+        if not sliding:
+            return []
+        names, part = self.surfaces[0]
+        margin, lapse = names.space["lapse_margin"], names.space["lapse"]
+        name = f"{part.name} lapses"
+        return [Guard(name, margin, lapse, modes=tuple(sliding), condition=True)]
 
     def motions(self, states: tuple[str, ...], modes: tuple[str, ...]) -> SlidingMotions:
         """Return the motions of a state, after the sources have been executed."""
@@ -336,6 +468,8 @@ class Sliding:
         ]
         digits = [f"other{i} = other // {3**i} % 3" for i in range(self.k)]
         loop = [f"for other in range({3**self.k}):", *indented([*digits, *body])]
+        if self.k > 1:
+            loop += ["if spiral(mode, t, y, p) < 0.0:", f"    return {self.region}"]
         return function(
             "rival(mode, before, fired, jumped, t, y, p)",
             [*self.digit_lines(), "own = slopes(mode, t, y, p)", *loop, "return -1"],

@@ -268,6 +268,7 @@ def test_an_orbit_slides_on_two_surfaces_for_parts_of_its_period(a, b, meets):
     )
 
 
+@pytest.mark.slow
 def test_a_limit_cycle_lies_on_an_intersection():
     def flow(mode, t, y, p):
         growth = p.mu - y.z * y.z - y.w * y.w
@@ -316,3 +317,104 @@ def test_equilibria_on_an_intersection_have_the_eigenvalues_of_the_motion_along_
     w = 2.0 * (0.2 / 3.0 + 0.02 / 3.0 * z - z * z)
     assert fold.label == "LP"
     assert fold.value == pytest.approx(0.7 * z - 1.02 * w - 0.1, abs=1e-9)
+
+
+def repelled(mode, t, y, p):
+    return (y.z - 1.0) * mode.sx, -1.0 * mode.sy, 1.0
+
+
+def fused(mode, t, y, p):  # where z > 1/2, each axis may leave as long as the other does not
+    brake = 0.8 * max(0.0, y.z - 0.5)
+    return (
+        y.z - mode.sx - brake * (1.0 + mode.sy),
+        y.z - mode.sy - brake * (1.0 + mode.sx),
+        1.0,
+    )
+
+
+def expanding(mode, t, y, p):  # a spiral that contracts where z < 1
+    return 2.0 * mode.sy - (1.0 - y.z) * mode.sx, -2.0 * mode.sx - (1.0 - y.z) * mode.sy, 1.0
+
+
+def branching(mode, t, y, p):  # from z = 1 the velocity along z depends on the mean of a product
+    return -1.0 * mode.sx, -1.0 * mode.sy, 1.0 + max(0.0, y.z - 1.0) * mode.sx * mode.sy
+
+
+@pytest.mark.parametrize(
+    ("flow", "end", "motions"),
+    [
+        (repelled, 1.0, ("above-sliding", "below-sliding")),
+        (fused, 1.75, ("sliding-above", "above-sliding")),
+        (expanding, 1.0, ("sliding-sliding", "above-above")),
+        (branching, 1.0, ("sliding-sliding", "sliding-sliding")),
+    ],
+)
+def test_sliding_that_ceases_to_be_unique_is_an_error_with_two_motions(flow, end, motions):
+    one, other = motions
+    with pytest.raises(mi.RunError, match=rf"not unique.*'{one}'.*'{other}'") as error:
+        mi.simulate(crossing(flow, {"x": 0.3, "y": 0.2, "z": -1.0}), duration=6.0, options=PLAIN)
+    assert error.value.state["z"] == pytest.approx(end, abs=1e-6)
+
+
+def test_a_motion_that_slides_into_a_two_fold_is_not_unique_from_there():
+    # Both flows are tangent at y = z = 0, a node of the sliding flow y' = z - 2 y, z' = y - 2 z
+    # but for a positive factor.
+    def flow(mode, t, y, p):
+        return (-y.y, 1.0, -2.0) if mode.line > 0 else (y.z, -2.0, 1.0)
+
+    node = mi.System(
+        states=("x", "y", "z"), flow=flow, initial={"x": 0.01, "y": 0.8, "z": 1.7},
+        parts=[mi.SwitchingSurface("line", "x")],
+    )  # fmt: skip
+    with pytest.raises(mi.RunError, match=r"not unique.*'below'.*'above'"):
+        mi.simulate(node, duration=9.0, options=PLAIN)
+
+
+def test_equal_axes_leave_an_intersection_together():
+    def flow(mode, t, y, p):
+        return y.z - mode.sx, y.z - mode.sy, 1.0
+
+    run = mi.simulate(crossing(flow, {"x": 0.5, "y": 0.3}), duration=4.0, options=PLAIN)
+    # From z = 1 both grow with z - 1.
+    assert (run.final.x, run.final.y) == pytest.approx((4.5, 4.5), rel=1e-9)
+
+
+def unit_circle(t, y, p):
+    return y.x * y.x + y.y * y.y - 1.0
+
+
+def along_circle(t, y, d, p):
+    return 2.0 * y.x * d.x + 2.0 * y.y * d.y
+
+
+def test_a_state_slides_on_a_circle_and_on_its_intersections():
+    wall = mi.SwitchingSurface("wall", unit_circle, rate=along_circle)
+
+    def flow(mode, t, y, p):  # the mean of the sign of the wall is 0.3 on it
+        radial = 0.3 - mode.wall
+        return y.y + radial * y.x, radial * y.y - y.x, -2.0 * mode.sz + mode.wall
+
+    system = mi.System(
+        states=("x", "y", "z"), flow=flow, initial={"x": 0.5, "z": 0.4},
+        parts=[wall, mi.SwitchingSurface("sz", "z")],
+    )  # fmt: skip
+    run = mi.simulate(system, duration=5.0, options=PLAIN)
+    # Inside r' = 1.3 r and z' = -3 until z = 0, where the mean of its sign is -1/2, later 0.15.
+    assert run.events["t"].tolist() == pytest.approx([0.4 / 3.0, math.log(2.0) / 1.3], rel=1e-9)
+    assert run.final.mode == "sliding-sliding"
+    assert (run.final.x, run.final.y) == pytest.approx((math.cos(5.0), -math.sin(5.0)), abs=1e-9)
+
+
+def test_three_surfaces_through_a_line_hold_a_state_there():
+    def flow(mode, t, y, p):
+        push = 0.3 - mode.a - 0.5 * mode.c, -0.2 - mode.b - 0.4 * mode.c
+        return *push, 1.0 + 2.0 * push[0]
+
+    parts = [mi.SwitchingSurface("a", "x"), mi.SwitchingSurface("b", "y"),
+             mi.SwitchingSurface("c", {"x": 1.0, "y": 1.0})]  # fmt: skip
+    system = mi.System(states=("x", "y", "z"), flow=flow, initial={"x": 1.0, "y": 0.7}, parts=parts)
+    run = mi.simulate(system, duration=4.0, options=PLAIN)
+    assert run.final.mode == "sliding-sliding-sliding"
+    # The line holds x, and z - 2 x grows with one.
+    assert (run.final.x, run.final.y) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert run.final.z == pytest.approx(4.0 + 2.0 * (0.0 - 1.0), rel=1e-9)
