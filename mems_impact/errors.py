@@ -271,7 +271,7 @@ class FileNotWritten(MemsImpactError):
     Parameters
     ----------
     path : str or os.PathLike
-        The file. An earlier version of it is unchanged.
+        The file. An earlier version of the file is unchanged.
     reason : str
         The problem.
     remedy : str
@@ -705,7 +705,7 @@ class ScaleWarning(UserWarning):
 class StartWarning(UserWarning):
     """A motion starts where a guard with a state transition has a negative margin, or may part.
 
-    It may part on a switching surface from which the flow leads away to both sides.
+    The motion may part on a switching surface from which the flow leads away to both sides.
 
     See Also
     --------
@@ -732,7 +732,7 @@ class StartWarning(UserWarning):
 
 
 class TransientWarning(UserWarning):
-    """The statistics of a run still change: they are those of a transient.
+    """The statistics of a run still change: they belong to a transient.
 
     See Also
     --------

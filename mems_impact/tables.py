@@ -93,7 +93,7 @@ class Labels(Protocol):
         """Units by heading; no entry for a pure number."""
 
     def out(self, heading: str, value: Any) -> Any:
-        """Convert a value from the units of the numerics to those of the heading."""
+        """Convert a value from the units of the numerics to the units of the heading."""
 
     @property
     def forced(self) -> bool:
@@ -171,7 +171,7 @@ def _version() -> str:
 
 
 def unit_of(heading: str, units: Mapping[str, str]) -> str:
-    """Return the unit of a column: ``v2 before`` and ``v2 3`` have that of ``v2``."""
+    """Return the unit of a column: ``v2 before`` and ``v2 3`` have the unit of ``v2``."""
     return units.get(name_of(heading, units), "")
 
 
@@ -198,7 +198,7 @@ def with_units(table: pd.DataFrame) -> pd.DataFrame:
 def without_units(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table with units in ``attrs`` instead of its headings: the inverse of `with_units`.
 
-    A table without units in its headings is returned as it is.
+    A table without units in its headings is returned unchanged.
     """
     pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in table.columns}
     headings = {name: (match[1], match[2]) for name, match in pairs.items() if match}
@@ -250,7 +250,7 @@ def event_codes(log: Events, automaton: Automaton) -> NDArray[np.int64]:
 
 
 def is_shown(log: Events) -> NDArray[np.bool_]:
-    """Return a mask of the rows of the log that are events to a user: those that end an arc."""
+    """Return a mask of the rows of the log that end an arc, the events to a user."""
     mask: NDArray[np.bool_] = np.isin(
         log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH)
     )
@@ -442,7 +442,7 @@ def _column(values: list[Any]) -> Any:
 
 
 def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the columns that describe orbits, those of their location first."""
+    """Return the columns that describe orbits, the location first."""
     leading = ("value", "values", "label", "kind", "criticality", "type", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in leading]
     columns: dict[str, Any] = {name: _column([row[name] for row in rows]) for name in names}
@@ -632,7 +632,7 @@ def sweep_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns of `sweep`, one row per crossing of the section.
 
-    The parameters are those of `sweep`.
+    Parameters are as in `sweep`.
     """
     count = number_column(labels)
     crossings = [len(point["section"].get(count, ())) for point in points]

@@ -48,7 +48,7 @@ def discontinuity(function: Callable[[float], Floats], begin: float, end: float)
     Parameters
     ----------
     function : callable
-        Its values are of order one.
+        Function with values of order one.
     begin, end : float
     """
     first, last = function(begin), function(end)

@@ -36,7 +36,7 @@ _NO_FILE = "is a pipe, a socket or a device, not a file"
 
 
 def file_path(path: object, allowed: str = "the path of a file", field: str = "path") -> str:
-    """Return a path as text; raise InvalidParameter for what no file system takes as a path."""
+    """Return a path as text; raise InvalidParameter if no file system takes it as a path."""
     if isinstance(path, str | os.PathLike):
         text = os.fspath(path)
         try:

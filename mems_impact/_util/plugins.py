@@ -1,6 +1,6 @@
 """Entry points of other packages.
 
-A package declares them in its ``pyproject.toml``, for example::
+A package declares its plugins in its ``pyproject.toml``, for example::
 
     [project.entry-points."mems_impact.drives"]
     chirp = "their_package.chirp:Chirp"

@@ -99,7 +99,7 @@ def parameter_progress(
     unit : str
         Unit in which work is counted, one per value.
     out : callable
-        Converts a value from the units of the numerics to those of the user.
+        Converts a value from the units of the numerics to the user's units.
     """
     if callable(progress):
         yield lambda value: progress(out(value))

@@ -1,4 +1,4 @@
-"""Quantities with units, as people write them: "600 Hz", "4 um", "5 %".
+"""Quantities with units as text: "600 Hz", "4 um", "5 %".
 
 A small table serves better than a units library here: libraries treat 1 Hz as 1 rad/s, while here
 a frequency of 600 Hz given for an angular frequency is 3770 rad/s.
@@ -159,7 +159,7 @@ def quantity(field: str, value: Any, unit: str | None, subject: str = "system") 
 
 
 def quantities(field: str, values: Any, unit: str | None, subject: str = "system") -> Any:
-    """Return values as `quantity` does: one, a sequence of them, or an array of pint."""
+    """Convert a value, a sequence of values or an array of pint as `quantity` does."""
     import numpy as np  # imported on first use, which --help need not wait for
 
     if isinstance(values, str) or (has_unit(values) and np.ndim(values.magnitude) == 0):
@@ -183,7 +183,7 @@ def percentage(text: Any) -> float | None:
 
 
 def _expected(unit: str) -> str:
-    """Return what is expected, worded to follow "must be"."""
+    """Return the expected value in words that follow "must be"."""
     if not unit:
         return 'a number, or a percentage such as "5 %"'
     return f"a number [{unit}], or a text with a unit of that kind, such as {_example(unit)}"
@@ -196,13 +196,13 @@ def _example(unit: str) -> str:
 
 
 def base_powers(unit: str) -> dict[str, int]:
-    """Return the powers of kg, m, s, A and rad in a unit of SI; KeyError if it is none."""
+    """Return the powers of kg, m, s, A and rad in a unit of SI; KeyError for other units."""
     powers = zip(("kg", "m", "s", "A", "rad"), _product(unit).powers, strict=True)
     return {name: int(power) for name, power in powers if power}
 
 
 def _product(text: str) -> Unit:
-    """Return a product of units, such as "N s/m^2"; KeyError if it is none."""
+    """Return a product of units, such as "N s/m^2"; KeyError for other text."""
     factor, powers = 1.0, [0.0] * 5
     for i, group in enumerate(text.replace("·", " ").replace("**", "^").split("/")):
         sign = 1.0 if i == 0 else -1.0

@@ -1,4 +1,4 @@
-"""Conversion between internal units and those of the user.
+"""Conversion between internal units and the user's units.
 
 The numerics use units in which the values of a system are of order one. Every conversion is one
 multiplication or division, so that the round trip is exact to one rounding.

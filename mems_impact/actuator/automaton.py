@@ -137,7 +137,7 @@ def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float])
 
 
 def two_sided(right: Pull, left: Pull) -> Pull:
-    """Return the pull of both electrodes; `left` is that of the mirror image of the left one."""
+    """Return the pull of both electrodes; `left` is for the mirror image of the left electrode."""
     force_right, with_rate_right, slope_right = right
     force_left, with_rate_left, slope_left = left
 

@@ -65,7 +65,7 @@ class ArrayLayout:
     ----------
     states : tuple of str
     terms : tuple of ParameterIndices
-        Indices of each term, without those at electrodes.
+        Indices of each term that is not at an electrode.
     electrodes : tuple of tuple of ParameterIndices
         Indices of each term at each electrode.
     scratch, drive : int
@@ -434,7 +434,7 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
         ``contact_force(side, direction, v, w, y, p)``, between a block at rest and a
         stopper, for a slip in `direction`.
     resting_acceleration : callable
-        ``resting_acceleration(direction, y, p)``, that of frame and block together.
+        ``resting_acceleration(direction, y, p)``, the acceleration of frame and block together.
     """
     pull, force, stopper = model.pull, model.force, model.stopper
     on_frame, on_block = model.on_frame, model.on_block
@@ -766,8 +766,8 @@ def limited(
 def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float]:
     """Return the reserve of static friction under a force `push`, and its rate.
 
-    It equals limit - abs(push) to first order near the limit, but is smooth at push = 0: in contact
-    with a compliant stopper the force changes fast.
+    The margin equals limit - abs(push) to first order near the limit, but is smooth at push = 0: in
+    contact with a compliant stopper the force changes fast.
     """
     if limit == 0.0:
         return -abs(push), -rate if push > 0.0 else rate

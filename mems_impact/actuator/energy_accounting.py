@@ -120,7 +120,7 @@ def summing_automaton(
 ) -> Automaton:
     """Return the automaton of an actuator that integrates works and losses.
 
-    Its states are those of the actuator, followed by an integral for each of `SUMMED` and of
+    Its states are the states of the actuator, followed by an integral for each of `SUMMED` and of
     `EnergyAccounts.dissipation`.
 
     Parameters

@@ -163,7 +163,7 @@ def blow_of(log: Events) -> tuple[NDArray[np.int64], int]:
 def contacts(events: Events) -> tuple[Events, Floats]:
     """Return the impacts and ends of chatter among events, and the step of the frame after each.
 
-    Steps are those of `frame_steps` after impacts, 0 after the end of chatter.
+    Steps are as in `frame_steps` after impacts, 0 after the end of chatter.
     """
     chosen = _chosen(events)
     hits, moved = frame_steps(events)
@@ -179,7 +179,7 @@ def _chosen(events: Events) -> NDArray[np.bool_]:
 class BlowCounter:
     """Accumulates the number and displacements of blows, chunk by chunk of impacts.
 
-    It keeps the rows of one chatter sequence, which may still end in rest.
+    The accumulator keeps the rows of one chatter sequence, which may still end in rest.
 
     Attributes
     ----------

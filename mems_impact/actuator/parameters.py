@@ -283,7 +283,8 @@ class Actuator(Checked):
     def under(self, drive: Drive) -> ActuatorSystem:
         """Return the system of this actuator under a drive.
 
-        It can replace the two arguments actuator and drive: ``simulate(actuator.under(drive))``.
+        The system can replace the two arguments actuator and drive:
+        ``simulate(actuator.under(drive))``.
         """
         from mems_impact.actuator.system import ActuatorSystem  # avoids a circular import
 

@@ -148,7 +148,7 @@ def check_plausible_drive(actuator: Device, drive: Drive) -> None:
 
 
 def _check_times(actuator: Device, drive: Drive, prefix: str) -> None:
-    """Warn of periods and frequencies, also those of nested drives."""
+    """Warn of periods and frequencies, also of nested drives."""
     resonance = math.sqrt(actuator.k / actuator.m2) / (2.0 * math.pi)
     _check(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)

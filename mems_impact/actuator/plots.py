@@ -361,7 +361,7 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
 
 
 def _draw_labels(ax: Any, right: float) -> list[tuple[Any, float, bool]]:
-    """Write the names of the parts: that of a stopper beside the wall at the `right`."""
+    """Write the names of the parts, the name of a stopper beside the wall at the `right`."""
     labels = [
         ("block", 0.0, 0.5 * sum(BODY), "center", "white", True),
         ("frame", 0.0, FLOOR - 0.5 * FRAME_THICKNESS, "center", "black", False),
@@ -790,7 +790,7 @@ def plot_force_curve(curve: ForceCurve, ax: Any = None) -> Any:
 
 
 def _shade_runaway(ax: Any, table: pd.DataFrame) -> None:
-    """Shade the loads at which the device runs away, halfway to those at which it does not."""
+    """Shade the loads at which the device runs away, halfway to the loads at which it does not."""
     loads, away = table["load"].to_numpy(), (table["does"] == AWAY).to_numpy()
     limits = ax.get_xlim()
     middles = 0.5 * (loads[1:] + loads[:-1])
@@ -999,7 +999,7 @@ def plot_run(
 def _draw_voltages(
     ax: Any, run: ActuatorRun, samples: pd.DataFrame, nodes: list[str], time: pd.Series
 ) -> None:
-    """Draw the voltages at the electrodes, and those of the drive, over the times of samples."""
+    """Draw the voltages at the electrodes and of the drive over the times of samples."""
     period = run.system.forcing_period
     for name in nodes:
         look = {"linestyle": LINES[NODES.index(name)]}

@@ -689,7 +689,7 @@ def report(
         As for `life`; by default assumed values, 1e-13 m^3/(N m), 1e-8 m^2 and 0.1 um.
     transient, periods : int, optional
         Forcing periods discarded and measured; by default 1000 and 200 free oscillations of the
-        block, at most 300 and 60 forcing periods. All numbers are those of the steady state (see
+        block, at most 300 and 60 forcing periods. All numbers belong to the steady state (see
         `steady_state`).
     initial : State, optional
         Initial state of the motion; a kick by default (see `kicked_state`).

@@ -22,8 +22,8 @@ MAX_SLOPE_RATIO = 1.25  # of a slope to the adjacent secants, below which an int
 def coefficients(x: tuple[float, ...], y: tuple[float, ...]) -> tuple[float, ...]:
     """Return the coefficients of the spline through a table, six per interval.
 
-    They are those of the powers of (x - x_i)/(x_i+1 - x_i), the lowest first. The spline is the
-    interpolant of degree 5 (3 with fewer than six points) whose first four derivatives are
+    The coefficients belong to the powers of (x - x_i)/(x_i+1 - x_i), the lowest first. The spline
+    is the interpolant of degree 5 (3 with fewer than six points) whose first four derivatives are
     continuous. Where it is not monotone although the table is, slopes and second derivatives at the
     adjacent points are replaced by a limited slope and zero: only two derivatives are continuous
     there.

@@ -216,7 +216,7 @@ class Accumulator(StatisticsAccumulator):
         Initial state of the run.
     window : TimeWindow
     modes : int, optional
-        Number of modes; a multiple of that of an actuator without terms.
+        Number of modes; a multiple of the number for an actuator without terms.
     """
 
     def __init__(
@@ -309,9 +309,9 @@ STILL_RTOL = 1e-6
 def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | None:
     """Return the number of periods of a run until standstill; None without it.
 
-    At standstill the states at the starts of 12 successive periods equal those 12 periods earlier,
-    within 1e-6 of delta, and of delta times the natural frequency. The block is included, since a
-    growing oscillation may still move the frame.
+    At standstill the states at the starts of 12 successive periods equal the states 12 periods
+    earlier, within 1e-6 of delta, and of delta times the natural frequency. The block is included,
+    since a growing oscillation may still move the frame.
 
     Parameters
     ----------

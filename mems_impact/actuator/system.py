@@ -107,7 +107,7 @@ class ActuatorNumerics(HybridSystem):
     def _uses_full_voltage_period(self) -> bool:
         """Whether a term depends on the sign of v, and v changes sign after a period of v^2.
 
-        The forcing period is then that of v itself.
+        The forcing period is then the period of v itself.
         """
         return self._signed and self.drive.changes_sign
 
@@ -127,7 +127,7 @@ class ActuatorNumerics(HybridSystem):
 
     @cached_property
     def _drive_scales(self) -> Scales:
-        """The scales, with that of the values of the drive as voltage."""
+        """The scales, with the scale of the values of the drive as voltage."""
         if self.drive_unit == "V" or self._scales is DIMENSIONLESS:
             return self._scales
         return DeviceScales.of_drive(self._scales.unit(self.drive_unit), self._scales.unit("s"))
@@ -249,7 +249,7 @@ class ActuatorNumerics(HybridSystem):
     def _sorted(
         self, values: Mapping[str, float]
     ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:
-        """Return the values of the drive, those of the actuator and those of its terms."""
+        """Return the values of the drive, of the actuator and of its terms."""
         of_drive, of_actuator, of_terms = {}, {}, {}
         for name, value in values.items():
             if name in self._drive_names:
@@ -301,8 +301,8 @@ class ActuatorNumerics(HybridSystem):
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
         """Return the part of the problem that depends on the parameters, dimensionless.
 
-        It works with plain numbers, without a validated actuator, and without a drive if its
-        `numbers` does not need one.
+        The function works with plain numbers, without a validated actuator, and without a drive if
+        its `numbers` does not need one.
         """
         of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
         device = self._device
@@ -643,13 +643,13 @@ class ActuatorSystem(ActuatorNumerics):
 
     @cached_property
     def shows_node(self) -> bool:
-        """Whether the voltages at the electrodes differ from those of the drive."""
+        """Whether the voltages at the electrodes differ from the voltages of the drive."""
         return any(kind.term.in_series for kind in self._kinds)
 
     def derived_columns(
         self, cycle: NDArray[np.int64], time: Floats, y: Floats
     ) -> Mapping[str, Floats]:
-        """Return the voltages at the electrodes, if they differ from those of the drive."""
+        """Return the voltages at the electrodes, if they differ from the voltages of the drive."""
         return self.node_voltages(cycle, time, y) if self.shows_node else {}
 
     def node_voltages(self, cycle: NDArray[np.int64], time: Floats, y: Floats) -> dict[str, Floats]:
@@ -717,7 +717,7 @@ class ActuatorSystem(ActuatorNumerics):
             self._check_mode(state)
 
     def _check_mode(self, state: State) -> None:
-        """Raise InvalidParameter unless the velocities of a state are those of its mode."""
+        """Raise InvalidParameter unless the velocities of a state are possible in its mode."""
         mode = self.mode_number(state.mode if state.mode is not None else 0)
         values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
         direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
@@ -984,7 +984,7 @@ class EnergyAccountingSystem(ActuatorSystem):
 def _given(
     kinds: tuple[TermKind, ...], electrodes: int, states: tuple[str, ...]
 ) -> Callable[[Any, Any], float]:
-    """Return the energy input of the drive: work of the electrodes, and losses at them."""
+    """Return the energy input of the drive: work and losses of the electrodes."""
     lost = accounts(kinds, electrodes).at_electrodes
     places = tuple(states.index(sum_of(name)) for name in ("electrodes", *lost))
 

@@ -56,7 +56,7 @@ def load_system(name: str) -> HybridSystem:
 
 
 def is_system_name(name: str) -> bool:
-    """Return whether a name may be that of a system, rather than of a device."""
+    """Return whether a name may denote a system, rather than a device."""
     source, colon, attribute = name.rpartition(":")
     return name in system_names() or bool(colon and source and attribute.isidentifier())
 
@@ -147,7 +147,7 @@ class StudyFile:
         Parameters
         ----------
         **changes
-            Arguments that replace those in the file: ``workers=8``.
+            Arguments that replace arguments in the file: ``workers=8``.
         """
         from mems_impact.studies.engine.config import verb_of
 

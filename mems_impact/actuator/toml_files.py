@@ -227,7 +227,7 @@ _UNIT_WORDS = {
 def _heading_factors(
     line: str, units: Sequence[Sequence[str]], before: list[float], location: str, source: str
 ) -> list[float]:
-    """Return the factors of the units in a heading; those `before` where it has none."""
+    """Return the factors of the units in a heading; the factors `before` without units."""
     line = line.lstrip("# ")
     cells = [cell.strip(" \t\"'") for cell in re.split("[,;\t]", line)]
     if len(cells) != len(units):

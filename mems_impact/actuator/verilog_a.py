@@ -84,7 +84,7 @@ class Side:
 class Plate:
     """The bodies of the functions ``capacitance(x)`` of an electrode and of its derivative.
 
-    They assign to NAME; `variables` are further ones.
+    The statements assign to NAME; `variables` are further variables.
     """
 
     capacitance: str
@@ -94,7 +94,7 @@ class Plate:
 
 @dataclass(frozen=True, kw_only=True)
 class TermCode:
-    """The contributions of a term to the module, named as those of `TermContribution`.
+    """The contributions of a term to the module, named as in `TermContribution`.
 
     Attributes
     ----------
@@ -617,7 +617,7 @@ KEYWORDS = frozenset(RESERVED.split())
 
 
 def module_name(path: str | PathLike[str]) -> str:
-    """Return the name of a file as that of a module."""
+    """Return the name of a file as the name of a module."""
     name = re.sub(r"\W", "_", Path(path).stem, flags=re.ASCII)
     if not name or name[0].isdigit() or name in KEYWORDS:
         name = f"device_{name}"
@@ -793,7 +793,7 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
 
 
 def header(layout: Layout, left: str, words: Sequence[str]) -> str:
-    """Return what precedes the module."""
+    """Return the text that precedes the module."""
     actuator = layout.actuator
     return HEADER.format(
         left=left,

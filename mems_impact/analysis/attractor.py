@@ -54,7 +54,7 @@ NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are 
 
 
 class InitialCondition(NamedTuple):
-    """A point of a study: a system and the initial state (by default that of the system)."""
+    """A point of a study: a system and an initial state, by default its own."""
 
     system: HybridSystem
     initial: State | None = None
@@ -290,7 +290,7 @@ def _followed(
         def follow_to_orbit(
             mapper: AttractorMapper, chosen: Sequence[int], transient: float
         ) -> None:
-            """Follow some points further, and replace those that become periodic or rest."""
+            """Follow some points further, and replace points that become periodic or rest."""
             later = continued(mapper, chosen, transient)
             settling = detection.PERIODIC, detection.STATIONARY
             rows = np.flatnonzero(np.isin(later.outcome, settling)).tolist()
@@ -481,7 +481,7 @@ def _is_neutral(growth: float, periods: int) -> bool:
 def _is_near_return(system: HybridSystem, states: Floats) -> bool:
     """Return whether the last return is close to an earlier one: a slow approach to an orbit.
 
-    Near a bifurcation its exponent is as close to zero as that of a quasi-periodic motion.
+    Near a bifurcation the exponent is as close to zero as for a quasi-periodic motion.
     """
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     states = states[:, free]
@@ -497,7 +497,7 @@ class _Exponents:
     Parameters
     ----------
     rtol : float
-        Relative tolerance of perturbations, if it is above that of the run.
+        Relative tolerance of perturbations, if it is above the tolerance of the run.
     """
 
     def __init__(self, rtol: float) -> None:

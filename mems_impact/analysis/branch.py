@@ -150,7 +150,7 @@ class ContinuationResult(Result):
 
 
 def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
-    """Return all orbits of a branch or curve; those of special points are the points' own.
+    """Return all orbits of a branch or curve; orbits of special points are the points' own.
 
     An orbit is integrated once for its tables, so the same orbit must not appear as two objects.
     """
@@ -440,7 +440,7 @@ def switch_branch(
         A period doubling or branch point of a branch of orbits, or a Hopf point or branch point of
         a branch of equilibria.
     bounds : tuple of float, optional
-        Smallest and largest value of the parameter; those of the branch by default.
+        Smallest and largest value of the parameter; by default the values of the branch.
     steps : StepControl, optional
         As for `continue_orbit`, or `continue_equilibrium`. The number of steps is that of each
         side.
@@ -698,7 +698,7 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
 
 
 def _names(special: BifurcationPoint) -> dict[str, str]:
-    """Return what a special point is called, for its row in tables."""
+    """Return the name of a special point, for its row in tables."""
     names = ("label", "kind", "criticality")
     kind = type_of(special) or type_of_boundary(special)
     return {**{name: getattr(special, name) for name in names}, "type": kind}
@@ -839,7 +839,7 @@ class Curve(ContinuationResult):
 
     @cached_property
     def points(self) -> tuple[EquilibriumPoint, ...]:
-        """The special points along a curve of equilibria, as those of a branch.
+        """The special points along a curve of equilibria, in the form of the points of a branch.
 
         Their parameter is the first one; the second one has its value on the curve. `switch_branch`
         takes those of a Hopf curve. Empty for a curve of orbits.
@@ -882,7 +882,7 @@ class Curve(ContinuationResult):
     def table(self) -> pd.DataFrame:
         """One row per point: the second parameter, the first, and the columns of a branch's table.
 
-        They are those of `Branch.table`, or those of `EquilibriumBranch.table`.
+        The columns are as in `Branch.table`, or `EquilibriumBranch.table`.
         """
         first, second = self.parameters
         if isinstance(self.found, EquilibriumCurve):
@@ -953,7 +953,7 @@ def continue_curve(
         `continue_orbit`. A fold, Hopf point or boundary equilibrium of a branch of equilibria.
         An orbit is continued with a quantity `fixed` at its value.
     parameter : str
-        The second parameter; the first is that of the branch.
+        The second parameter; the first is the parameter of the branch.
     stop : float
         Value towards which the curve starts, and at which it ends.
     fixed : str or callable, optional
@@ -1351,7 +1351,7 @@ def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:
 
 
 def _captioned(table: pd.DataFrame, system: HybridSystem) -> pd.DataFrame:
-    """Mark for figures that the states are those of equilibria, not of a section."""
+    """Mark for figures that the states belong to equilibria, not to a section."""
     cyclic = {system.states[i] for i in system.automaton.cyclic}
     table.attrs["states"] = [name for name in system.states if name not in cyclic]
     table.attrs["equilibria"] = True

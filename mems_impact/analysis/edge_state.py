@@ -169,7 +169,7 @@ class _Tracking:
         )
 
     def on_attractor(self, rows: list[HybridState], period: int) -> bool:
-        """Return whether the last states are those of a known periodic attractor."""
+        """Return whether the last states belong to a known periodic attractor."""
         last = rows[-(period or MAX_PERIOD) :]
         names = self.system.states
         y = np.array([[self.system.state_of(each)[name] for name in names] for each in last])

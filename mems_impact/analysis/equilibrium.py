@@ -237,7 +237,7 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
 def checked_box(
     system: HybridSystem, bounds: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Return bounds of states as numbers; InvalidParameter if they are none."""
+    """Return bounds of states as numbers; InvalidParameter for other bounds."""
     box = {}
     for name, pair in bounds.items():
         if name not in system.states:

@@ -228,7 +228,7 @@ def lyapunov(
     count : int, optional
         Number of exponents; 1 by default, 2 for an autonomous system.
     initial : State or mapping of str to float, optional
-        Initial state; that of the system by default.
+        Initial state; by default the initial state of the system.
     transient : float, optional
         Forcing periods discarded before, >= 0; a time for an autonomous system. 300 periods or time
         scales by default.

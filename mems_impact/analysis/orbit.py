@@ -399,7 +399,7 @@ class Orbit(Result):
 
     @cached_property
     def _log(self) -> Events:
-        """The events of the orbit, in the form of those of a run."""
+        """The events of the orbit, in the form of the events of a run."""
         automaton = self.system.automaton
         m, n = len(automaton.guards), len(automaton.states)
         cyclic = list(automaton.cyclic)

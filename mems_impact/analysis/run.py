@@ -242,7 +242,7 @@ class Run(Result):
         Returns
         -------
         Verification
-            Whether the runs agree, up to which forcing period, and by how much they differ.
+            Whether the runs agree, up to which forcing period, and the size of their differences.
 
         Raises
         ------
@@ -288,7 +288,7 @@ class Run(Result):
         return run_tables.statistics(self.gathered, self.system)
 
     def warn_of_transient(self) -> None:
-        """Warn if the statistics are those of a transient."""
+        """Warn if the statistics belong to a transient."""
         if self._is_transient:
             warn(str(self.settling), TransientWarning)
 
@@ -301,7 +301,7 @@ class Run(Result):
 
     @cached_property
     def settling(self) -> Settling:
-        """The distance of the statistics from those of the attractor."""
+        """The distance of the statistics from the statistics of the attractor."""
         first, last = (border / self.unit for border in self.window)
         window = TimeWindow(first, last, self.trajectory.period).until(self.trajectory.final)
         return settling_of(self.system, self.trajectory, window, self.gathered)

@@ -1,4 +1,4 @@
-"""Settling of a run: how far its statistics are from those of the attractor."""
+"""Settling of a run: the distance of its statistics from the statistics of the attractor."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class SettlingRow(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Settling(SummaryRepr):
-    """Distance of the statistics of a run from those of the attractor.
+    """Distance of the statistics of a run from the statistics of the attractor.
 
     Attributes
     ----------

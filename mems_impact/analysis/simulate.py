@@ -104,7 +104,7 @@ def simulate(
         `Run.ended` holds the reason. Without a length, such a run takes at most 300 periods; of an
         autonomous system, 100,000 of its time scales.
     initial : State or mapping of str to float, optional
-        Initial state; that of the system by default.
+        Initial state; by default the initial state of the system.
     start : float, optional
         Time at which the run begins; by default the phase of the initial state, which is 0 without
         forcing. A run that continues another, ``initial=run.final``, keeps its time with

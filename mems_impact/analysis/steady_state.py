@@ -27,8 +27,8 @@ AGREEMENT = 3.0  # errors of a limit within which the orbit has it
 def steady_state(run: Run, *, progress: bool | Callable[[float], None] = False) -> Run:
     """Continue a run until its statistics have settled.
 
-    A run that has settled is returned as it is. Otherwise the stable periodic orbit near its end is
-    measured, if its statistics are the limits that the run approaches. Without such an orbit the
+    A run that has settled is returned unchanged. Otherwise the stable periodic orbit near its end
+    is measured, if its statistics are the limits that the run approaches. Without such an orbit the
     run is continued until it has settled, for up to 64 times its length. A motion that does not
     become periodic is continued for four times its length; `Run.settling` has the statistical
     error.

@@ -116,7 +116,7 @@ def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> 
     run, other : Trajectory
         From the same initial state, over the same time.
     rtol : float
-        Relative tolerance of the less precise one.
+        Relative tolerance of the less precise run.
     labels : Labels
         Names and units of the system, for the table.
     """
@@ -214,8 +214,8 @@ def closing_speeds(events: Events, problem: Problem) -> Floats:
 def approach_speeds(events: Events, problem: Problem, speeds: Floats) -> Floats:
     """Return the speed at which the state approaches the surface of each event's guard.
 
-    That of an impact is its speed; that of other guards the rate of the margin over the length of
-    its gradient. Infinity for events without a guard.
+    The speed of an impact, or of another guard the rate of the margin over the length of its
+    gradient. Infinity for events without a guard.
     """
     automaton = problem.automaton
     approach = np.where(np.isnan(speeds), math.inf, speeds)

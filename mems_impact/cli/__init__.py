@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command-line arguments; by default those of the process.
+        Command-line arguments; by default the arguments of the process.
 
     Notes
     -----

@@ -23,7 +23,7 @@ from mems_impact.cli.output import add_json_files, show
 class Format(NamedTuple):
     """A format: its name, a function of DEVICE, ``--set``, FILE and the other options, and these.
 
-    `options` are those that only this format takes; `driven` formats take a drive and a state.
+    `options` are taken by this format only; `driven` formats take a drive and a state.
     """
 
     name: str

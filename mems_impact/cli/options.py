@@ -1,6 +1,6 @@
 """Options that commands share: drives, ranges, studies.
 
-They are collected in click's context, so that a command need not name each of them.
+Click's context collects the options, so that a command need not name each option.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ WITH_UNIT = "mems_impact.with_unit"  # the first text with a unit, in the contex
 
 
 def number_of(text: str, unit: str) -> float:
-    """Return a text such as 70 or "70 V" as a number in `unit`; ValueError if it is none."""
+    """Return a text such as 70 or "70 V" as a number in `unit`; ValueError for other text."""
     if not has_unit(text):
         return float(text)
     context = click.get_current_context(silent=True)
@@ -162,7 +162,7 @@ def _assignments(
 def _tolerances(
     _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, float | str]:
-    """Return tolerances by name; those in per cent as they stand."""
+    """Return tolerances by name; tolerances in per cent as text."""
     tolerances: dict[str, float | str] = {}
     for text in texts:
         name, _, number = (part.strip() for part in text.partition("="))

@@ -45,7 +45,7 @@ class OutputValue(NamedTuple):
     Attributes
     ----------
     value : object
-        A number, a text, or a list of them.
+        A number, a text, or a list of numbers and texts.
     unit : str
         Empty for a pure number.
     text : str, optional
@@ -89,7 +89,7 @@ def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) ->
 def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
     """Return a table for files and programs, with the unit of the quantity that each row names.
 
-    A table without units is returned as it is.
+    A table without units is returned unchanged.
     """
     if not units:
         return table
@@ -121,7 +121,7 @@ def show_text(text: str) -> None:
 
 
 def reflowed(text: str, width: int) -> str:
-    """Return a text whose paragraphs are at most `width` wide; code stays as it is.
+    """Return a text whose paragraphs are at most `width` wide, with code unchanged.
 
     A line that was filled continues in the next line of the same indent.
     """
@@ -426,7 +426,7 @@ class Output:
             self.written.append(Path(path))
 
     def description(self) -> str:
-        """Return what was written, as a sentence."""
+        """Return a sentence that names the written files."""
         if not self.written:
             return "nothing was written"
         return f"written: {', '.join(map(str, self.written))}"

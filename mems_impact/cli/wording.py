@@ -37,8 +37,8 @@ _PHRASES = (
 def shell_wording(text: str, command: click.Command | None = None) -> str:
     """Return a message with options in place of the arguments that they set.
 
-    They are those of `command`, by default of the running one. The message is unchanged if a file
-    describes the study, since the file has the arguments' names.
+    The options belong to `command`, by default the running command. The message is unchanged if a
+    file describes the study, since the file has the arguments' names.
     """
     context = click.get_current_context(silent=True)
     if context is None or context.meta.get(FROM_FILE):

@@ -428,7 +428,7 @@ class LocatedEvents(Generic[P, E]):
     events : list
         In order.
     loss : object, optional
-        The last of them, if the equations are invalid beyond it.
+        The last point, if the equations are invalid beyond it.
     reason : str
         Reason for the loss.
     before : ShootingEvaluation or EquilibriumEvaluation, optional

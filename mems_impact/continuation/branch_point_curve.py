@@ -45,7 +45,7 @@ UNFOLDS = "the branch point unfolds"
 
 
 def unfolding(point: Linearized) -> float:
-    """Return by how much a solution of the extended equations fails to be a branch point."""
+    """Return the residual of the branch point condition at a solution of the extended equations."""
     return float(np.abs(point.residual).max(initial=0.0))
 
 

@@ -25,7 +25,7 @@ NOT_LOCATED = "a branch point could not be located"
 def regularity(point: Linearized, direction: Floats) -> float:
     """Return the signed smallest singular value of the equations bordered by the tangent.
 
-    Its sign is that of the determinant. It is zero at a branch point and nonzero at a fold.
+    The value has the sign of the determinant. It is zero at a branch point and nonzero at a fold.
     """
     matrix = np.vstack([_derivatives(point), direction])
     if is_sparse(matrix):
@@ -48,7 +48,7 @@ class BranchPoints(Generic[P]):
 
     An error of the equations unfolds the crossing and separates the branches, at a pitchfork by a
     distance proportional to its cube root. The solution has this error as beta, and its point is
-    that of the equations without the error.
+    the branch of the equations without the error.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ def first_orbit_on_branch(
 ) -> tuple[PeriodicOrbit, Floats]:
     """Return an orbit of the branch that leaves a point, and the way to it.
 
-    All orbits may have the parameter of the point, as those of piecewise linear maps have.
+    All orbits may have the parameter of the point, as for piecewise linear maps.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def switch_equilibrium(
 ) -> tuple[EquilibriumState, FirstPoint[EquilibriumEvaluation]]:
     """Return an equilibrium of the other branch next to a branch point.
 
-    Parameters and errors are those of `switch_at_branch_point`.
+    Parameters and errors are as in `switch_at_branch_point`.
     """
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
     value = np.array([equilibrium.family.values[parameter]])

@@ -86,7 +86,7 @@ class CrossingBranch(Generic[P]):
     Attributes
     ----------
     own, other : float array
-        Unit tangents of the known branch and of the other one. Where the branching equation is
+        Unit tangents of the known branch and of the other branch. Where the branching equation is
         degenerate, `other` is normal to `own`.
     degenerate : bool
     """
@@ -110,7 +110,7 @@ class CrossingBranch(Generic[P]):
     def first_point(self) -> FirstPoint[P]:
         """Return a point of the other branch.
 
-        It has the least of `FIRST_DISTANCES` at which the parameter changes significantly.
+        Its distance is the least of `FIRST_DISTANCES` at which the parameter changes significantly.
 
         Raises
         ------
@@ -165,7 +165,8 @@ class CrossingBranch(Generic[P]):
     def _is_other(self, point: P) -> bool:
         """Return whether a point near the branch point lies on another branch than the known one.
 
-        Its projection to the kernel is compared with that of the known branch at its distance.
+        The projection of the point to the kernel is compared with the projection of the known
+        branch.
         """
         away = self._kernel @ (_whole(point) - self._start)
         direction = self._kernel @ self.own

@@ -101,7 +101,7 @@ def _state_rates(event: BranchEvent) -> Floats:
 def _with_orbit(
     onset: BranchEvent, there: PeriodicOrbit, start: HybridState, parameter: str
 ) -> BranchEvent:
-    """Return the onset with an orbit whose sequence of impacts is that of a run.
+    """Return the onset with an orbit that has the sequence of impacts of a run.
 
     Raises
     ------

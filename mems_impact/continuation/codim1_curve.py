@@ -434,7 +434,7 @@ def correct_condition(
 ) -> Solution[P]:
     """Correct `guess` to a zero of a condition, in the plane through `plane` normal to `direction`.
 
-    `gradient` is that of the condition at a nearby point.
+    `gradient` is the gradient of the condition at a nearby point.
     """
     last: tuple[Floats, float] | None = None
 

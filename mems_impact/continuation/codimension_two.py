@@ -55,7 +55,7 @@ class ResonantForm:
         Critical multipliers that are fixed; those of positive imaginary part are followed by their
         conjugate.
     rotating : int
-        Number of further pairs on the unit circle, of any angle; in order of it.
+        Number of further pairs on the unit circle, of any angle, in order of the angle.
     phase : str
         Coefficient that the choice of the eigenvector makes real and positive.
     """
@@ -118,12 +118,12 @@ RESONANT_FORMS["flip-fold"] = RESONANT_FORMS["fold-flip"]
 def codimension_two_form(
     kind: str, shooting: Shooting, point: ShootingEvaluation
 ) -> NormalForm | None:
-    """Return the normal form of a point of codimension two; None if the kind has none.
+    """Return the normal form of a point of codimension two; None for kinds without a normal form.
 
     Raises
     ------
     OrbitError
-        If the return map cannot be differentiated, or its multipliers are not those of the kind.
+        If the return map cannot be differentiated, or its multipliers do not fit the kind.
     """
     functions = {"1:1 resonance": _double_plus, "1:2 resonance": _double_minus}
     functions |= {"generalized flip": _generalized_flip, "Chenciner": _chenciner}

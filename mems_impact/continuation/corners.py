@@ -1,4 +1,4 @@
-"""Corners and jumps of transitions that a branch crosses, as those of an ``if`` in a function."""
+"""Corners and jumps of transitions that a branch crosses, as by an ``if`` in a function."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class CriticalityTest(TestFunction):
     def zero(
         self, condition: DefiningSystem, step: PredictorStep[ShootingEvaluation], length: float
     ) -> float | None:
-        """Return the position of a zero in a step with a change of sign; None if it is none.
+        """Return the position of a zero in a step with a change of sign; None without a zero.
 
         The extrapolated values must have different signs at the ends, beyond their errors.
 

@@ -175,7 +175,7 @@ class EquilibriumFoldCondition(ScalarCondition):
         self._border = np.zeros(0), np.zeros(0)
 
     def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Set rows and borders to those of a point."""
+        """Set rows and borders to the values at a point."""
         sizes = np.abs(point.jacobian).max(axis=1)
         self._rows = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
         vectors, _, rows = np.linalg.svd(self._rows[:, None] * point.jacobian)
@@ -227,7 +227,7 @@ class HopfCondition(ScalarCondition):
         self._product, self._scale = 0.0, 0.0
 
     def set_reference(self, point: EquilibriumEvaluation) -> None:
-        """Set the product of the pair to that of a point; of several pairs, the most neutral."""
+        """Set the product of the most neutral pair to its value at a point."""
         pair = self.pair(point)
         self._product = pair.product
         self._scale = self._scale or np.sqrt(abs(pair.product))
@@ -317,13 +317,13 @@ class BoundaryCondition(ScalarCondition):
 class BranchPointCondition(EquilibriumCondition):
     """A rank-deficient Jacobian by unknowns and parameter.
 
-    It is the condition g = 0 of `branch_points`, which has two components.
+    The condition is g = 0 of `branch_points`, which has two components.
     """
 
     kind = BRANCH_POINT
 
     def value(self, point: EquilibriumEvaluation) -> float:
-        """Return by how much a solution fails to be a branch point."""
+        """Return the residual of the branch point condition at a solution."""
         return unfolding(point)
 
 
@@ -333,7 +333,7 @@ def condition_of(kind: str, equations: EquilibriumEquations, guard: str) -> Equi
     Raises
     ------
     InvalidParameter
-        If points of this kind have none.
+        If points of this kind have no normal form.
     """
     if kind == FOLD:
         return EquilibriumFoldCondition(equations)

@@ -246,8 +246,9 @@ def change_signature(
 ) -> tuple[Shooting, ShootingEvaluation, Floats]:
     """Return the branch of the other signature that joins at `orbit`, and its direction there.
 
-    It may lie on either side of `orbit` in the parameter. Its first orbit lies at a small distance
-    from the common one, where the equations have a corner if one of two events is a switch.
+    The branch may lie on either side of `orbit` in the parameter. Its first orbit lies at a small
+    distance from the common one, where the equations have a corner if one of two events is a
+    switch.
 
     Parameters
     ----------

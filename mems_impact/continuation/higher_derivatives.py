@@ -131,8 +131,8 @@ def plain_derivatives(jacobian: Jacobian, u: Floats, size: float) -> Directional
 def line_derivatives(jacobian: Jacobian, u: Floats, size: float) -> tuple[Sequence[Floats], float]:
     """Return the first four derivatives of the Jacobian of a map at zero along `u`, and an error.
 
-    They are those of polynomials through equidistant points on a line, whose length is halved until
-    the last derivative changes least.
+    The derivatives are those of polynomials through equidistant points on a line, whose length is
+    halved until the last derivative changes least.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class SlowPassage:
     ----------
     mode : int
     state : float array, shape (n,)
-        The state of an equilibrium nearby if there is one, else that of slowest motion.
+        The state of an equilibrium nearby, or else the state of slowest motion.
     equilibrium : EquilibriumState, optional
         The equilibrium nearby.
     periods : tuple of float
@@ -95,7 +95,7 @@ def has_large_error_growth(point: ShootingEvaluation) -> bool:
 def _slowest(orbit: PeriodicOrbit, fast: float) -> tuple[float, int, Floats, Floats, int]:
     """Return the least speed of a cycle, its mode, state and scales, and the slow passages.
 
-    The samples show what lasts as long as a cycle of the period `fast`.
+    The samples resolve motions as long as a cycle of the period `fast`.
     """
     shooting, point = orbit.shooting, orbit.point
     variational, free = shooting.variational(point.parameter_point), shooting.free
@@ -137,7 +137,7 @@ NEUTRAL_RATIO = 1e-6  # least ratio of the saddle quantity to the leading eigenv
 def leading(eigenvalues: Complexes) -> tuple[Complexes, Complexes] | None:
     """Return the leading stable and unstable eigenvalues of a saddle; None of another equilibrium.
 
-    They are those closest to the imaginary axis on either side: real ones, or a pair.
+    The leading eigenvalues are closest to the imaginary axis on either side, real or a pair.
     """
     stable, unstable = eigenvalues[eigenvalues.real < 0.0], eigenvalues[eigenvalues.real > 0.0]
     if not stable.size or not unstable.size or stable.size + unstable.size < eigenvalues.size:

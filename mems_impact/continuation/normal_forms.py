@@ -149,7 +149,7 @@ class ReturnMap:
         return np.setdiff1d(np.arange(point.unknowns.size), self.shooting.layout.state_rows[-1])
 
     def _open(self, point: ShootingEvaluation) -> tuple[Floats, Floats]:
-        """Return residual and derivatives of the equations without those that close the orbit.
+        """Return residual and derivatives of the equations that do not close the orbit.
 
         The period of an autonomous system ends in the plane of the phase condition.
         """
@@ -299,7 +299,7 @@ def fold_coefficient(system: Jacobian, matrix: Floats, size: float, target: floa
 def _cubic(
     along: DirectionalDerivatives, q: Floats, p: Floats, h: Floats, relative: float
 ) -> tuple[float, float]:
-    """Return <p, C(q, q, q) + 3 B(q, h)> / 6 and its error; `relative` is that of p."""
+    """Return <p, C(q, q, q) + 3 B(q, h)> / 6 and its error; `relative` belongs to p."""
     c = float(p @ (along.third @ q + 3.0 * along.second @ h)) / 6.0
     error = _gain(p) * (along.third_error + 6.0 * along.second_error * (1.0 + _norm(h))) / 6.0
     return c, error + abs(c) * relative
@@ -423,7 +423,7 @@ def _norm(vector: NDArray[np.inexact]) -> float:
 
 
 def _gain(p: NDArray[np.inexact]) -> float:
-    """Return by how much a left eigenvector amplifies the error of an entry."""
+    """Return the factor by which a left eigenvector amplifies the error of an entry."""
     return float(np.abs(p).sum())
 
 
@@ -439,7 +439,7 @@ def orbit_normal_form(
 ) -> NormalForm | None:
     """Return the normal form of a bifurcation of a periodic orbit.
 
-    None where the kind of point has none.
+    None where the kind of point has no normal form.
 
     Parameters
     ----------
@@ -475,7 +475,7 @@ def orbit_normal_form(
 
 
 def equilibrium_normal_form(kind: str, state: EquilibriumState) -> NormalForm | None:
-    """Return the normal form of a bifurcation of an equilibrium; None where there is none.
+    """Return the normal form of a bifurcation of an equilibrium; None without a normal form.
 
     Raises
     ------

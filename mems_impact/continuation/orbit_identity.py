@@ -78,7 +78,7 @@ def orbit_on_branch(branch: OrbitBranch, orbit: PeriodicOrbit) -> bool:
 def _with_folds(branch: OrbitBranch, value: float) -> list[BranchPoint]:
     """Return the points of a branch and its folds near a value.
 
-    A step across a fold contains orbits at values that are not between those of its ends.
+    A step across a fold contains orbits at values that are not between the values of its ends.
     """
     points = list(branch.points)
     longest = max((abs(b.value - a.value) for a, b in pairwise(points)), default=0.0)

@@ -180,7 +180,7 @@ class Surface:
     guard, mode : int
         Its height is the margin of this guard in this mode.
     sliding : frozenset of int
-        The modes that slide on it.
+        The modes that slide on the surface.
     free : mapping of int to int
         The modes that reach it, each with its side: 1 for positive height, else -1.
     guards : frozenset of int

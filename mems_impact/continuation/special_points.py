@@ -109,8 +109,8 @@ def locate_defect(
 ) -> tuple[float, BranchEvent]:
     """Locate the last admissible orbit within the first `length` of a step.
 
-    It detects losses without a zero of a test function: an event leads to another mode, or a new
-    closest approach appears with a negative margin.
+    The search detects losses without a zero of a test function: an event leads to another mode, or
+    a new closest approach appears with a negative margin.
 
     Raises
     ------

@@ -105,7 +105,7 @@ class Spectrum:
     ----------
     values : complex array, shape (n,)
     growth : float array, shape (n,)
-        Positive for those that are unstable.
+        Positive for unstable values.
     uncertainty : float array, shape (n,)
         Uncertainty of the growth.
     """

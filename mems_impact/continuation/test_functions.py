@@ -170,7 +170,7 @@ class DefiningSystem:
 
 
 class GrazingCondition(DefiningSystem):
-    """The closest approach of a guard; its derivatives follow from those of the arc."""
+    """The closest approach of a guard; its derivatives follow from the derivatives of the arc."""
 
     derived = True
     monitor: ClosestApproachTest
@@ -260,7 +260,7 @@ class BorderedCondition(DefiningSystem):
         return float(self._solve(point, transposed=False)[-1])
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
-        """Return the derivatives by unknowns and parameters; the borders become those of `point`.
+        """Return the derivatives by unknowns and parameters; set the borders at `point`.
 
         With the left and right solutions w and v of the bordered equations they are -w F_uu v and
         -w F_up v, computed by differences of the first derivatives along v.
@@ -403,7 +403,7 @@ class NeimarkSackerTest(TestFunction):
     condition: ClassVar[type[DefiningSystem]] = NeimarkSackerCondition
 
     def value(self, equations: Any, point: Any, direction: Floats) -> float:
-        """Return it for the pair closest to a product of one."""
+        """Return the value for the pair closest to a product of one."""
         return self.equation(equations).value(point)
 
 
@@ -598,7 +598,7 @@ class MultiplierTest(TestFunction):
     def of(self, multipliers: Complexes) -> float:
         """Return the value, excluding the critical multipliers of the curve.
 
-        It is of order one for any number and size of the multipliers.
+        The value is of order one for any number and size of the multipliers.
         """
         if self.kind == NEIMARK_SACKER:
             i, j, _ = neutral_pair(multipliers)

@@ -85,7 +85,7 @@ class FunctionZeros(Generic[P]):
     def within(self, step: PredictorStep[P], length: float) -> list[tuple[float, FunctionTest, P]]:
         """Return the zeros in the first `length` of a step: position, test function and point.
 
-        A jump through zero is none.
+        A jump through zero is no special point.
         """
         if not self.tests:
             return []

@@ -259,7 +259,7 @@ def _imports(drive: Drive, source: str) -> list[str]:
 
 
 def _change_source(new: Mapping[str, float], loaded: Mapping[str, float]) -> str:
-    """Return the Python source of the call that changes loaded numbers to the new ones."""
+    """Return the Python source of the call that changes loaded numbers to the new numbers."""
     changed = {name: value for name, value in new.items() if loaded.get(name) != value}
     return f".changed(**{changed!r})" if changed else ""
 
@@ -281,7 +281,7 @@ class SliderSpec:
     symbol : str
         Symbol of the displayed quantity: the name of the parameter, or that over 2π.
     meaning : str
-        Name of the displayed quantity; empty if the symbol is a word, or nothing is known of it.
+        Name of the displayed quantity; empty if the symbol is a word or unknown.
     unit : str
         Display unit, empty for a pure number.
     factor : float
@@ -481,7 +481,7 @@ def address_of(subject: Subject, setting: PageSetting) -> str:
 
 
 def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
-    """Return the setting of an address's query; missing values are those of `first_setting`.
+    """Return the setting of an address's query; missing values are taken from `first_setting`.
 
     Raises
     ------

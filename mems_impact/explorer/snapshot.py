@@ -175,7 +175,7 @@ def with_special_points(
 ) -> DiagramSnapshot:
     """Continue the orbit of the run over the range of a diagram; add its special points.
 
-    A motion that is not periodic has none.
+    A motion that is not periodic has no special points.
 
     Parameters
     ----------
@@ -497,7 +497,7 @@ def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[
 
 
 def page_states(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
-    """Return all displayed states, those over time first."""
+    """Return all displayed states, states over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
     names = (*over_time, setting.x, setting.y, *system.displayed_states[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
@@ -572,7 +572,7 @@ ACTUATOR_HEADLINES = {
 def _headlines(run: Run) -> tuple[Headline, ...]:
     """Return speed, step, impact speed and pull-in of an actuator; of others rate and observables.
 
-    They are those of the second half of the run, as its statistics are.
+    The values belong to the second half of the run, as its statistics do.
     """
     system, statistics = run.system, run.statistics
     if not isinstance(system, ActuatorSystem):

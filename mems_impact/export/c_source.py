@@ -246,12 +246,12 @@ def _contains(node: Any, line: int, end_line: int, column: int, end_column: int)
 
 
 def _first_line(node: ast.FunctionDef | ast.Lambda) -> int:
-    """Return the first line of a function, which is that of its first decorator."""
+    """Return the first line of a function, the line of its first decorator."""
     return min(each.lineno for each in (node, *getattr(node, "decorator_list", ())))
 
 
 def _arguments(node: ast.FunctionDef | ast.Lambda) -> list[str]:
-    """Return the names of the arguments, but for those by * and **."""
+    """Return the names of the arguments except * and ** arguments."""
     arguments = node.args
     return [each.arg for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
 
@@ -1094,7 +1094,7 @@ class FunctionWriter:
     # --- Iteration
 
     def iterable_of(self, node: ast.expr) -> Iterable:
-        """Return what a loop iterates over."""
+        """Return the iterable of a loop."""
         if isinstance(node, ast.Call) and not node.keywords:
             callee = self.value(node.func)
             if callee.fixed and callee.kind.value is enumerate and len(node.args) == 1:
@@ -1792,7 +1792,7 @@ class Iterable:
 
 
 def _no_value(kind: Any) -> str:
-    """Return what a function without a result returns where Python returns None.
+    """Return the C value of a function that returns None in Python.
 
     The event loop fails there, as in Python: it finds no finite number, or no such mode.
     """

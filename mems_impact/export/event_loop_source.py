@@ -1,6 +1,6 @@
 """C source of the event loop, of the DOP853 integrator and of an automaton.
 
-The event loop and the integrator are those of a simulation, translated (`export.c_source`), so that
+The event loop and the integrator of a simulation are translated (`export.c_source`), so that
 an exported model locates, orders and completes events as `simulate` does. Model exchange uses the
 same treatment of an instant; only the integrator is another.
 """

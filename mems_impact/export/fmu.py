@@ -430,7 +430,7 @@ def build_description(name: str) -> str:
 
 
 def find_compiler() -> list[str]:
-    """Return the command of a C compiler: that of the variable CC, or cc; empty without one."""
+    """Return the command of a C compiler: the variable CC, or cc; empty without a compiler."""
     command = os.environ.get("CC", "")
     if command:
         return shlex.split(command)

@@ -51,7 +51,7 @@ class ExportedModel:
     ----------
     name : str
     automaton : Automaton
-        Its functions have source text: that of files, or in `generated`.
+        Its functions have source text, in files or in `generated`.
     problem : Problem
         In the units of the numerics.
     initial : HybridState

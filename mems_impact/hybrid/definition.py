@@ -479,7 +479,7 @@ def scaled(definition: Definition, typical: Typical) -> Definition:
 
 
 class _ScalingWriter:
-    """Writes functions that convert units around those of the user."""
+    """Writer of functions that convert units around the functions of the user."""
 
     def __init__(self, definition: Definition, typical: Typical) -> None:
         self.definition, self.typical = definition, typical

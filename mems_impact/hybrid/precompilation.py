@@ -106,7 +106,7 @@ def replace_code(distribute: bool) -> None:
 
 
 def main(options: Sequence[str]) -> None:
-    """Replace the code, or compile that of one instruction set."""
+    """Replace the code, or compile the code of one instruction set."""
     distribute = DISTRIBUTE in options
     if RECORD not in options:
         replace_code(distribute)

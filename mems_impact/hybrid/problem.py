@@ -126,7 +126,7 @@ class Problem:
 
     @property
     def numbers(self) -> ProblemParameters:
-        """The values of the parameters and the times that depend on them."""
+        """The values of the parameters, and the times that depend on the parameters."""
         return ProblemParameters(self.parameters, self.period, self.switches, self.time_scale)
 
 
@@ -219,7 +219,7 @@ MAX_CALL_SECONDS = 0.5  # its duration: functions may wait, and threads may be m
 class StepQuota:
     """The number of steps after which a loop returns to Python, adapted to the times above.
 
-    Between calls Python hears Ctrl-C and reports progress. It waits for the global interpreter
+    Between calls Python handles Ctrl-C and reports progress. It waits for the global interpreter
     lock, 5 ms for each thread that computes in Python, in which the core is idle.
 
     Attributes

@@ -120,7 +120,7 @@ class Events:
         return self[self.kind == workspace.HANDOVER]
 
     def remembered(self, initial: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the engine's memory of each mode after these rows, from that before them."""
+        """Return the engine's memory of each mode after these rows, from the memory before."""
         rows = self.handovers
         memory = dict(enumerate(initial))
         memory |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)

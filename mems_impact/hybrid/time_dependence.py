@@ -75,7 +75,7 @@ def _mentions(code: CodeType, name: str) -> bool:
 def _uses(function: FunctionType, position: int) -> Sequence[tuple[Any, int] | None] | None:
     """Return the functions and positions to which an argument is passed; None for another use.
 
-    Return None in place of them all if numba does not understand the code.
+    Return None in place of all names if numba does not understand the code.
     """
     from numba.core import ir
     from numba.core.compiler import run_frontend

@@ -1,6 +1,6 @@
 """Functions of Python's library, written over numbers, for compilers that do not know them.
 
-The values are those of Python, up to rounding where Python's own are not exact. Where Python raises
+The values are Python's, up to rounding where Python's own are not exact. Where Python raises
 `ValueError` for a real number they are nan.
 """
 

@@ -105,7 +105,7 @@ def _event_times(point: ShootingEvaluation) -> Floats:
 def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
     """Return whether a cycle starts away from its events, and transversal to its phase condition.
 
-    It also checks that the period is close to the unit of times.
+    The function also checks that the period is close to the unit of times.
     """
     if shooting.phase is None:
         return True

@@ -159,7 +159,7 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvalu
 def solve_at(
     equations: Solvable[P], unknowns: Floats, values: Floats, *, reason: str, remedy: str
 ) -> P:
-    """Correct unknowns at fixed parameters; the errors are those of `newton`."""
+    """Correct unknowns at fixed parameters; errors are as in `newton`."""
 
     def at(u: Floats) -> tuple[P, Floats, Floats]:
         point = equations.evaluate(u, values)

@@ -71,7 +71,7 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     units : float array, shape (n,)
         The user's units of the components, in those of the numerics.
     forced : bool
-        Whether the period of the problem is that of a forcing.
+        Whether the period of the problem is a forcing period.
     """
     try:
         longer = _drift_run(problem, replace(start, cycle=0, time=0.0), forced)

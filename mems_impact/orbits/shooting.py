@@ -217,7 +217,7 @@ class ShootingEvaluation:
     )
 
     def matrix(self, key: object, compute: Callable[[], Floats]) -> Floats:
-        """Return a matrix of this evaluation, such as that of monodromy, computed once."""
+        """Return a matrix of this evaluation, such as the monodromy matrix, computed once."""
         if key not in self._matrices:
             matrix = self._matrices[key] = np.asarray(compute())
             matrix.setflags(write=False)
@@ -361,7 +361,8 @@ class Shooting:
     def norm(self, vector: Floats) -> float:
         """Return the norm of unknowns and parameters, of all segments the one that moves most.
 
-        It does not grow with the number of segments; an orbit and its double cover have the same.
+        The norm does not grow with the number of segments; an orbit and its double cover have the
+        same norm.
         """
         count, f = len(self.segments), len(self.free)
         squares = np.square(vector)

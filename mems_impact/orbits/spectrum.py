@@ -65,7 +65,8 @@ def _stable(
 def _may_be_eigenvalue(z: complex, matrix: Floats, errors: Floats) -> bool:
     """Return whether a matrix within the errors of the entries may have the eigenvalue `z`.
 
-    It has none if the spectral radius of ``|inv(z - matrix)| errors`` is below 1.
+    The value `z` is no eigenvalue if the spectral radius of ``|inv(z - matrix)| errors`` is below
+    1.
     """
     try:
         resolvent = np.abs(np.linalg.inv(z * np.eye(len(matrix)) - matrix))

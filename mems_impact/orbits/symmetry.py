@@ -123,7 +123,7 @@ def _switches_repeat(problem: Problem) -> bool:
 def _images(
     problem: Problem, points: Sequence[Instant], signs: Floats, half: bool
 ) -> dict[int, int] | None:
-    """Return the images of the modes under a symmetry; None if it is none."""
+    """Return the images of the modes under a map of states; None if the map is no symmetry."""
     images: dict[int, int] = {}
     for mode in dict.fromkeys(point.mode for point in points):
         in_mode = [point for point in points if point.mode == mode]

@@ -284,7 +284,7 @@ def _marks(table: pd.DataFrame, parameter: str, state: str) -> pd.DataFrame:
 
 
 def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
-    """Return the marks of special points; of several of one kind at one place, one."""
+    """Return the marks of special points, a single mark for several of one kind at one place."""
     x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
     kept_marks: list[Mark] = []
     for row in marks.itertuples():

@@ -339,7 +339,7 @@ def free_corner(
 
 
 def letter_panels(axes: Sequence[Any]) -> None:
-    """Write (a), (b), … at the upper left of panels; nothing at a single one.
+    """Write (a), (b), … at the upper left of panels; nothing at a single panel.
 
     Parameters
     ----------

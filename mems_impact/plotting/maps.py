@@ -350,7 +350,7 @@ def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> lis
 
 
 def _entry(kind: str, first: bool) -> str:
-    """Return what a legend calls a kind of motion; after the `first` period numbers are enough."""
+    """Return the legend text of a kind of motion; after the `first` period numbers are enough."""
     if kind == OFF:
         return NO_IMPACTS
     if not period_of(kind):
@@ -478,7 +478,7 @@ def _no_boundary(value: Any, x: str, y: str) -> InvalidParameter:
 
 
 def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
-    """Draw boundaries above white lines; return what the legend shows."""
+    """Draw boundaries above white lines; return the entries of the legend."""
     styles: dict[str, dict[str, Any]] = {}
     for kind, _ in curves:
         look = {"color": "black", "linestyle": LINES[len(styles) % len(LINES)], "zorder": 4}

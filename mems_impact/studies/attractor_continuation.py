@@ -157,7 +157,7 @@ def merge_segments(
 def _names(
     rows: pd.DataFrame, branch: Integers, origins: dict[int, str], parameter: str
 ) -> dict[int, str]:
-    """Return names of branches: those of attractors, or the value at which others first appear."""
+    """Return names of branches: names of attractors, or the values of their first appearance."""
     kinds, names = motions(rows), {}
     for number in dict.fromkeys(branch.tolist()):
         i = int(np.flatnonzero(branch == number)[0])

@@ -1,4 +1,4 @@
-"""Matching of attractors: which points share one, and its name.
+"""Matching of attractors: the points that share an attractor, and its name.
 
 The features of a motion are the mean, smallest and largest value of each component at its returns,
 which do not depend on the last return. Cyclic components are ignored. The result does not depend on
@@ -187,7 +187,7 @@ def _neighbour_groups(positions: Floats) -> Integers:
 
 
 def _distinct_rows(rows: Floats) -> tuple[Floats, Integers]:
-    """Return the distinct rows in ascending order, and the number of each row among them.
+    """Return the distinct rows in ascending order, and the number of each row among these.
 
     `numpy.unique` of rows raises TypeError where Ctrl-C interrupts it.
     """
@@ -306,7 +306,7 @@ def label_points(
     starts: InitialConditions,
     longest: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the table of all points with the names of their attractors, and that of attractors.
+    """Return the table of points, with the names of their attractors, and of attractors.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class BasinEntropy(NamedTuple):
         Mean entropy of the boxes with at least two attractors, Sbb; NaN if there is none. Above
         log 2 the boundary is fractal.
     boxes, boundary_boxes : int
-        Number of boxes, and of those with at least two attractors.
+        Number of boxes, and of boxes with at least two attractors.
     """
 
     basin: float

@@ -333,7 +333,7 @@ def basins(
     system : System, or Actuator and Drive
     x, y : tuple of str and array_like
         A component of the state and its values, in the units of the system: ``("v2", values)``.
-        One of them is enough.
+        One of the two is enough.
     box : mapping of str to (float, float), optional
         Instead of x and y, the bounds of any components, between which states are sampled.
     samples : int, optional

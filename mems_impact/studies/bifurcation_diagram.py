@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: attractors, the branches that lead through them, and what emanates."""
+"""Bifurcation diagrams: attractors, their branches, and branches that emanate from these."""
 
 from __future__ import annotations
 
@@ -381,7 +381,7 @@ class AttractorSearch:
     def motions(self, known: Sequence[Motion], report: Report | None) -> Iterator[list[Motion]]:
         """Yield the attractors found so far, in ascending order of their values.
 
-        At the values of known ones, no motion starts from states of the box.
+        At the values of known attractors, no motion starts from states of the box.
         """
         motions: dict[float, list[Motion]] = {value: [] for value in self.grid}
         for motion in known:
@@ -466,7 +466,7 @@ class AttractorSearch:
     def _distinct(
         self, value: float, starts: Sequence[State], known_motions: Sequence[Motion]
     ) -> list[Motion]:
-        """Return the known attractors at a value with those that are reached from states."""
+        """Return the attractors at a value, known before or reached from states."""
         system = self.at(value)
         period = system.forcing_period or math.inf
         cases = [
@@ -621,7 +621,7 @@ class DiagramBuilder:
             self._save_sometimes()
 
     def _follow(self) -> None:
-        """Add the branches of the attractors, with all that emanates from them."""
+        """Add the branches of the attractors, with all branches that emanate from them."""
         for number in range(len(self.branches)):
             self._expand(number)
         for motion in sorted(self.motions, key=_simplest_first):
@@ -728,7 +728,7 @@ class DiagramBuilder:
     def _add(
         self, branch: AnyBranch, parent: int | None = None, origin: AnyPoint | None = None
     ) -> int:
-        """Append a branch, with all that emanates from it, and return its number."""
+        """Append a branch, with all branches that emanate from it, and return its number."""
         number = len(self.branches)
         self.branches.append(branch)
         self.parents.append(parent)

@@ -581,7 +581,7 @@ class ParetoFront(Result):
     def table(self) -> pd.DataFrame:
         """One row per optimum: the two quantities, the parameters, the constrained quantities.
 
-        The columns are those of `Optimum.history` and "held by", the active constraints.
+        The columns are as in `Optimum.history`, and "held by", the active constraints.
         """
         import pandas as pd
 

@@ -455,7 +455,7 @@ class InitialConditions(Protocol):
 
 @dataclass(frozen=True)
 class Grid:
-    """All pairs of the values of x and y, those of x first; or the values of x."""
+    """All pairs of the values of x and y, the values of x first; or the values of x."""
 
     x: Axis
     y: Axis | None = None

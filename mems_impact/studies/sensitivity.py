@@ -83,7 +83,7 @@ class TangentOrbit:
     def to_first_order(self, step: float) -> PeriodicOrbit:
         """Return the first-order approximation of the orbit at a parameter larger by `step`.
 
-        It includes states, times, margins and rates of events. Multipliers are NaN.
+        The orbit includes states, times, margins and rates of events. Multipliers are NaN.
         """
         shooting, before, value = self._shooting, self._point, self._value + step
         unknowns = before.unknowns + step * self._rate

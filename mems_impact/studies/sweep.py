@@ -203,7 +203,7 @@ class SweepStudy(Study):
 
     @cached_property
     def _states(self) -> tuple[str, ...]:
-        """The recorded states of every crossing, those in displays of orbits first."""
+        """The recorded states of every crossing, the states in displays of orbits first."""
         return tuple(
             dict.fromkeys([*self.system.displayed_states, *reversed(self.system.section_states)])
         )

@@ -143,7 +143,7 @@ class Spread:
 
     @property
     def points(self) -> pd.DataFrame:
-        """The independent samples: all rows except those for indices only."""
+        """The independent samples: all rows except the rows for indices only."""
         rows = self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
         rows.attrs = dict(self.table.attrs)
         return rows

@@ -424,7 +424,7 @@ class HybridSystem(Result, ABC):
     def _instant(self, start: float, phase: float, period: float) -> tuple[int, float]:
         """Return the period in which a run begins, and the time since its start.
 
-        The phase of the initial state, unless zero, must be that of the start.
+        The phase of the initial state, unless zero, must be the phase of the start.
         """
         value = self.without_unit("time", start, "start")
         if not is_number(value):

@@ -28,7 +28,7 @@ AT_EVENTS = ("sum", "mean", "min", "max")
 class Observable:
     """A named quantity of a system, shown in tables and studies.
 
-    It is a plain scalar function, like the other functions of a system. At events it is
+    A plain scalar function, like the other functions of a system. At events it is
     ``function(mode, t, before, after, p)``, with the states just before and after; its values form
     a column of the table of these events. Without events it is ``function(y, p)`` of the state, and
     studies show its gain per period.

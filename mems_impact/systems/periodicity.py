@@ -1,4 +1,4 @@
-"""Dependence of a system on time: what a forcing period requires, what its absence rules out.
+"""Dependence of a system on time: conditions on a period, operations that need a period.
 
 The loop gives flow and margins of a system with forcing the time without whole periods, so they
 must be periodic. Values decide that, in all parts of a run: a pulse may come late. Which functions
@@ -196,7 +196,7 @@ def _compare(
         States at which they are compared in turn.
     period : float
     instants : sequence of (int, float)
-        Whole periods and phases; beside those that the functions name.
+        Whole periods and phases; in addition to the times that the functions name.
     within : tuple of float
         First and last time, in periods.
     """

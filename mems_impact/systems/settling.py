@@ -1,4 +1,4 @@
-"""Settling of a sequence: its limit, what remains to it, and the error of both.
+"""Settling of a sequence: its limit, the distance from the limit, and the error of both.
 
 The sequence consists of a statistic over successive blocks of equal length. Near a periodic orbit
 it approaches its limit as a sum of powers of the multipliers, so that a combination of successive
@@ -129,7 +129,7 @@ class _Extrapolation(NamedTuple):
 
 
 def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | None:
-    """Return the limit of a sequence that few multipliers explain, None of another one."""
+    """Return the limit of a sequence that few multipliers explain, None for other sequences."""
     moving = np.ptp(states, axis=0) > STATE_NOISE
     changes = np.diff(np.column_stack([b, states[:, moving]]), axis=0)
     changes /= np.abs(changes).max(axis=0)
@@ -179,7 +179,7 @@ def _of_order(b: Floats, order: int, noise: float, changes: Floats) -> _Extrapol
 def _drift(limits: Floats, noise: float) -> float:
     """Return by how far successive extrapolations may be from the limit.
 
-    Steady moves are those of a multiplier that the extrapolation does not resolve.
+    Steady moves belong to a multiplier that the extrapolation does not resolve.
     """
     moves, spread = np.diff(limits), float(np.ptp(limits))
     if spread <= noise or not ((moves > 0.0).all() or (moves < 0.0).all()):

@@ -178,7 +178,7 @@ DERIVED: dict[str, dict[str, int]] = {
 
 
 def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
-    """Return the typical magnitude of a unit, from those of other units.
+    """Return the typical magnitude of a unit, from the magnitudes of other units.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def _size_of_margin(
 ) -> float:
     """Return the change of a margin if each state changes by its typical magnitude.
 
-    It is evaluated near the initial state; 1 if the margin fails there.
+    The margin is evaluated near the initial state; 1 if the margin fails there.
     """
     p = named_tuple("Parameters", tuple(values))(*values.values())
     mode = int(guard.modes[0]) if guard.modes else 0

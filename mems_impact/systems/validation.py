@@ -90,7 +90,7 @@ def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
 
 
 def reachable_functions(value: Any, visited: set[FunctionType]) -> Iterator[FunctionType]:
-    """Yield a function and those that it may call: globals and closure variables."""
+    """Yield a function and the functions that it may call: globals and closure variables."""
     function = getattr(value, "py_func", value)  # of one that numba compiled
     if not isinstance(function, FunctionType) or function in visited:
         return
@@ -431,7 +431,7 @@ def rounding_of(
 
 
 def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
-    """Raise FunctionError unless the given Jacobian is that of the flow."""
+    """Raise FunctionError unless the given Jacobian is the Jacobian of the flow."""
     supplied = checked.jacobian(at)
     slope = checked.flow(at)
     for j in range(checked.n):

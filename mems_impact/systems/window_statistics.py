@@ -211,7 +211,7 @@ class TimeWindow:
 
 
 class StatisticsAccumulator(ABC):
-    """Accumulates statistics over the events of a run; a call takes the next chunk of them.
+    """Accumulates statistics over the events of a run; a call takes the next chunk of events.
 
     Its memory does not grow with the length of the run.
 
@@ -249,7 +249,7 @@ class StatisticsAccumulator(ABC):
         return self._anchors[border]
 
     def _take(self, events: Events) -> NDArray[np.bool_]:
-        """Count the next events; return which of them lie within the window."""
+        """Count the next events; return a mask of the events within the window."""
         inside = self._window.contains(events)
         if len(events) == 0:
             return inside

@@ -173,9 +173,9 @@ def frequency_response(
     drive : Drive
         A drive with an ``amplitude``, and an ``omega`` or a ``frequency``.
     frequencies : array_like of float
-        Values of its omega [rad/s], or of its frequency [Hz] if it was given by that.
+        Values of omega [rad/s], or of the frequency [Hz] if the drive is given by its frequency.
     amplitudes : array_like of float, optional
-        Voltages [V]; that of the drive by default.
+        Voltages [V]; by default the voltage of the drive.
     direction, transient, periods, options, workers
         As for `mems_impact.sweep`.
 
@@ -457,7 +457,7 @@ class PeriodOneWindow(SummaryRepr):
     margin : float
         Half the width divided by the middle: the relative tolerance of a voltage in the middle.
     si : bool
-        Whether these are in SI, those of a device that is.
+        Whether the quantities are in SI, as they are for a device in SI.
     drive_unit : str
         Their SI unit: "C" under a `ChargeDrive`.
 

@@ -62,9 +62,9 @@ class Closing(Result):
         Least height of a bounce that counts, relative to the travel.
     table : DataFrame
         One row per impact: time t, stopper, impact speed; contact, the duration of the contact (0
-        for an impact with restitution; that of the rest contact at the end of a chatter sequence,
-        with its last, unresolved impacts); flight, the duration of the bounce that follows, and its
-        height. NaN if the block stays on the stopper, or does not return.
+        for an impact with restitution; the time of the rest contact at the end of a chatter
+        sequence, with its last, unresolved impacts); flight, the duration of the bounce that
+        follows, and its height. NaN if the block stays on the stopper, or does not return.
     run : ActuatorRun
         The run, from which `energy` is computed.
 

@@ -288,12 +288,12 @@ def _by_quantities(error: InvalidParameter) -> InvalidParameter:
 
 
 def _propagated(given: Mapping[str, float], relations: Sequence[Relation]) -> dict[str, float]:
-    """Return all quantities that those given determine.
+    """Return all quantities that the given quantities determine.
 
     Raises
     ------
     InvalidParameter
-        If two of them contradict each other.
+        If two quantities contradict each other.
     """
     known = dict(given)
     sources: dict[str, tuple[str, ...]] = {name: (name,) for name in given}
@@ -356,7 +356,7 @@ def _contradiction(name: str, value: float, other: float, source: str) -> Invali
 def _missing(
     name: str, known: Mapping[str, float], relations: Sequence[Relation]
 ) -> InvalidParameter:
-    """Return the error about a quantity that is not determined, with what would determine it."""
+    """Return the error about an undetermined quantity, with quantities that determine it."""
     near = [each for each in relations if name in each.names]
     near.sort(key=lambda each: sum(other not in known for other in each.names))
     others = [o for each in near for o in each.names if o not in known and o != name]

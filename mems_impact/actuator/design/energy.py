@@ -54,7 +54,7 @@ class EnergyArc(NamedTuple):
     v2 : tuple of float
         Speed of the block before and after the event at its end; equal unless it is an impact.
     row : int
-        Row in the event log of the event at its end, -1 for none.
+        Row in the event log of the event at the end of the arc, -1 without an event.
     """
 
     begin: HybridState
@@ -103,7 +103,7 @@ def _slip(problem: Problem, start: HybridState) -> float:
 
 
 def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
-    """Return the arcs of an orbit; rows are those of its event log."""
+    """Return the arcs of an orbit, with rows of its event log."""
     solution = orbit.found
     cyclic = list(solution.problem.automaton.cyclic)
     states, _ = solution.shooting.unpack(solution.point.unknowns)
@@ -167,8 +167,8 @@ def accounts_of(system: ActuatorSystem) -> EnergyAccounts:
 def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     """Return the problem of single arcs, with work and losses as additional states.
 
-    It is interpreted, since thousands of arcs take less time than compilation. A one-step method
-    replaces Adams, whose start-up takes several times as long on such short arcs.
+    The integration is interpreted, since thousands of arcs take less time than compilation. A
+    one-step method replaces Adams, whose start-up takes several times as long on such short arcs.
     """
     problem = system.problem(replace(options, engine="interpreted"))
     if problem.options.method == "adams":
@@ -502,7 +502,7 @@ def energy(
     Raises
     ------
     InvalidParameter
-        If `motion` is neither, or the run has no events or does not cover those periods.
+        If `motion` is no run and no orbit, or the run has no events or does not cover the periods.
 
     See Also
     --------

@@ -46,7 +46,8 @@ DYNAMIC_RTOL = 1e-9  # relative accuracy of a dynamic pull-in voltage found by s
 def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     """Return the distance that the frame slides to the right from a state under constant forces.
 
-    It is infinite if they overcome friction. `v` and `w` are the right and left voltages.
+    The result is infinite if the forces overcome friction. `v` and `w` are the right and
+    left voltages.
     """
     pull = model.pull(v, w, y, p) + model.force(y, p)
     push = eq.load(y[X2], y[V2], pull, p) + model.on_frame(y, p)
@@ -162,7 +163,8 @@ def _check_voltage(actuator: Actuator) -> None:
 def contact_voltage(actuator: Actuator) -> float:
     """Return the slowly rising voltage at which the block reaches the right stopper.
 
-    It is the pull-in voltage, or, for a comb drive, that of the equilibrium at the stopper.
+    This is the pull-in voltage, or, for a comb drive, the voltage of the equilibrium at the
+    stopper.
     """
     _check_voltage(actuator)
     if actuator.terms:

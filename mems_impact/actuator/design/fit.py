@@ -226,7 +226,7 @@ class Fit(SummaryRepr):
     converged : bool
         Whether the search converged to a minimum, which need not fit the data.
     evaluations : int
-        Number of evaluations of the residuals, without those for derivatives.
+        Number of evaluations of the residuals, not counting derivatives.
 
     See Also
     --------
@@ -533,7 +533,7 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
 
 
 def _remaining(targets: Sequence[Target], runs: Mapping[Drive, Run]) -> Floats:
-    """Return by how much the targets may still change."""
+    """Return the largest possible further change of the targets."""
     settlings = {drive: run.settling for drive, run in runs.items()}
     return np.array(
         [

@@ -754,7 +754,7 @@ class ChartBuilder:
     def _between(self, left: _Place, right: _Place) -> list[Point] | None:
         """Return the curve from one point to another, None if it does not connect them.
 
-        It is continued from either of them.
+        The curve is continued from either point.
         """
         if left.kind != right.kind:
             return None
@@ -1015,7 +1015,7 @@ def operating_chart(
     periods : int, optional
         Forcing periods for which an attractor must persist in these simulations.
     options : Options, optional
-        Options of the continuation; by default those of `find_orbit`.
+        Options of the continuation; by default the options of `find_orbit`.
     steps : StepControl, optional
         Steps of the continuation.
     workers : int, optional

@@ -70,7 +70,7 @@ class RingDown(Result):
         One row per measured cycle: t (since switching off) and amplitude; for decays over hundreds
         of cycles nine of them.
     si : bool
-        Whether these are in SI, those of a device that is.
+        Whether the quantities are in SI, as they are for a device in SI.
 
     See Also
     --------
@@ -117,7 +117,7 @@ def ring_down(
     share : float, optional
         Fraction of the first measured amplitude at which the measurement ends; between 0 and 1.
     options : Options, optional
-        By default those of `find_orbit`: numerical damping counts as damping.
+        By default the options of `find_orbit`: numerical damping counts as damping.
 
     Returns
     -------
@@ -270,9 +270,9 @@ def slow_decay(
 def after_contacts(
     system: ActuatorSystem, start: Any, options: Options
 ) -> tuple[ActuatorSystem, State, float]:
-    """Return a device with rigid stoppers, its state after the last contact, and the time of that.
+    """Return a device with rigid stoppers, and its state and time after the last contact.
 
-    Turning points are then those of free oscillation between rigid stoppers, which later cycles do
+    Turning points then belong to free oscillation between rigid stoppers, which later cycles do
     not reach.
     """
     run = simulate(system, PERIODS, initial=start, options=options)

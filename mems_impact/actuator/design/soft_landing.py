@@ -270,7 +270,7 @@ class Landing:
     def at(self, x: Floats) -> float:
         """Return the square of the largest impact speed, relative to that under a step.
 
-        It is infinite without impacts.
+        The result is infinite without impacts.
         """
         drive = self.voltage(x)
         length = drive.switching_time + self.length

@@ -72,7 +72,7 @@ class StaticForces:
         Raises
         ------
         InvalidParameter
-            If the force of the electrode does not depend on the position, as that of a comb.
+            If the force of the electrode does not depend on the position, as for a comb.
         """
         delta = self.actuator.delta
         positions = np.linspace(self._start, delta, FORCE_CURVE_POINTS)

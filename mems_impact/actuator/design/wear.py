@@ -41,7 +41,7 @@ class WearLife(SummaryRepr):
     distance : float
         Distance walked until then [m].
     si : bool
-        Whether these are in SI, those of a device that is.
+        Whether the quantities are in SI, as they are for a device in SI.
 
     See Also
     --------
@@ -94,8 +94,8 @@ def life(
     depth : float
         Allowed wear depth [m], > 0.
     normal_force : float, optional
-        Normal force of the frame on the ground [N], > 0. By default that of the weight; required
-        if static friction exceeds it, as in a clamped device given by its friction forces.
+        Normal force of the frame on the ground [N], > 0. By default the normal force of the weight;
+        required if static friction exceeds it, as in a clamped device given by its friction forces.
 
     Returns
     -------

@@ -53,7 +53,7 @@ class Burst(Drive):
     Notes
     -----
     The forcing period is burst and pause together. Beginning and end of the burst are switches, as
-    are those of `wave` within it.
+    are the switching times of `wave` within it.
 
     Examples
     --------

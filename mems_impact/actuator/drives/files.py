@@ -72,7 +72,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
 
 
 def drive_kinds() -> tuple[str, ...]:
-    """Return the kinds of waveforms, those of plugins last."""
+    """Return the kinds of waveforms, plugins last."""
     return plugins.names(plugins.DRIVE_GROUP, WAVEFORMS)
 
 

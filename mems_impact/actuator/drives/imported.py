@@ -52,7 +52,7 @@ class ImportedVoltage(Drive):
 
     @property
     def switches(self) -> tuple[float, ...]:
-        """Empty: the importer knows them."""
+        """Empty: the importer knows the switching times."""
         return ()
 
     @property

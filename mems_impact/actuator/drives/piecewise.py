@@ -23,7 +23,8 @@ PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 5  # places in q; a piece is its start an
 class Piece(NamedTuple):
     """A polynomial c0 + c1 x + c2 x^2 + c3 x^3 of the time x since `start`.
 
-    It reaches to the start of the next piece. `switch`: whether integration restarts at its start.
+    The piece reaches to the start of the next piece. `switch`: whether integration restarts at its
+    start.
     """
 
     start: float
@@ -173,7 +174,7 @@ class PiecewiseDrive(Drive):
     def parameters(self) -> NDArray[np.float64]:
         """Return the array (period, n, then start and four coefficients of each of n pieces).
 
-        The period is that of the voltage.
+        The period in the array is the period of the voltage.
         """
         return _arrays_of(self).q.copy()
 

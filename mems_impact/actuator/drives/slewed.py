@@ -321,7 +321,7 @@ class SlewedSide:
 
 
 def _with_piece(pieces: list[OutputPiece], piece: OutputPiece) -> list[OutputPiece]:
-    """Return the pieces with another one, in place of a last one that starts with it."""
+    """Return the pieces before the start of a piece, and the piece."""
     return [each for each in pieces if each.start < piece.start] + [piece]
 
 

@@ -79,7 +79,7 @@ class TwoSided(Drive):
 
     @property
     def _counts(self) -> tuple[int, int] | None:
-        """Forcing periods of right and left side in a common one."""
+        """Forcing periods of right and left side in a common period."""
         right, left = self.right.period, self.left.period
         for count in range(1, MOST_PERIODS + 1):
             left_count = round(count * right / left)
@@ -144,7 +144,7 @@ class TwoSided(Drive):
     def _continued_timeline(
         self, side: Drive, stretches: list[TimelineSegment]
     ) -> list[TimelineSegment]:
-        """Return the timeline of a side over two forcing periods, continuing that of the first.
+        """Return the timeline of a side over two forcing periods, which continues the first.
 
         A switch of the second is exactly one forcing period after that of the first.
         """

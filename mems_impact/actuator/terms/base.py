@@ -68,7 +68,7 @@ Shape = tuple[Hashable, ...]
 class Electrode(NamedTuple):
     """An electrode as functions for numba.
 
-    ``x`` is the position of the block towards the electrode: x2 for the right one, -x2 for the left
+    ``x`` is the position of the block towards the electrode: x2 at the right, -x2 at the left
     one. It pulls with the force slope/2 (node - offset)^2.
 
     Attributes
@@ -315,7 +315,7 @@ class Term(Checked, ABC):
 
     @property
     def replaced_rules(self) -> tuple[str, ...]:
-        """The rules of the paper that it replaces, those of electrodes by side."""
+        """The rules of the paper that the term replaces, rules of electrodes by side."""
         if self.replaced_rule == "stopper":
             return "stopper", "restitution"
         if self.replaced_rule != "electrode":
@@ -353,7 +353,7 @@ class Term(Checked, ABC):
         return self.replace_unchecked(**scaled_fields(self, self._field_units, scales))
 
     def unscaled(self, scales: Scales) -> Self:
-        """Return the same term, given in scaled units, in those of the device."""
+        """Return the same term, given in scaled units, in the units of the device."""
         return self.replace_unchecked(**unscaled_fields(self, self._field_units, scales))
 
     @property
@@ -367,7 +367,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return bounds of numbers of the actuator or the term by others of them.
+        """Return bounds that numbers of the actuator and the term set for each other.
 
         `compliant` tells whether the actuator has compliant stoppers.
         """
@@ -403,9 +403,9 @@ class Term(Checked, ABC):
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
-        """Return its contributions to the equations, other than those of electrodes.
+        """Return the contributions of the term to the equations, except at electrodes.
 
-        It is a class method, since compiled equations do not contain values, which are in ``p``.
+        This is a class method, since compiled equations do not contain values, which are in ``p``.
         """
         return TermContribution()
 

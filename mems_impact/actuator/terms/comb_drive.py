@@ -90,7 +90,7 @@ class CombDrive(Term):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return that of the overlap, which lasts over the whole travel."""
+        """Return the bound of the overlap, which lasts over the whole travel."""
         meaning = "the largest deflection of the block"
         return (Bound(name="comb_drive.overlap", value=reach_function(compliant), meaning=meaning),)
 

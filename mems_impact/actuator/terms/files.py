@@ -16,7 +16,7 @@ __all__ = ["table_of", "term_names", "term_of", "term_type", "term_with"]
 
 
 def term_names() -> tuple[str, ...]:
-    """Return the names of terms, those of plugins last."""
+    """Return the names of terms, plugins last."""
     return plugins.names(plugins.TERM_GROUP, TERM_CLASSES)
 
 

@@ -59,7 +59,7 @@ class Fringing(Term):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return those of the sizes."""
+        """Return the bounds of the sizes."""
 
         def min_size(p):  # type: ignore[no-untyped-def]
             return 2.0 * (p[eq.D] + p[eq.DELTA])

@@ -22,7 +22,7 @@ WIDTH_TOLERANCES = (
 class RegularizedFriction(Term):
     """Friction regularized near zero speed: the frame never sticks, but creeps under any load.
 
-    It is the common substitute for switching between sticking and slipping, included for
+    This is the common substitute for switching between sticking and slipping, included for
     comparison.
 
     Parameters

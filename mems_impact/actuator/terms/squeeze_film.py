@@ -37,7 +37,7 @@ FIFTH = 31.0 / 32.0 * 1.0369277551433699  # of l^-5: 31/32 zeta(5)
 class SqueezeFilm(Term):
     """Squeezed gas film, with damping at low and stiffness at high frequencies.
 
-    It replaces a constant gas damping: `c` should contain only the losses of the suspension.
+    The term replaces a constant gas damping: `c` should contain only the losses of the suspension.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class SqueezeFilm(Term):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return that of the width."""
+        """Return the bound of the width."""
         length, name = indices.p["length"], "squeeze_film.width"
 
         def max_width(p):  # type: ignore[no-untyped-def]
@@ -174,7 +174,7 @@ class Compartment(NamedTuple):
     Attributes
     ----------
     share : float
-        Of the face; those of all compartments add up to 1.
+        Share of the face; the shares of all compartments add up to 1.
     size : callable
         ``size(p)``, its s [m^2]: the square of a length over which the gas flows out.
     """
@@ -184,7 +184,7 @@ class Compartment(NamedTuple):
 
 
 def compartments(indices: ParameterIndices, modes: int) -> list[Compartment]:
-    """Return the compartments: row by row across the width, modes along it and what they leave.
+    """Return the compartments, row by row: modes along the length, and their remainder.
 
     Row 1, 3, ... across has the modes 1, 3, ... along one by one, one fewer than the row before,
     and the sum of its others; at the end comes the sum of all other rows.
@@ -223,7 +223,7 @@ def size_of(indices: ParameterIndices, along: int, across: int) -> Function:
 
 
 def size_of_row(indices: ParameterIndices, across: int, count: int, remainder: float) -> Function:
-    """Return the size of what the first `count` modes leave of a row: the mean over all others.
+    """Return the mean size of the modes of a row after the first `count`.
 
     The sum along of the shares times the sizes is that of a strip, less what flows out at its
     ends: 8 width^2/(pi across)^4 (1 - tanh(z)/z), z = pi across length/(2 width).

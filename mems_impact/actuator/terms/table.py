@@ -134,7 +134,7 @@ class TableTerm(Term):
 
     @classmethod
     def lengths(cls, shape: Shape) -> dict[str, int]:
-        """Return the count of points, and that of the coefficients of the spline."""
+        """Return the count of points and the count of the coefficients of the spline."""
         count = super().lengths(shape)["positions"]
         return {"positions": count, "coefficients": COEFFICIENTS * (count - 1)}
 
@@ -167,7 +167,7 @@ class TableTerm(Term):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return that of the travel, which the table covers."""
+        """Return the bound of the travel, which the table covers."""
         first = indices.p["positions"]
         last = first + cls.lengths(shape)["positions"] - 1
 

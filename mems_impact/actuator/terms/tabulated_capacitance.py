@@ -16,7 +16,7 @@ __all__ = ["TabulatedCapacitance"]
 
 
 class TabulatedCapacitance(TableTerm):
-    """Electrodes with a capacitance from a table, in place of those of a parallel plate.
+    """Electrodes with a capacitance from a table, in place of parallel plates.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class TabulatedSpring(TableTerm):
 
     Notes
     -----
-    The interpolant is that of `TabulatedCapacitance`; it is monotone wherever three successive
+    The interpolant, as of `TabulatedCapacitance`, is monotone wherever three successive
     intervals of the table are. The energy of the spring is its integral; in the table of `energy`
     the account "spring" is k x2^2/2, and "tabulated_spring" the rest.
 
@@ -73,7 +73,7 @@ class TabulatedSpring(TableTerm):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return those of the travel and of the stiffness, which is that of the table."""
+        """Return the bounds of the travel and of the stiffness, which the table determines."""
         slope = cls.spline(indices, shape).slope
 
         def stiffness(p):  # type: ignore[no-untyped-def]
@@ -106,7 +106,7 @@ class TabulatedSpring(TableTerm):
 
     @classmethod
     def contribution(cls, indices: ParameterIndices, shape: Shape) -> TermContribution:
-        """Return force and energy beyond those of the linear spring."""
+        """Return force and energy beyond the linear spring."""
         spline_force, _, integral = cls.spline(indices, shape)
 
         def force(y, p):  # type: ignore[no-untyped-def]

@@ -70,7 +70,7 @@ class TiltedPlate(Term):
 
     @classmethod
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
-        """Return those of the angle, at which an edge reaches the electrode."""
+        """Return the bounds of the angle, at which an edge reaches the electrode."""
         length, share = indices.p["length"], YIELDING_SHARE if compliant else 1.0
 
         def max_angle(p):  # type: ignore[no-untyped-def]

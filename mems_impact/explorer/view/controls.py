@@ -1,4 +1,4 @@
-"""Controls of the page: a slider for each parameter, and the selection of what is displayed."""
+"""Controls of the page: a slider for each parameter, and the selection of the display."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Controls:
     setting : PageSetting
         Initial setting.
     changed : callable
-        ``changed(change)`` is called with a function from the old setting to the new one.
+        ``changed(change)`` is called with a function from the old setting to the new setting.
     reset : callable
         Called without arguments.
     save : callable

@@ -245,7 +245,7 @@ class Page:
         self.change(lambda setting: setting.with_value(name, value))
 
     def _diagram(self, request: DiagramRequest | DiagramSnapshot, watch: Watch) -> DiagramSnapshot:
-        """Compute a diagram, or the special points of one."""
+        """Compute a diagram, or its special points."""
         if isinstance(request, DiagramSnapshot):
             return with_special_points(self.subject, request, watch)
         return diagram_of(self.subject, request, self.specs[request.setting.parameter], watch)

@@ -133,7 +133,7 @@ CLICK_DISTANCE = 0.012  # part of the range within which a click means a special
 class BifurcationPanel:
     """Crossings of the section over a parameter, varied up and down; the run's own in black.
 
-    A click selects the value of the parameter, near a special point that of the point.
+    A click selects the value of the parameter, near a special point the value of the point.
 
     Parameters
     ----------
@@ -382,7 +382,7 @@ class DevicePanel:
 
     @property
     def browser_arguments(self) -> dict[str, Any]:
-        """What the browser has to know to move the drawing: its sources and its lengths."""
+        """Data by which the browser moves the drawing: its sources and its lengths."""
         return {
             "block": self.block, "spring": self.spring, "plates": self.plates,
             "ground": self.ground, "caption": self.caption,
@@ -391,7 +391,7 @@ class DevicePanel:
         }  # fmt: skip
 
     def frames(self, picture: RunSnapshot) -> dict[str, np.ndarray]:
-        """Return what the browser plays: block, walk of the ground, charges, x1."""
+        """Return the data of the animation: block, walk of the ground, charges, x1."""
         system, frames = picture.system, picture.motion.frames
         assert isinstance(system, ActuatorSystem)
         gap, x1 = system.actuator.d, frames["x1"][::FRAME_STRIDE]
@@ -616,7 +616,7 @@ class AnimationPanels:
 
     @property
     def browser_arguments(self) -> dict[str, Any]:
-        """What the browser has to know."""
+        """Data for the browser."""
         return {
             "frames": self.layout,
             "series": self._series.figures,
@@ -649,7 +649,7 @@ class HeadlinePanel:
         self.layout = Div(text="", sizing_mode="stretch_width", name="headlines")
 
     def show(self, picture: RunSnapshot) -> None:
-        """Show those of another run."""
+        """Show the headlines of another run."""
         self.layout.text = "".join(_headline(picture.system, each) for each in picture.headlines)
 
 

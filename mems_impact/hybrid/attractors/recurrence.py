@@ -148,7 +148,7 @@ def width_of(m: int, modes: int, gains: int, marks: int) -> int:
 def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, out: Any) -> int:
     """Write observables into `out`: of a state if `code` is -1, else of an event.
 
-    The code of an event is that of its transition, m + guard at the end of chatter.
+    The code of an event is the code of its transition, m + guard at the end of chatter.
 
     Returns 1 if one of their functions fails.
     """
@@ -206,7 +206,7 @@ def accumulate_value(statistics: Any, column: int, value: float) -> None:
 
 
 def accumulate_aperiodic(s: Any, w: Any) -> None:
-    """Add the statistics of this return to those of an aperiodic motion."""
+    """Add the statistics of this return to the statistics of an aperiodic motion."""
     statistics = scratch_row(w, RETURN_SUMS)
     means, squares = scratch_row(w, MEANS), scratch_row(w, SQUARES)
     add(s, w, scratch_row(w, TOTAL_SUMS), statistics)

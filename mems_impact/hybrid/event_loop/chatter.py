@@ -275,7 +275,7 @@ def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard
 def affects(engine: Any, s: Any, mode: int, t: float, other: int) -> bool:
     """Return whether the impact without rebound changes the margin of the guard `other`.
 
-    It leads from STATE_BEFORE to CONTACT_STATE.
+    The step leads from STATE_BEFORE to CONTACT_STATE.
     """
     g = table_row(s, G)
     y_before, y_contact = table_row(s, STATE_BEFORE), table_row(s, CONTACT_STATE)

@@ -143,7 +143,8 @@ def _is_work(kind: Any) -> bool:
 def address_of_loop(handle: Any, clock: Any) -> int:
     """Return the address of the compiled event loop for the types of two records.
 
-    It is a C function of two addresses and the quota, which callers can use without recompilation.
+    The driver is a C function of two addresses and the quota, which callers can use without
+    recompilation.
     """
     entry: Any = compiled(loop.run_steps)
     kinds = typeof(handle), typeof(clock), types.int64

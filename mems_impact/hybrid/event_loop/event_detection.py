@@ -1,6 +1,6 @@
 """Event detection: margins of guards, hidden crossings, the Poincaré section.
 
-Functions over `integrators.interface`, called by the loop. Scratch rows are those of `workspace`: a
+Functions over `integrators.interface`, called by the loop. Scratch rows are rows of `workspace`: a
 function may overwrite ``G``, and the rows that its docstring lists.
 
 The engine detects margins that change sign over a step. A double crossing, beside a grazing, is

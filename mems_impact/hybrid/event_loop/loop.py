@@ -328,7 +328,7 @@ def is_switch(s: Any) -> bool:
 
 
 def switch_instant(s: Any, t_end: float) -> float:
-    """Return the time of the switch at which the arc stops; that of the end, `t_end`, if equal.
+    """Return the time of the switch at which the arc stops; the end `t_end` if equal.
 
     At an absolute time, functions receive no earlier one there.
     """

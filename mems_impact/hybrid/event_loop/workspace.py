@@ -235,7 +235,7 @@ def absolute_switch(s: Any, time: float) -> float:
 
 
 def time_base(s: Any) -> float:
-    """Return the time from the start of the run to that of the current period."""
+    """Return the time from the start of the run to the start of the current period."""
     base: float = s.cycle * s.period
     return base
 

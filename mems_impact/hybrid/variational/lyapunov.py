@@ -77,7 +77,7 @@ class LyapunovIntegrator:
         Whether chunk lengths vary from one half to three halves of that length, for autonomous
         systems, whose period may be close to the length of a chunk.
     column_rtol : float, optional
-        Relative tolerance of the columns, if it is above that of the run.
+        Relative tolerance of the columns, if it is above the tolerance of the run.
     balanced : bool, optional
         Whether components of columns are weighted for lengths and angles. Exponents do not depend
         on weights; without them, columns of a badly scaled system are nearly parallel.
@@ -369,7 +369,7 @@ def largest(
 
 
 def _extended_problem(problem: Problem, size: int, rtol: float) -> Problem:
-    """Return the problem of a state and its columns; its events are those of the run."""
+    """Return the problem of a state and its columns, with the events of the run."""
     automaton, options = problem.automaton, problem.options
     n, p = len(automaton.states), len(problem.parameters)
     flow = stretched_flow(automaton.flow, n, p, automaton.step)

@@ -807,7 +807,7 @@ def contact_response(
     """Write into `response` the rate of change of the state after a unit impulse at a contact.
 
     The impulse is the derivative of the transition along the gradient of the rate (the closing
-    speed). Requires `differentiate` at the contact, that of `guard`.
+    speed). Requires `differentiate` at the contact of `guard`.
     """
     workspace = problem.variational
     n, rate = workspace.n, workspace.m + guard

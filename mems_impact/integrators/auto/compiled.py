@@ -60,7 +60,7 @@ def prepare() -> None:
 class CompiledAuto(CompiledEngine):
     """A handle for both engines, which share its parameters and biases.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`.
+    Parameters are as in `mems_impact.integrators.cvode.interpreted.InterpretedCvode`.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:

@@ -15,7 +15,7 @@ The memory of every mode is one integer, which describes the end of its last arc
   suspicious checks;
 - below 0: BDF, with which the next arc begins, after -1 - k unsuccessful trials.
 
-It changes at a handover only, which the event loop records, so that any arc of a run can be
+The memory changes at a handover only, which the event loop records, so that any arc of a run can be
 integrated again.
 """
 
@@ -264,7 +264,7 @@ def spectral_radius(engine: Any, t: float) -> float:
 
 
 def scaled_norm(engine: Any, direction: Any) -> float:
-    """Return the norm of a direction, each component relative to that of the state."""
+    """Return the norm of a direction, with components relative to the state."""
     y, total = row(engine, STATE), 0.0
     for j in range(engine.n):
         part = direction[j] / size_of(engine, y[j])

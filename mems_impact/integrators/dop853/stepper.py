@@ -192,7 +192,7 @@ def records_approaches(engine: Any, i: int) -> bool:
 def stages(engine: Any, t: float, h: float) -> float:
     """Evaluate slopes 1 to 11 and END of a step from (t, START); return its error in tolerances.
 
-    Slope 0 must be known. The error estimate is that of DOP853, of order 7: it combines two
+    Slope 0 must be known. The error estimate of DOP853 is of order 7: it combines two
     embedded methods, of orders 5 and 3. It is not finite if a slope is not.
     """
     n, mode, limit = engine.n, engine.mode, engine.last_instant
@@ -671,7 +671,8 @@ def begin(engine: Any) -> int:
 def first_step(engine: Any) -> float:
     """Return a first step from slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
 
-    It must not depend on the previous arc, so that a run can be resumed at any of its events.
+    The first step must not depend on the previous arc, so that a run can be resumed at any of its
+    events.
     """
     n = engine.n
     y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
@@ -797,7 +798,7 @@ def leave_section(engine: Any, values: Any, side: int) -> None:
     """Set the sign of a section value of zero, so that the section is crossed exactly once.
 
     `side` is 0 at the start or end of a step, where the slope determines the sign. Without a slope,
-    as at rest on the section, its side remains that of LOW.
+    as at rest on the section, its side remains the side of LOW.
     """
     last = 2 * engine.m
     if values[last] == 0.0:

@@ -13,7 +13,8 @@ __all__ = ["cache_directory"]
 def cache_directory() -> Path | None:
     """Return the folder of compiled code, or None if no folder can be written.
 
-    It is in ``NUMBA_CACHE_DIR``, or else beside the sources, or else among the user's caches.
+    The directory is in ``NUMBA_CACHE_DIR``, or else beside the sources, or else among the user's
+    caches.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -2,7 +2,7 @@
 
 Compiled integers have 64 bits, and numba continues beyond them with the last bits. In copies of
 users' functions, whose module is `CHECKED`, an operation whose result needs more bits raises an
-exception instead, which ends the run with an error. Operations of real numbers are those of numba.
+exception instead, which ends the run with an error. Operations of real numbers are numba's.
 
 A compiled function has one type for a value. numba takes that of a power of integers to be an
 integer, so that 10**-1 is 0, where Python returns 0.1. In all copies such a power is a real number,
@@ -223,7 +223,7 @@ class CheckedArithmetic(Rewrite):
         return bool(self._checked)
 
     def _operation(self, expression: Any, typemap: Any) -> tuple[Any, list[Any]] | None:
-        """Return the checked function of an expression, and its operands; None if it has none."""
+        """Return the checked function of an expression and its operands, or None."""
         if expression.op == "call":
             operands, called = list(expression.args), typemap[expression.func.name]
             function = getattr(called, "typing_key", None)

@@ -136,7 +136,7 @@ class KernelCode:
 
 
 class Kernel(NamedTuple):
-    """A C function and the code that contains it, which must live as long."""
+    """A C function, with a reference to its machine code, which keeps the address valid."""
 
     address: int
     library: Any

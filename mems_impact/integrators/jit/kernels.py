@@ -107,7 +107,7 @@ def call_kernel(
 
 
 class Kernels(NamedTuple):
-    """The functions of an automaton as C functions, which must live as long as the engine."""
+    """The functions of an automaton as C functions, which the engine needs to the end."""
 
     flow: Kernel
     margins: Kernel
@@ -232,7 +232,8 @@ def _jacobian_kernel(snapshot: Snapshot, n: int) -> Kernel:
 def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
     """Compile a function of `count` observables of states of length `n` to a C function.
 
-    It has the signature of a kernel, with two states in succession, and returns 1 if it fails.
+    The function has the signature of a kernel, with two states in succession, and returns 1 if it
+    fails.
     """
     snapshot = take_snapshot(observe)
     with _compilation_lock:

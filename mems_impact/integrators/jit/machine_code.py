@@ -1,4 +1,4 @@
-"""Machine code on disk: that of an installation, and the cache.
+"""Machine code on disk: the code of an installation, and the cache.
 
 The installation has the event loop and the methods, which depend on no automaton;
 `mems_impact.hybrid.precompilation` writes them. The cache has all other code. The name of a file
@@ -112,7 +112,7 @@ def cache_file(function: Callable[..., Any], name: str, signature: Any) -> Path 
 
 
 def touch(file: Path) -> None:
-    """Note that a file is used; the cache keeps those used last."""
+    """Note that a file is used; the cache keeps the files used last."""
     with suppress(OSError):  # removed by another process, or in a folder that is only read
         os.utime(file)
 

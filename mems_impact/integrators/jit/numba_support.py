@@ -263,7 +263,7 @@ class _Cache(NullCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code if the folder is writable, as that of the installation if recorded."""
+        """Save compiled code if the folder is writable, as code of the installation if recorded."""
         library = data if self._library_only else data.library
         if self._name is None or library.has_dynamic_globals:
             return
@@ -327,7 +327,7 @@ def compile_callback(
 def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[..., Any]:
     """Compile `function` for the types of its arguments at the first call; it releases the GIL.
 
-    The parameters are those of `compile_callback`.
+    Parameters are as in `compile_callback`.
     """
     # numba compiles a function for each set of options of its callers; with an inner function all
     # callers have the same options.

@@ -1,4 +1,4 @@
-"""Sine and cosine of compiled code, in place of those of the C library.
+"""Sine and cosine of compiled code, in place of the C library's.
 
 On processors with a fused multiply-add they are part of the compiled function, so that no call
 interrupts it: the argument is reduced by three parts of pi/2 (Cody and Waite), and the kernels are

@@ -235,7 +235,7 @@ class Scheduler:
                 self.pending[future] = number
 
     def take(self, done: set[Future[Result]]) -> None:
-        """Store completed parts, then raise errors of failed ones."""
+        """Store completed parts, then raise errors of failed parts."""
         failed: BaseException | None = None
         for future in sorted(done, key=self.pending.__getitem__):
             number = self.pending.pop(future)

@@ -138,7 +138,7 @@ class ChunkStore(ABC):
     done : int
         Number of points of stored chunks.
     failed : int
-        Number of failed points among them.
+        Number of failed points among the completed points.
     """
 
     def __init__(self, study: Study, chunk: int) -> None:
@@ -429,7 +429,7 @@ class ChunkFiles:
         return frame(chunks, self.schema, attrs)
 
     def _content(self, columns: Columns) -> int:
-        """Return a checksum of the values; that of Parquet does not cover how pages are decoded."""
+        """Return a checksum of the values; Parquet's does not cover how pages are decoded."""
         checksum = 0
         for name, kind in self.schema.items():
             values = columns[name]

@@ -90,7 +90,8 @@ class Study(ABC):
     def prepare(self) -> None:
         """Prepare a process that computes points, by compilation of the event loop.
 
-        It is called before the first point. Errors are ignored here, since points raise them again.
+        The method is called before the first point. Errors are ignored here, since points raise
+        them again.
         """
         return
 

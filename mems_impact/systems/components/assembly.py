@@ -1,14 +1,15 @@
 """Assembly of components into one flow with guards and transitions.
 
-The modes of a system are the product of those of its parts: the mode of each part is a digit of the
-number of the mode. In every mode the flow is that of the user plus the forces of the parts;
+The modes of a system are the product of the modes of its parts: the mode of each part is a digit of
+the number of the mode. In every mode the flow is that of the user plus the forces of the parts;
 `statics` computes the accelerations of bodies that contacts hold.
 
 After an event the mode that fits the state is selected, by the mechanics of all parts at once:
 contacts that stick or rest bear forces within their limits, and bodies slide or separate in the
 direction of their relative acceleration, independently of the order of parts and bodies. If several
 modes fit, as with a static limit above the dynamic one, the mode that leaves most parts unchanged
-is selected (the part of the event counts least), and among those the mode with the least motion.
+is selected (the part of the event counts least), and among these modes the mode with the least
+motion.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class GuardSpec:
     margin, rate : str
         Expressions, which can use ``x``; without a rate, finite differences are used.
     changes : mapping of int to str
-        New values of components of the state after the event, from the old ones.
+        New values of components of the state after the event, from the old values.
     leads : str
         The mode of the part after the event, an expression; by default whichever fits the new
         state.
@@ -426,7 +426,7 @@ class Contact(Part):
 
 
 def sides(names: CodeNames, velocity: str, other: Quantity, field: str) -> ContactSides:
-    """Return the sides of a contact between a velocity and another one, or a speed."""
+    """Return the sides of a contact between a velocity and another velocity or a speed."""
     index = names.index("velocity", velocity)
     mass = names.mass(velocity)
     if isinstance(other, str) and other in names.states:

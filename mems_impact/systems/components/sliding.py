@@ -495,7 +495,7 @@ class Sliding:
 
 
 def check_coincidence(surfaces: Sequence[tuple[CodeNames, SwitchingSurface]]) -> None:
-    """Raise InvalidParameter if two linear surfaces with numbers as coefficients are one."""
+    """Raise InvalidParameter if two linear surfaces with numbers as coefficients coincide."""
     for (one, a), (two, b) in itertools.combinations(surfaces, 2):
         if callable(a.h) or callable(b.h):
             continue

@@ -65,7 +65,7 @@ class Group:
         The cuts with connected sides.
     rings : tuple of dict of int to int
         For each ring, its contacts by number: 1 if a contact acts on the next body around the ring,
-        -1 if on the previous one.
+        -1 if on the previous body.
     """
 
     bodies: tuple[int, ...]
@@ -281,7 +281,7 @@ class Holding:
 
         These are bodies of holding contacts, of contacts with zero relative speed to rounding, and
         of contact ``fired``, which just comes to rest. The speed of the ground has priority, then
-        that of the first body of a group.
+        the speed of the first body of a group.
         """
         lines = []
         for group in self.groups:

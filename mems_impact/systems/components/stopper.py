@@ -37,9 +37,9 @@ class Stopper(Contact):
     position, velocity : str
         Position and velocity of the body.
     upper, lower : float, str or callable
-        Exactly one of them, the position of the stop: ``position <= upper``, or ``position >=
-        lower``. A number, a parameter or a function of ``p``. Between two bodies, a bound of their
-        distance.
+        Give exactly one of the two, the position of the stop: ``position <= upper``, or ``position
+        >= lower``. A number, a parameter or a function of ``p``. Between two bodies, a bound of
+        their distance.
     restitution : float, str or callable
         Coefficient of restitution: a number, a parameter or ``restitution(p)``, from 0 to 1. An
         `Impact` of your own may add energy.
@@ -88,7 +88,7 @@ class Stopper(Contact):
             )
 
     def sides(self, names: CodeNames) -> ContactSides:
-        """Return the body, and the other one."""
+        """Return the body and the other body."""
         other = self.against if isinstance(self.against, str) else (self.against or (0.0, 0.0))[1]
         if isinstance(other, str):
             names.index("against", other)  # a velocity, not a parameter

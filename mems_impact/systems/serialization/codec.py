@@ -58,7 +58,7 @@ def register(
     ----------
     kind : type
     name : str, optional
-        Short name in the file; that of the class by default.
+        Short name in the file; by default the name of the class.
     parts : callable, optional
         ``parts(value)`` returns the stored values by name; by default the items of a named tuple,
         or the fields of a dataclass that its class takes as arguments.
@@ -156,7 +156,7 @@ class Reader:
     path : str
         Path of the file.
     system : System, optional
-        System given by the user, in place of those of the file.
+        System given by the user, in place of the systems of the file.
     """
 
     def __init__(self, members: Mapping[str, np.ndarray], path: str, system: Any = None) -> None:

@@ -116,7 +116,8 @@ def _missing_function(*arguments: Any) -> NoReturn:
 class DetachedSystem(HybridSystem):
     """A system described in a file, without its functions.
 
-    It has names, units and numbers. Operations that need the functions raise `FunctionsMissing`.
+    A detached system has names, units and numbers. Operations that need the functions raise
+    `FunctionsMissing`.
     """
 
     def __init__(self, description: Mapping[str, Any], path: str) -> None:
