@@ -16,7 +16,6 @@ from .actuator.design.estimates import pull_in_charge as pull_in_charge
 from .actuator.design.estimates import pull_in_voltage as pull_in_voltage
 from .actuator.design.estimates import resting_voltage as resting_voltage
 from .actuator.design.estimates import step_length as step_length
-from .actuator.design.estimates import step_lengths as step_lengths
 from .actuator.design.fit import Fit as Fit
 from .actuator.design.fit import Target as Target
 from .actuator.design.fit import fit as fit

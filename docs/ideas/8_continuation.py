@@ -29,7 +29,7 @@ assert np.abs(doubling.multipliers + 1.0).min() < 1e-7
 # A branch of twice the period begins there. The doubling itself can be continued in voltage and
 # frequency: two parameters and one condition give a curve.
 
-twice = branch.switch(doubling)
+twice = mi.switch_branch(doubling)
 mi.plot_branch([branch, twice]).figure.savefig("continuation.png")
 
 curve = mi.continue_curve(doubling, "omega", stop=0.455, back=0.448)

@@ -362,7 +362,7 @@ class BlowStatistics(SummaryRepr):
 
     See Also
     --------
-    simulate, step_lengths
+    simulate, step_length
 
     Examples
     --------
@@ -405,6 +405,17 @@ class ActuatorRun(_OfActuator, Run):
         struck = is_impact(log)
         lost = energy_lost(log, self.system.inner_actuator)[struck]
         return impacts(log[struck], steps, lost, self.trajectory.period, self.system)
+
+    def step_lengths(self) -> pd.DataFrame:
+        """Return the steps of the run beside the formula of `step_length`.
+
+        One row per impact on the right stopper with the frame at rest: period, phase, speed v2
+        before, voltage, step (simulated), formula, and their ratio. InvalidParameter states why the
+        formula applies to no impact of the run.
+        """
+        from mems_impact.actuator.design.estimates import step_lengths
+
+        return step_lengths(self)
 
     @cached_property
     def blows(self) -> pd.DataFrame:
@@ -469,7 +480,7 @@ class ActuatorOrbit(_OfActuator, Orbit):
         steps = frame_steps(log)[1]
         hits = self._hits
         lost = energy_lost(log, self.system.inner_actuator)[is_impact(log)]
-        period = self.found.point.period
+        period = self.numeric.point.period
         return impacts(hits, steps[: len(hits)], lost[: len(hits)], period, self.system)
 
     @cached_property

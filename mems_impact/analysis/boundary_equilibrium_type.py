@@ -124,7 +124,7 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
     if special.kind != BOUNDARY:
         raise InvalidParameter("special", special.kind, "a boundary equilibrium")
     system, parameter = special.system, special.parameter
-    crossing = boundary_crossing(special.found, parameter)
+    crossing = boundary_crossing(special.numeric, parameter)
     guards, unit = system.automaton.guards, system.factor(parameter)
     first, second = (
         slope * system.margin_unit(guards[guard].name) / unit
@@ -133,7 +133,7 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
     names = system.modes
     return BoundaryType(
         crossing.type,
-        modes=(names[special.found.equilibrium.mode], names[crossing.other.mode]),
+        modes=(names[special.numeric.equilibrium.mode], names[crossing.other.mode]),
         other=equilibrium_of(system, crossing.other),
         slopes=(first, second),
         criterion=-first / second,
@@ -145,6 +145,6 @@ def type_of_boundary(special: BifurcationPoint) -> str:
     if not isinstance(special, EquilibriumPoint) or special.kind != BOUNDARY:
         return ""
     try:
-        return str(boundary_crossing(special.found, special.parameter).type)
+        return str(boundary_crossing(special.numeric, special.parameter).type)
     except OrbitError:
         return ""

@@ -101,7 +101,7 @@ class ContinuationResult(Result):
     bounds: tuple[float, float]
     special_points: tuple[Any, ...]
     ended: str
-    found: Any
+    numeric: Any
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
@@ -111,7 +111,7 @@ class ContinuationResult(Result):
         return "orbits"
 
     def __len__(self) -> int:
-        return len(self.found.points)
+        return len(self.numeric.points)
 
     def __repr__(self) -> str:
         return (
@@ -154,12 +154,12 @@ def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
 
     An orbit is integrated once for its tables, so the same orbit must not appear as two objects.
     """
-    if isinstance(result.found, EquilibriumCurve):
+    if isinstance(result.numeric, EquilibriumCurve):
         return ()
-    special = {id(s.orbit.found): s.orbit for s in result.special_points}
+    special = {id(s.orbit.numeric): s.orbit for s in result.special_points}
     return tuple(
         special.get(id(point.orbit)) or orbit_of(result.system, point.orbit)
-        for point in result.found.points
+        for point in result.numeric.points
     )
 
 
@@ -201,7 +201,7 @@ class Branch(ContinuationResult):
     bounds: tuple[float, float]
     special_points: tuple[SpecialPoint, ...]
     ended: str
-    found: OrbitBranch = field(repr=False)
+    numeric: OrbitBranch = field(repr=False)
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
@@ -224,7 +224,7 @@ class Branch(ContinuationResult):
                 "value": self.system.out(self.parameter, point.value),
                 **orbit_row(orbit, piece=point.piece),
             }
-            for point, orbit in zip(self.found.points, self.orbits, strict=True)
+            for point, orbit in zip(self.numeric.points, self.orbits, strict=True)
         ]
         return orbit_tables.branch(self.parameter, rows, self.system)
 
@@ -246,19 +246,12 @@ class Branch(ContinuationResult):
         The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
         """
         points = [s.orbit for s in self.special_points if s.kind == BRANCH_POINT]
-        return symmetry_of_halves(points, self.orbits, lambda orbit: orbit.found.point)
+        return symmetry_of_halves(points, self.orbits, lambda orbit: orbit.numeric.point)
 
     @cached_property
     def homoclinic(self) -> HomoclinicEnd | None:
         """The homoclinic orbit that the last limit cycle approaches, if the branch ends there."""
-        return _homoclinic_end(self.system, self.found)
-
-    def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
-        """Continue the branch that emanates from a period doubling or branch point of this one.
-
-        The same as `switch_branch`.
-        """
-        return switch_branch(special, **arguments)
+        return _homoclinic_end(self.system, self.numeric)
 
 
 def continue_orbit(
@@ -346,12 +339,12 @@ def continue_orbit(
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
     # The parameter at the start of the branch, to the last digit of the numerics.
-    begin = orbit.found.family.values[parameter]
+    begin = orbit.numeric.family.values[parameter]
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
         branch = follow(
-            orbit.found,
+            orbit.numeric,
             parameter,
             low=min(low, begin),
             high=max(high, begin),
@@ -506,14 +499,14 @@ def switch_branch(
         raise InvalidParameter("bounds", (low, high), allowed)
     if special.kind != BRANCH_POINT:
         if isinstance(special, EquilibriumPoint):
-            orbit, away = switch_at_hopf(special.equilibrium.found, parameter)
+            orbit, away = switch_at_hopf(special.equilibrium.numeric, parameter)
         else:
-            orbit, away = switch_at_period_doubling(special.found.orbit, parameter)
+            orbit, away = switch_at_period_doubling(special.numeric.orbit, parameter)
     elif isinstance(special, EquilibriumPoint):
         chosen = steps or EQUILIBRIUM_STEPS
         return _crossing_equilibria(special, (low, high), chosen, events, stop_at, progress)
     else:
-        event = special.found
+        event = special.numeric
         orbit, first = switch_at_branch_point(event.orbit, event.direction, parameter)
     tests = _orbit_tests(events, orbit_of(system, orbit), parameter)
     stops = _orbit_stops(stop_at, system, tests)
@@ -551,7 +544,7 @@ def _crossing_equilibria(
     progress: bool | Callable[[float], None],
 ) -> EquilibriumBranch:
     """Return the branch of equilibria that crosses at a branch point."""
-    parameter, system, event = special.parameter, special.system, special.found
+    parameter, system, event = special.parameter, special.system, special.numeric
     equilibrium, first = switch_equilibrium(event.equilibrium, event.direction, parameter)
     tests = _equilibrium_tests(events, equilibrium_of(system, equilibrium), parameter)
     stops = _equilibrium_stops(stop_at, tests)
@@ -599,7 +592,7 @@ def joined_branch(outward: B, inward: B) -> B:
         outward,
         special_points=(*outward.special_points[::-1], *inward.special_points),
         ended=ended,
-        found=outward.found.joined(inward.found),
+        numeric=outward.numeric.joined(inward.numeric),
     )
 
 
@@ -617,7 +610,7 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
             value=system.out(parameter, s.value),
             orbit=orbit_of(system, s.orbit),
             bounds=bounds,
-            found=s,
+            numeric=s,
             next_orbit=after.get(id(s.orbit)),
         )
         for s in branch.special_points
@@ -629,7 +622,7 @@ def _branch(system: HybridSystem, branch: OrbitBranch, bounds: tuple[float, floa
         bounds=bounds,
         special_points=special,
         ended=branch.ended if branch.passage is None else _beyond_bounds(system, branch),
-        found=branch,
+        numeric=branch,
     )
 
 
@@ -706,7 +699,7 @@ def _names(special: BifurcationPoint) -> dict[str, str]:
 
 def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
     """Return the row of an orbit in tables; `leading` are its first columns."""
-    solution = orbit.found
+    solution = orbit.numeric
     return {
         "stable": solution.stable,
         "admissible": solution.admissible,
@@ -818,12 +811,12 @@ class Curve(ContinuationResult):
     parameters: tuple[str, str]
     special_points: tuple[CodimensionTwo, ...]
     ended: str
-    found: OrbitCurve | EquilibriumCurve = field(repr=False)
+    numeric: OrbitCurve | EquilibriumCurve = field(repr=False)
 
     @property
     def of(self) -> str:
         """Noun for its points, in the plural."""
-        return "equilibria" if isinstance(self.found, EquilibriumCurve) else "orbits"
+        return "equilibria" if isinstance(self.numeric, EquilibriumCurve) else "orbits"
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
@@ -833,9 +826,9 @@ class Curve(ContinuationResult):
     @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
         """All equilibria, in order along the curve; empty for a curve of orbits."""
-        if not isinstance(self.found, EquilibriumCurve):
+        if not isinstance(self.numeric, EquilibriumCurve):
             return ()
-        return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+        return tuple(equilibrium_of(self.system, point) for point in self.numeric.points)
 
     @cached_property
     def points(self) -> tuple[EquilibriumPoint, ...]:
@@ -844,19 +837,19 @@ class Curve(ContinuationResult):
         Their parameter is the first one; the second one has its value on the curve. `switch_branch`
         takes those of a Hopf curve. Empty for a curve of orbits.
         """
-        if not isinstance(self.found, EquilibriumCurve):
+        if not isinstance(self.numeric, EquilibriumCurve):
             return ()
-        parameter, (low, high) = self.parameters[0], self.found.bounds
+        parameter, (low, high) = self.parameters[0], self.numeric.bounds
         return tuple(
             EquilibriumPoint(
                 kind=self.kind,
                 label=self.label,
-                guard=self.found.guard,
+                guard=self.numeric.guard,
                 parameter=parameter,
                 value=each.system.value(parameter),
                 equilibrium=each,
                 bounds=(self.system.out(parameter, low), self.system.out(parameter, high)),
-                found=self.found.event(each.found),
+                numeric=self.numeric.event(each.numeric),
             )
             for each in self.equilibria
         )
@@ -885,7 +878,7 @@ class Curve(ContinuationResult):
         The columns are as in `Branch.table`, or `EquilibriumBranch.table`.
         """
         first, second = self.parameters
-        if isinstance(self.found, EquilibriumCurve):
+        if isinstance(self.numeric, EquilibriumCurve):
             rows = [
                 {
                     "values": [
@@ -893,7 +886,7 @@ class Curve(ContinuationResult):
                     ],
                     **_measures(self.system, state),
                 }
-                for state in self.found.points
+                for state in self.numeric.points
             ]
             return _captioned(orbit_tables.curve([second, first], rows, self.system), self.system)
         rows = [
@@ -904,7 +897,7 @@ class Curve(ContinuationResult):
                 ],
                 **orbit_row(orbit),
             }
-            for point, orbit in zip(self.found.points, self.orbits, strict=True)
+            for point, orbit in zip(self.numeric.points, self.orbits, strict=True)
         ]
         return orbit_tables.curve([second, first], rows, self.system)
 
@@ -919,7 +912,7 @@ class Curve(ContinuationResult):
                 **(
                     orbit_row(s.solution)
                     if isinstance(s.solution, Orbit)
-                    else _measures(self.system, s.solution.found)
+                    else _measures(self.system, s.solution.numeric)
                 ),
             }
             for s in self.special_points
@@ -1027,7 +1020,7 @@ def continue_curve(
     ) as report:
         if isinstance(special, EquilibriumPoint):
             found: OrbitCurve | EquilibriumCurve = follow_equilibrium_curve(
-                special.equilibrium.found,
+                special.equilibrium.numeric,
                 EquilibriumCurve(
                     kind,
                     special.guard,
@@ -1075,8 +1068,8 @@ def _at_level(
     if not math.isfinite(level):
         raise InvalidParameter("fixed", name, f"a quantity of this orbit, where it is {level}")
     test = FunctionTest(f"{name} = {level:.6g}", replace(quantity, level=level))
-    value, still = orbit.found.family.values[free], np.zeros(0)
-    return free, BranchEvent(test.kind, test.kind, value, orbit.found, still, test)
+    value, still = orbit.numeric.family.values[free], np.zeros(0)
+    return free, BranchEvent(test.kind, test.kind, value, orbit.numeric, still, test)
 
 
 def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curve:
@@ -1102,7 +1095,7 @@ def curve_of(system: HybridSystem, curve: OrbitCurve | EquilibriumCurve) -> Curv
         parameters=curve.parameters,
         special_points=special,
         ended=curve.ended,
-        found=curve,
+        numeric=curve,
     )
 
 
@@ -1149,7 +1142,7 @@ class EquilibriumBranch(ContinuationResult):
     bounds: tuple[float, float]
     special_points: tuple[EquilibriumPoint, ...]
     ended: str
-    found: Equilibria = field(repr=False)
+    numeric: Equilibria = field(repr=False)
 
     @property
     def of(self) -> str:
@@ -1159,7 +1152,7 @@ class EquilibriumBranch(ContinuationResult):
     @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
         """All equilibria, in order along the branch."""
-        return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+        return tuple(equilibrium_of(self.system, point) for point in self.numeric.points)
 
     @cached_property
     def symmetry(self) -> Symmetry | None:
@@ -1168,7 +1161,7 @@ class EquilibriumBranch(ContinuationResult):
         The halves meet at a branch point, a pitchfork, where the branch breaks the symmetry.
         """
         points = [s.equilibrium for s in self.special_points if s.kind == BRANCH_POINT]
-        return symmetry_of_halves(points, self.equilibria, lambda each: each.found.balance)
+        return symmetry_of_halves(points, self.equilibria, lambda each: each.numeric.balance)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -1178,7 +1171,7 @@ class EquilibriumBranch(ContinuationResult):
         """
         rows = [
             {"value": self._value(state), **_measures(self.system, state)}
-            for state in self.found.points
+            for state in self.numeric.points
         ]
         return _captioned(orbit_tables.branch(self.parameter, rows, self.system), self.system)
 
@@ -1193,7 +1186,7 @@ class EquilibriumBranch(ContinuationResult):
             {
                 **_names(s),
                 "value": s.value,
-                **_measures(self.system, s.equilibrium.found),
+                **_measures(self.system, s.equilibrium.numeric),
             }
             for s in self.special_points
         ]
@@ -1276,12 +1269,12 @@ def continue_equilibrium(
     tests = _equilibrium_tests(events, equilibrium, parameter)
     stops = _equilibrium_stops(stop_at, tests)
     low, high = (system.into(parameter, bound) for bound in bounds)
-    begin = equilibrium.found.family.values[parameter]
+    begin = equilibrium.numeric.family.values[parameter]
     with parameter_progress(
         progress, system.label(parameter), "equilibria", partial(system.out, parameter)
     ) as report:
         found = follow_equilibrium(
-            equilibrium.found,
+            equilibrium.numeric,
             parameter,
             low=min(low, begin),
             high=max(high, begin),
@@ -1320,7 +1313,7 @@ def _equilibrium_branch(
             value=system.out(parameter, s.value),
             equilibrium=equilibrium_of(system, s.equilibrium),
             bounds=bounds,
-            found=s,
+            numeric=s,
         )
         for s in branch.special_points
     )
@@ -1330,7 +1323,7 @@ def _equilibrium_branch(
         bounds=bounds,
         special_points=special,
         ended=branch.ended,
-        found=branch,
+        numeric=branch,
     )
 
 

@@ -34,7 +34,7 @@ class Equilibrium(Result):
     ----------
     system : System
         At the parameters of the equilibrium.
-    found : EquilibriumState
+    numeric : EquilibriumState
         The equilibrium as arrays.
 
     See Also
@@ -55,7 +55,7 @@ class Equilibrium(Result):
     """
 
     system: HybridSystem = field(repr=False)
-    found: EquilibriumState = field(repr=False)
+    numeric: EquilibriumState = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = ()
 
@@ -81,12 +81,12 @@ class Equilibrium(Result):
     @property
     def mode(self) -> str:
         """Name of its mode."""
-        return self.system.modes[self.found.mode]
+        return self.system.modes[self.numeric.mode]
 
     @property
     def state(self) -> State:
         """Its state; ``initial`` of a run."""
-        return self.system.state_of(HybridState(0, 0.0, self.found.mode, self.found.state))
+        return self.system.state_of(HybridState(0, 0.0, self.numeric.mode, self.numeric.state))
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -94,7 +94,7 @@ class Equilibrium(Result):
 
         The zero eigenvalues of a continuum are omitted (see `nullity`).
         """
-        return self.found.eigenvalues / self.system.out("time", 1.0)
+        return self.numeric.eigenvalues / self.system.out("time", 1.0)
 
     @property
     def nullity(self) -> int:
@@ -102,7 +102,7 @@ class Equilibrium(Result):
 
         A body that sticks or rests has a continuum of equilibria.
         """
-        return self.found.nullity
+        return self.numeric.nullity
 
     @property
     def stable(self) -> bool | None:
@@ -112,27 +112,27 @@ class Equilibrium(Result):
         matrix of the flow, and none has a positive real part. On a boundary, stability depends on
         the flow beyond as well.
         """
-        return self.found.stable
+        return self.numeric.stable
 
     @property
     def admissible(self) -> bool:
         """Whether no guard is violated; otherwise the equilibrium is virtual."""
-        return self.found.admissible
+        return self.numeric.admissible
 
     @property
     def boundaries(self) -> tuple[str, ...]:
         """The guards on whose zero it lies, so that states nearby are in several modes."""
-        return self.found.boundaries
+        return self.numeric.boundaries
 
     @property
     def violated_guards(self) -> tuple[str, ...]:
         """The guards that a virtual equilibrium violates."""
-        return self.found.violated
+        return self.numeric.violated
 
 
 def equilibrium_of(system: HybridSystem, state: EquilibriumState) -> Equilibrium:
     """Return an equilibrium of `orbits` as an `Equilibrium` at its own parameters."""
-    return Equilibrium(system=system.at(state.family.values), found=state)
+    return Equilibrium(system=system.at(state.family.values), numeric=state)
 
 
 @takes_system(start="guess")
@@ -218,7 +218,7 @@ def find_equilibria(
             if not any(_same(state, other) for other in in_mode):
                 in_mode.append(state)
         in_mode.sort(key=lambda state: (not state.admissible, *state.state.tolist()))
-        equilibria += [Equilibrium(system=system, found=state) for state in in_mode]
+        equilibria += [Equilibrium(system=system, numeric=state) for state in in_mode]
     if not equilibria:
         reason = "no equilibrium was found" if failed is None else failed.reason
         argument = f"bounds={{{system.states[0]!r}: (low, high)}}"

@@ -85,7 +85,7 @@ class Orbit(Result):
     ----------
     system : System
         At the parameters of the orbit.
-    found : PeriodicOrbit
+    numeric : PeriodicOrbit
         The orbit as arrays.
 
     See Also
@@ -108,7 +108,7 @@ class Orbit(Result):
 
     figure: ClassVar[str] = ""  # "module:function" that draws it instead of `plot_orbit`
     system: HybridSystem = field(repr=False)
-    found: PeriodicOrbit = field(repr=False)
+    numeric: PeriodicOrbit = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = (
         "events",
@@ -143,7 +143,7 @@ class Orbit(Result):
     @property
     def period(self) -> float:
         """The forcing period (the orbit takes `periods` of them), or that of a limit cycle."""
-        return float(self.system.out("time", self.found.point.period))
+        return float(self.system.out("time", self.numeric.point.period))
 
     @property
     def options(self) -> Options:
@@ -153,7 +153,7 @@ class Orbit(Result):
     @property
     def periods(self) -> int:
         """Forcing periods after which the orbit closes; 1 for a limit cycle."""
-        return self.found.periods
+        return self.numeric.periods
 
     @property
     def state(self) -> State:
@@ -170,7 +170,7 @@ class Orbit(Result):
         One per component of the state that is free at the start of the orbit: x2 and v2 if the
         frame of an actuator is stuck. A single 0 if none is free, as at rest on a stopper.
         """
-        return self.found.multipliers
+        return self.numeric.multipliers
 
     @property
     def stable(self) -> bool | None:
@@ -180,22 +180,22 @@ class Orbit(Result):
         motions and at bifurcations. The error of the monodromy matrix is that of the integration,
         at least 1e-7 of the largest entry.
         """
-        return self.found.stable
+        return self.numeric.stable
 
     @property
     def admissible(self) -> bool:
         """Whether the orbit obeys all guards; otherwise `defects` lists the violations."""
-        return self.found.admissible
+        return self.numeric.admissible
 
     @property
     def defects(self) -> tuple[str, ...]:
         """Violations of the system's guards and transitions, one sentence each."""
-        return tuple(sentence(self.system, self.found, defect) for defect in self.found.defects)
+        return tuple(sentence(self.system, self.numeric, defect) for defect in self.numeric.defects)
 
     @property
     def residual(self) -> float:
         """Largest residual of the equations of the orbit, in scaled units."""
-        return self.found.residual
+        return self.numeric.residual
 
     @property
     def gains(self) -> dict[str, float]:
@@ -203,7 +203,7 @@ class Orbit(Result):
         cyclic = (self.system.states[i] for i in self.system.automaton.cyclic)
         return {
             name: self.system.out(name, float(gain))
-            for name, gain in zip(cyclic, self.found.advance, strict=True)
+            for name, gain in zip(cyclic, self.numeric.advance, strict=True)
         }
 
     @property
@@ -215,7 +215,7 @@ class Orbit(Result):
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
         units = np.array([self.system.margin_unit(guards[i].name) for i in gaps])
-        minima = (arc.minima[gaps] * units for arc in self.found.point.arcs)
+        minima = (arc.minima[gaps] * units for arc in self.numeric.point.arcs)
         smallest = min(float(gap.min(initial=math.inf)) for gap in minima)
         if not math.isfinite(smallest):
             return math.nan
@@ -225,14 +225,16 @@ class Orbit(Result):
     def events(self) -> pd.DataFrame:
         """One row per transition, with the columns of `Run.events`."""
         return run_tables.events(
-            self._log, self.found.point.period, self.system, self._observed(self._log)
+            self._log, self.numeric.point.period, self.system, self._observed(self._log)
         )
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
         """One row per impact, with the columns of `Run.impacts`."""
         hits = self._hits
-        return run_tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
+        return run_tables.impacts(
+            hits, self.numeric.point.period, self.system, self._observed(hits)
+        )
 
     @cached_property
     def corners(self) -> pd.DataFrame:
@@ -246,12 +248,12 @@ class Orbit(Result):
         Columns: period, mode, start and end (since the start of that forcing period), and the event
         at its end.
         """
-        segments = self.found.segments
+        segments = self.numeric.segments
         return run_tables.segments(
             [s.cycle for s in segments],
             [s.mode for s in segments],
-            self.found.point.starts,
-            self.found.point.ends,
+            self.numeric.point.starts,
+            self.numeric.point.ends,
             [self._segment_end(s.code) for s in segments],
             self.system,
         )
@@ -268,7 +270,7 @@ class Orbit(Result):
         if self.system.section is None:
             return self.samples(1).iloc[: self.periods]
         log = self._crossings.crossings(direction)
-        return run_tables.section(log, self.found.point.period, self.system)
+        return run_tables.section(log, self.numeric.point.period, self.system)
 
     def samples(self, per_period: int = 200) -> pd.DataFrame:
         """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
@@ -276,11 +278,11 @@ class Orbit(Result):
         An inadmissible orbit is sampled as it was solved, with penetration.
         """
         grid = self._grid(whole("per_period", per_period, 1))
-        return run_tables.samples(grid, self.found.point.period, self.system)
+        return run_tables.samples(grid, self.numeric.point.period, self.system)
 
     def _grid(self, per_period: int) -> Samples:
         pieces: list[Samples] = []
-        last, period = -1, self.found.point.period
+        last, period = -1, self.numeric.point.period
         for cycle, offset, _, grid in self._arcs(per_period):
             number = np.rint((cycle + grid.cycle + grid.time / period) * per_period)
             new = number > last
@@ -310,7 +312,7 @@ class Orbit(Result):
 
     @property
     def _start(self) -> HybridState:
-        start = self.found.instant
+        start = self.numeric.instant
         return replace(start, y=self.system.snap_to_mode(start.mode, start.y))
 
     @cached_property
@@ -331,7 +333,7 @@ class Orbit(Result):
         units = [self.system.margin_unit(guard.name) / time for guard in guards]
         hits = (
             (segment.guard(m), event)
-            for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
+            for segment, event in zip(self.numeric.segments, self.numeric.point.events, strict=True)
         )
         return [
             units[guard] * abs(float(event.rates[guard]))
@@ -344,7 +346,7 @@ class Orbit(Result):
         """The system's observables over the orbit."""
         values: dict[str, float] = {}
         at_events = self._observed(self._log)
-        first = self.found.state
+        first = self.numeric.state
         last = self._one_period_later(first[None])[0]
         for each in self.system.observables:
             if each.at:
@@ -386,7 +388,7 @@ class Orbit(Result):
 
     @property
     def _problem(self) -> Problem:
-        return self.found.problem
+        return self.numeric.problem
 
     @property
     def _hits(self) -> Events:
@@ -404,7 +406,7 @@ class Orbit(Result):
         m, n = len(automaton.guards), len(automaton.states)
         cyclic = list(automaton.cyclic)
         rows, offset = [], np.zeros(n)
-        orbit = self.found
+        orbit = self.numeric
         for i, (segment, arc) in enumerate(zip(orbit.segments, orbit.point.arcs, strict=True)):
             event = orbit.point.events[i]
             before = arc.end + offset
@@ -429,7 +431,7 @@ class Orbit(Result):
     def _one_period_later(self, states: Floats) -> Floats:
         """Return states one pass of the orbit later."""
         later = states.copy()
-        later[:, list(self.system.automaton.cyclic)] += self.found.advance
+        later[:, list(self.system.automaton.cyclic)] += self.numeric.advance
         return later
 
     def _arcs(self, per_period: int = 0) -> Iterator[tuple[int, Floats, Trajectory, Samples]]:
@@ -438,7 +440,7 @@ class Orbit(Result):
         The orbit may penetrate, and a run would leave a very unstable orbit. Each arc is returned
         with its forcing period, the cyclic states before it, and its samples.
         """
-        orbit, problem = self.found, self._problem
+        orbit, problem = self.numeric, self._problem
         cyclic = list(problem.automaton.cyclic)
         problem = replace(problem, automaton=unguarded(problem.automaton))
         states, _ = orbit.shooting.unpack(orbit.point.unknowns)
@@ -464,7 +466,7 @@ class Orbit(Result):
 def orbit_of(system: HybridSystem, solution: PeriodicOrbit) -> Orbit:
     """Return an orbit of `orbits` as an `Orbit` at its own parameters."""
     orbit: Orbit = (system.orbit_type or Orbit)(
-        system=system.at(solution.family.values), found=solution
+        system=system.at(solution.family.values), numeric=solution
     )
     return orbit
 

@@ -159,7 +159,7 @@ def fixed_points(solution: Orbit | Equilibrium) -> list[FixedPoint]:
     """
     if isinstance(solution, Equilibrium):
         return [_of_equilibrium(solution)]
-    if solution.found.touches:
+    if solution.numeric.touches:
         raise OrbitError(
             "the orbit touches a guard at zero rate, where its Poincaré map has no derivative",
             "take the orbit at another value of a parameter",
@@ -175,21 +175,21 @@ def fixed_points(solution: Orbit | Equilibrium) -> list[FixedPoint]:
 
 def _of_equilibrium(equilibrium: Equilibrium) -> FixedPoint:
     system = equilibrium.system
-    problem = system.problem(equilibrium.found.family.problem().options)
-    eigenvalues = equilibrium.found.eigenvalues
+    problem = system.problem(equilibrium.numeric.family.problem().options)
+    eigenvalues = equilibrium.numeric.eigenvalues
     if equilibrium.nullity or not eigenvalues.size:
         raise OrbitError(
             "the equilibrium is one of a continuum, and no saddle", "take an isolated equilibrium"
         )
     step = EQUILIBRIUM_GROWTH / float(np.abs(eigenvalues.real).max() or 1.0) / problem.period
     flow = PoincareMap(system, problem, 1, step, on_section=False)
-    start = HybridState(0, 0.0, equilibrium.found.mode, np.array(equilibrium.found.state))
+    start = HybridState(0, 0.0, equilibrium.numeric.mode, np.array(equilibrium.numeric.state))
     keep = free_components(problem.automaton)
     return _differentiated(flow, start, keep, np.exp(eigenvalues * step * problem.period))
 
 
 def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
-    system, solution = orbit.system, orbit.found
+    system, solution = orbit.system, orbit.numeric
     problem = system.problem(solution.problem.options)
     keep = reduced_components(solution.shooting, solution.point)
     if not keep:
@@ -213,7 +213,9 @@ def _of_forced_orbit(orbit: Orbit) -> list[FixedPoint]:
     )
     points = [first]
     for at in orbit.returns[1:]:
-        points.append(_differentiated(returns, at, components, orbit.found.multipliers, embedding))
+        points.append(
+            _differentiated(returns, at, components, orbit.numeric.multipliers, embedding)
+        )
     return points
 
 
@@ -228,7 +230,7 @@ def _of_cycle(orbit: Orbit) -> list[FixedPoint]:
         name = system.states[system.section[0]]
         refusal = f"it does not cross the section in {name}"
         raise InvalidParameter("orbit", None, "", problem=refusal)
-    step = float(orbit.found.point.period) / problem.period / len(starts)
+    step = float(orbit.numeric.point.period) / problem.period / len(starts)
     returns = PoincareMap(system, problem, len(starts), step, on_section=True)
     free = free_components(problem.automaton)
     keep = tuple(i for i in free if i != system.section[0])
@@ -239,7 +241,7 @@ def _of_cycle(orbit: Orbit) -> list[FixedPoint]:
                 "leave fewer components free",
                 "take a section in another mode",
             )
-    return [_differentiated(returns, at, keep, orbit.found.multipliers) for at in starts]
+    return [_differentiated(returns, at, keep, orbit.numeric.multipliers) for at in starts]
 
 
 def _differentiated(

@@ -160,11 +160,11 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
     (('backward', 'forward'), 'stuck', 'visible')
     """
     check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    if not is_discontinuity(special.found):
+    if not is_discontinuity(special.numeric):
         allowed = "a point at which a guard is touched, or events coincide"
         raise InvalidParameter("special", special.kind, allowed)
     system = special.system
-    event = discontinuity(special.found)
+    event = discontinuity(special.numeric)
     names = system.modes
     begin, end = event.modes
     instant = HybridState(0, event.time, begin, event.state)
@@ -197,9 +197,9 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
 
 def type_of(special: BifurcationPoint) -> str:
     """Return the type of a point at a discontinuity, for tables; empty if it has none."""
-    if not isinstance(special, SpecialPoint) or not is_discontinuity(special.found):
+    if not isinstance(special, SpecialPoint) or not is_discontinuity(special.numeric):
         return ""
     try:
-        return str(discontinuity(special.found).type)
+        return str(discontinuity(special.numeric).type)
     except (InvalidParameter, OrbitError):
         return ""

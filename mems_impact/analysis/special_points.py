@@ -145,7 +145,7 @@ class SpecialPoint(BifurcationPoint):
     value: float
     orbit: Orbit
     bounds: tuple[float, float] = field(repr=False)
-    found: BranchEvent = field(repr=False)
+    numeric: BranchEvent = field(repr=False)
     next_orbit: PeriodicOrbit | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
@@ -178,8 +178,8 @@ class SpecialPoint(BifurcationPoint):
         OrbitError
             If the Poincaré map near the orbit cannot be differentiated.
         """
-        orbit = self.found.orbit
-        doubled = isinstance(self.found.monitor, FoldTest)
+        orbit = self.numeric.orbit
+        doubled = isinstance(self.numeric.monitor, FoldTest)
         return orbit_normal_form(self.kind, orbit.shooting, orbit.point, doubled=doubled)
 
     @cached_property
@@ -188,7 +188,7 @@ class SpecialPoint(BifurcationPoint):
 
         On that side everything is smooth; on the side with the impact multipliers are infinite.
         """
-        event = self.found
+        event = self.numeric
         if not isinstance(event.monitor, ContactSpeedTest) or self.next_orbit is None:
             return event
         away = event.value - self.next_orbit.family.values[self.parameter]
@@ -250,7 +250,7 @@ class EquilibriumPoint(BifurcationPoint):
     value: float
     equilibrium: Equilibrium
     bounds: tuple[float, float] = field(repr=False)
-    found: EquilibriumEvent = field(repr=False)
+    numeric: EquilibriumEvent = field(repr=False)
 
     def __repr__(self) -> str:
         location = f"{self.label} at {self.parameter}={self.value:.9g}"
@@ -270,7 +270,7 @@ class EquilibriumPoint(BifurcationPoint):
         OrbitError
             If the flow near the equilibrium cannot be differentiated.
         """
-        return equilibrium_normal_form(self.kind, self.equilibrium.found)
+        return equilibrium_normal_form(self.kind, self.equilibrium.numeric)
 
     def summary(self) -> dict[str, Any]:
         """Return the kind, the value of the parameter and the equilibrium."""
@@ -344,7 +344,7 @@ class CodimensionTwo(BifurcationPoint):
         """
         if not isinstance(self.solution, Orbit):
             return None
-        solution = self.solution.found
+        solution = self.solution.numeric
         return codimension_two_form(self.kind, solution.shooting, solution.point)
 
     def summary(self) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class Symmetry:
 
     signs: dict[str, int]
     half_period: bool
-    found: SignSymmetry = field(repr=False, compare=False)
+    numeric: SignSymmetry = field(repr=False, compare=False)
 
     def __repr__(self) -> str:
         names = [*self.signs, *(["t"] if self.half_period else [])]
@@ -102,9 +102,9 @@ class Symmetry:
     def keeps(self, solution: Orbit | Equilibrium) -> bool:
         """Return whether an orbit or equilibrium is symmetric: its own image."""
         if isinstance(solution, Equilibrium):
-            y = solution.found.state
-            return _near(self.found.state(y), y, y)
-        orbit = solution.found
+            y = solution.numeric.state
+            return _near(self.numeric.state(y), y, y)
+        orbit = solution.numeric
         mode, y = self._start(orbit, after=True)
         distance = orbit_distance(orbit.shooting, orbit.point, mode, y)
         return distance < SAME_ORBIT_DISTANCE * _size(y)
@@ -124,18 +124,18 @@ class Symmetry:
             mode, begin = orbit.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
             variational = shooting.variational(point.parameter_point)
             y = variational.arc(mode, begin, float(point.starts[i]), time).end
-        return self.found.modes.get(mode, mode), self.found.state(y)
+        return self.numeric.modes.get(mode, mode), self.numeric.state(y)
 
     def _image(self, solution: Orbit | Equilibrium) -> Orbit | Equilibrium | None:
         """Return the image of a solution that is not symmetric; None if there is none."""
         if isinstance(solution, Equilibrium):
-            mode = self.found.modes.get(solution.found.mode, solution.found.mode)
-            image_state = self.found.state(solution.found.state)
-            state = find_equilibrium(solution.found.family, mode, image_state)
+            mode = self.numeric.modes.get(solution.numeric.mode, solution.numeric.mode)
+            image_state = self.numeric.state(solution.numeric.state)
+            state = find_equilibrium(solution.numeric.family, mode, image_state)
             near = _near(state.state, image_state, image_state)
             return equilibrium_of(solution.system, state) if near else None
         system = solution.system
-        mode, y = self._start(solution.found, after=False)
+        mode, y = self._start(solution.numeric, after=False)
         guess = system.state_of(HybridState(0, 0.0, mode, system.snap_to_mode(mode, y)))
         try:
             if system.forced:
@@ -150,8 +150,8 @@ class Symmetry:
             return None
         one, other = (np.sort(np.abs(each.multipliers)) for each in (solution, image))
         same = one.size == other.size and _near(one, other, one)
-        begin = self._start(solution.found, after=True)
-        distance = orbit_distance(image.found.shooting, image.found.point, *begin)
+        begin = self._start(solution.numeric, after=True)
+        distance = orbit_distance(image.numeric.shooting, image.numeric.point, *begin)
         return image if same and distance < SAME_ORBIT_DISTANCE * _size(y) else None
 
 
@@ -194,9 +194,9 @@ def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
     (Symmetry((x, y, z) -> (-x, -y, z)),)
     """
     if isinstance(solution, Orbit):
-        result = orbit_symmetries(solution.found, solution.system.forced)
+        result = orbit_symmetries(solution.numeric, solution.system.forced)
     elif isinstance(solution, Equilibrium):
-        result = equilibrium_symmetries(solution.found)
+        result = equilibrium_symmetries(solution.numeric)
     else:
         raise InvalidParameter("solution", solution, "an Orbit or an Equilibrium")
     return tuple(symmetry_of(solution.system, each) for each in result)
@@ -205,7 +205,7 @@ def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
 def symmetry_of(system: HybridSystem, symmetry: SignSymmetry) -> Symmetry:
     """Return a symmetry of `orbits` as a `Symmetry`."""
     signs = dict(zip(system.states, symmetry.signs, strict=True))
-    return Symmetry(signs=signs, half_period=symmetry.half_period, found=symmetry)
+    return Symmetry(signs=signs, half_period=symmetry.half_period, numeric=symmetry)
 
 
 S = TypeVar("S", Orbit, Equilibrium)

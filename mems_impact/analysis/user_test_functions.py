@@ -161,7 +161,7 @@ class EventFunction(ABC):
 MEASURES: dict[str, Callable[[Orbit], float]] = {
     "period": lambda orbit: orbit.period,
     "largest multiplier": lambda orbit: (
-        math.inf if orbit.found.touches else float(abs(orbit.found.multipliers[0]))
+        math.inf if orbit.numeric.touches else float(abs(orbit.numeric.multipliers[0]))
     ),
     "impact speed": lambda orbit: max(orbit.impact_speeds, default=math.nan),
     "closest approach": lambda orbit: orbit.closest_approach,

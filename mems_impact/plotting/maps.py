@@ -236,7 +236,7 @@ class Cells(NamedTuple):
 
 @styled
 def plot_map(
-    found: OperatingMap | StoredStudy | pd.DataFrame,
+    operating_map: OperatingMap | StoredStudy | pd.DataFrame,
     column: str | None = None,
     boundaries: Any = (),
     ax: Any = None,
@@ -245,7 +245,7 @@ def plot_map(
 
     Parameters
     ----------
-    found : OperatingMap, StoredStudy or DataFrame
+    operating_map : OperatingMap, StoredStudy or DataFrame
         A map, its running or finished store, or a table of either. Missing points stay white.
     column : str, optional
         A column of numbers; kinds of motions by default. Cells without a number, or without impacts
@@ -264,7 +264,7 @@ def plot_map(
     Raises
     ------
     InvalidParameter
-        If `found` is not a map, the column is unknown or not numeric, or a boundary is over other
+        If `operating_map` is not a map, the column is unknown or not numeric, or a boundary is over other
         parameters.
 
     See Also
@@ -280,7 +280,7 @@ def plot_map(
     >>> found = mi.operating_map(actuator, drive, x=x, y=y)
     >>> mi.plot_map(found).figure.savefig("map.png")
     """
-    table, cells = _table_and_cells(found)
+    table, cells = _table_and_cells(operating_map)
     x, y = table.columns[:2]
     curves = list(_curves(boundaries, x, y))  # before the figure is created
     if ax is None:
@@ -310,7 +310,7 @@ def _table_and_cells(subject: Any) -> tuple[pd.DataFrame, Cells]:
         values = [subject.identity.get(name, {}).get("values") for name in ("x", "y")]
     if not isinstance(table, pd.DataFrame) or MOTION not in tuple(without_units(table).columns)[2:]:
         allowed = "an OperatingMap, as mems_impact.operating_map returns it, or its table or store"
-        raise InvalidParameter("found", type(subject).__name__, allowed)
+        raise InvalidParameter("operating_map", type(subject).__name__, allowed)
     table = without_units(table)
     indices = []
     for i, axis_values in enumerate(values):
@@ -320,7 +320,7 @@ def _table_and_cells(subject: Any) -> tuple[pd.DataFrame, Cells]:
         )
         indices.append(np.searchsorted(values[i], coordinates))
     if not all(map(len, values)):
-        raise InvalidParameter("found", None, "", problem="no finished points to draw")
+        raise InvalidParameter("operating_map", None, "", problem="no finished points to draw")
     row = np.full((len(values[1]), len(values[0])), -1)
     row[indices[1], indices[0]] = np.arange(len(table))
     return table, Cells(values[0], values[1], row)

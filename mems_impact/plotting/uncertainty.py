@@ -295,7 +295,7 @@ MAX_BARS = 15
 
 @styled
 def plot_sensitivity(
-    found: Sensitivity,
+    sensitivity: Sensitivity,
     quantity: str,
     ax: Any = None,
     *,
@@ -308,7 +308,7 @@ def plot_sensitivity(
 
     Parameters
     ----------
-    found : Sensitivity
+    sensitivity : Sensitivity
         From `mems_impact.sensitivity`.
     quantity : str
     ax : matplotlib Axes, optional
@@ -338,12 +338,12 @@ def plot_sensitivity(
     >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
     """
-    gradient = found.gradient(quantity)
-    system, symbols = found.system, found.system.symbols
+    gradient = sensitivity.gradient(quantity)
+    system, symbols = sensitivity.system, sensitivity.system.symbols
     if tolerances is None:
-        sizes = {name: 0.01 * abs(system.value(name)) for name in found.parameters}
+        sizes = {name: 0.01 * abs(system.value(name)) for name in sensitivity.parameters}
     else:
-        sizes = deviations(tolerances, system, found.parameters)
+        sizes = deviations(tolerances, system, sensitivity.parameters)
         for name, size in sizes.items():
             if not size > 0.0:
                 raise InvalidParameter(f"tolerance of {name}", tolerances[name], "> 0")
@@ -374,9 +374,9 @@ def plot_sensitivity(
     ax.set_yticks(positions, list(labels.values()))
     ax.tick_params(axis="y", length=0)
     ax.set(ylim=(len(names) - 0.4, -0.6), xlim=(-1.08 * longest, 1.08 * longest))
-    row = found.row(quantity)
-    unit = found.units[row]
-    start = amount(found.values[row], unit, 4).replace("-", "\N{MINUS SIGN}", 1)
+    row = sensitivity.row(quantity)
+    unit = sensitivity.units[row]
+    start = amount(sensitivity.values[row], unit, 4).replace("-", "\N{MINUS SIGN}", 1)
     label_axis(ax.xaxis, Label(f"change of {quantity}", unit, f"\nfrom {start}"))
     legend_above(ax)
     ax.spines["left"].set_visible(False)

@@ -265,12 +265,12 @@ def _up_to_cover(branch: AnyBranch) -> AnyBranch:
     """Return a branch up to the point where its orbits become those of a smaller period."""
     if isinstance(branch, EquilibriumBranch):
         return branch
-    shortened = up_to_cover(branch.found)
-    if shortened is branch.found:
+    shortened = up_to_cover(branch.numeric)
+    if shortened is branch.numeric:
         return branch
     identities = {id(each) for each in shortened.special_points}
-    special = tuple(each for each in branch.special_points if id(each.found) in identities)
-    return replace(branch, found=shortened, special_points=special, ended=shortened.ended)
+    special = tuple(each for each in branch.special_points if id(each.numeric) in identities)
+    return replace(branch, numeric=shortened, special_points=special, ended=shortened.ended)
 
 
 def _values(branch: AnyBranch) -> Floats:
@@ -287,7 +287,7 @@ def _kind(branch: AnyBranch) -> str:
         return "equilibria"
     if not branch.system.forced:
         return "cycles"
-    return f"period {branch.found.points[0].orbit.periods}"
+    return f"period {branch.numeric.points[0].orbit.periods}"
 
 
 def _joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -310,11 +310,11 @@ def _same_point(one: AnyPoint, other: AnyPoint) -> bool:
     if abs(one.value - other.value) > SAME_VALUE_RTOL * max(1.0, abs(one.value)):
         return False
     if isinstance(one, EquilibriumPoint) and isinstance(other, EquilibriumPoint):
-        states = (np.array(s.equilibrium.found.state) for s in (one, other))
+        states = (np.array(s.equilibrium.numeric.state) for s in (one, other))
         return float(np.abs(next(states) - next(states)).max(initial=0.0)) < SAME_ATTRACTOR_RTOL
     assert isinstance(one, SpecialPoint)
     assert isinstance(other, SpecialPoint)
-    pair = one.orbit.found, other.orbit.found
+    pair = one.orbit.numeric, other.orbit.numeric
     return any(same_orbit(a, b, one.parameter) for a, b in (pair, pair[::-1]))
 
 
@@ -680,9 +680,9 @@ class DiagramBuilder:
         """Return the number of the known branch on which an orbit or equilibrium lies."""
         for i, branch in enumerate(self.branches):
             if isinstance(branch, Branch) and isinstance(solution, Orbit):
-                on = orbit_on_branch(branch.found, solution.found)
+                on = orbit_on_branch(branch.numeric, solution.numeric)
             elif isinstance(branch, EquilibriumBranch) and isinstance(solution, Equilibrium):
-                on = equilibrium_on_branch(branch.found, solution.found)
+                on = equilibrium_on_branch(branch.numeric, solution.numeric)
             else:
                 continue
             if on:
@@ -691,7 +691,7 @@ class DiagramBuilder:
 
     def _add_orbit(self, orbit: Orbit) -> int:
         """Return the number of the branch of an orbit, which is continued if it is new."""
-        point = orbit.found.point
+        point = orbit.numeric.point
         if (np.asarray(point.ends) - np.asarray(point.starts)).min() < VANISHING_LENGTH:
             return NO_BRANCH  # an orbit whose first segment ends at once, in another mode
         number = self._number(orbit)
@@ -747,7 +747,7 @@ class DiagramBuilder:
         for special in self.branches[number].special_points:
             if special.label not in ("PD", "BP", "H"):
                 continue
-            if isinstance(special, SpecialPoint) and isinstance(special.found.monitor, FoldTest):
+            if isinstance(special, SpecialPoint) and isinstance(special.numeric.monitor, FoldTest):
                 if special.label == "PD":
                     self._find_parent(number, special)
                 continue
@@ -802,7 +802,7 @@ class DiagramBuilder:
 
     def _find_parent(self, number: int, special: SpecialPoint) -> None:
         """Add the branch of half the period at which a branch ends."""
-        orbit = special.found.orbit
+        orbit = special.numeric.orbit
         try:
             if special.orbit.system.forced:
                 half = find_periodic_orbit(orbit.family, orbit.instant, periods=orbit.periods // 2)
@@ -853,7 +853,7 @@ class DiagramBuilder:
             for start in starts:
                 with suppress(MemsImpactError):
                     orbit = find_orbit(system, guess=start, periods=periods, options=self.options)
-                    covered = covered_period(orbit.found)
+                    covered = covered_period(orbit.numeric)
                     if covered:
                         orbit = find_orbit(
                             system, guess=orbit.state, periods=covered, options=self.options

@@ -476,13 +476,13 @@ class Objective:
 
 def _piece(orbit: Orbit) -> tuple[tuple[int, int], ...]:
     """Return the modes and events of an orbit, independent of the start of the forcing period."""
-    ends = [(s.mode, s.code) for s in orbit.found.segments if s.code != BOUNDARY]
+    ends = [(s.mode, s.code) for s in orbit.numeric.segments if s.code != BOUNDARY]
     return min((tuple(ends[i:] + ends[:i]) for i in range(len(ends))), default=())
 
 
 def _sequence(orbit: Orbit) -> str:
     """Return the events of an orbit in words."""
-    segments, ended = orbit.found.segments, orbit.segments["ends with"]
+    segments, ended = orbit.numeric.segments, orbit.segments["ends with"]
     names = [name for name, s in zip(ended, segments, strict=True) if s.code != BOUNDARY]
     return ", ".join(names) or "none"
 

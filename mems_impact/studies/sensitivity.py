@@ -200,8 +200,8 @@ def derivatives(
     result = np.zeros((len(quantities), len(parameters)))
     of_solved = np.array([each.solved for each in quantities])
     for column, name in enumerate(parameters):
-        tangent = TangentOrbit(orbit.found, name)
-        inner = orbit.found.family.value(name)
+        tangent = TangentOrbit(orbit.numeric, name)
+        inner = orbit.numeric.family.value(name)
         size = abs(inner) if inner != 0.0 else 1.0
         for kind in (False, True):
             rows = np.flatnonzero(of_solved == kind)
@@ -331,7 +331,7 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
     OrbitError
         If the continuation ends before; `reason` names the bifurcation.
     """
-    system, start = orbit.system, orbit.found
+    system, start = orbit.system, orbit.numeric
     target = {name: system.into(name, value) for name, value in values.items()}
     try:
         end = _solved(start, target, start)
@@ -360,7 +360,7 @@ def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 
 def _continued(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at the end of a straight line, in the family of the line."""
-    start = orbit.found
+    start = orbit.numeric
     line = LineFamily({LINE_PARAMETER: 0.0}, start.family, dict(target))
     shooting = Shooting(line, start.segments, (), start.shooting.pinned, start.shooting.phase)
     branch = OrbitBranch(LINE_PARAMETER)
@@ -459,7 +459,7 @@ def _allowed(orbit: Orbit, name: str, stop: float) -> float:
 
 
 def _next(orbit: Orbit, name: str, stop: float) -> _End:
-    system, value = orbit.system, orbit.found.family.value(name)
+    system, value = orbit.system, orbit.numeric.family.value(name)
     end = system.into(name, stop)
     if end == value:
         return _End(stop, "the end of its range")
@@ -467,7 +467,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     low, high = min(value, end), max(value, end)
     sign = math.copysign(1.0, end - value)
     steps = StepControl(max_step=0.02)
-    for point in points_of(branch, orbit.found, low=low, high=high, direction=sign, steps=steps):
+    for point in points_of(branch, orbit.numeric, low=low, high=high, direction=sign, steps=steps):
         for each in branch.special_points:
             if each.label in BIFURCATION_LABELS:
                 return _End(float(system.out(name, each.value)), each.kind)

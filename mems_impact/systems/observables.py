@@ -111,7 +111,7 @@ class Quantity:
 
 
 def largest_multiplier(orbit: Any) -> float:
-    return math.inf if orbit.found.touches else float(abs(orbit.multipliers[0]))
+    return math.inf if orbit.numeric.touches else float(abs(orbit.multipliers[0]))
 
 
 def closest_approach(orbit: Any) -> float:

@@ -46,12 +46,12 @@ def test_tables_of_a_branch_integrate_each_segment_once(counted, followed):
     branch = followed()
     counted.clear()
     assert len(branch.table) + len(branch.special_table) > 2
-    orbits = {id(orbit.found): orbit for orbit in branch.orbits}
-    orbits |= {id(special.orbit.found): special.orbit for special in branch.special_points}
+    orbits = {id(orbit.numeric): orbit for orbit in branch.orbits}
+    orbits |= {id(special.orbit.numeric): special.orbit for special in branch.special_points}
     lasting = (
         end > max(start, 0.0)
         for orbit in orbits.values()
-        for start, end in zip(orbit.found.point.starts, orbit.found.point.ends, strict=True)
+        for start, end in zip(orbit.numeric.point.starts, orbit.numeric.point.ends, strict=True)
     )
     assert counted["runs"] == sum(lasting)
 

@@ -193,7 +193,7 @@ def test_switching_to_twice_the_period(doubling):
     special = doubling.special_points[0]
     assert special.label == "PD"
     assert special.value == pytest.approx(0.176318773, abs=1e-8)
-    two = doubling.switch(special, bounds=(0.1762, 0.1764))
+    two = mi.switch_branch(special, bounds=(0.1762, 0.1764))
     assert two.orbits[0].periods == 2
     assert "v2 2" in two.table
     spread = (two.table["v2"] - two.table["v2 2"]).abs()

@@ -82,7 +82,7 @@ def test_modes_and_guards_change_places():
     orbit = mi.find_orbit(block, transient=60, options=INTERPRETED)
     (mirror,) = mi.symmetries(orbit)
     assert repr(mirror) == "Symmetry((x, v, t) -> (-x, -v, t + T/2))"
-    assert mirror.found.modes == {LEFT: RIGHT, RIGHT: LEFT}
+    assert mirror.numeric.modes == {LEFT: RIGHT, RIGHT: LEFT}
     assert mirror.keeps(orbit)
     leaning = mi.find_orbit(block.changed(c=1e-3), guess=orbit.state, options=INTERPRETED)
     assert mi.symmetries(leaning) == ()

@@ -95,7 +95,7 @@ def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(mi.life(run, wear=1e-16, area=1e-9, depth=1e-7), mi.WearLife)
     assert_type(mi.lyapunov(run), mi.LyapunovSpectrum)
     mi.classify(0.1, 0.01)
-    mi.step_lengths(run)
+    run.step_lengths()
     mi.plot_return_map(run)
     mi.plot_run(run)
     mi.plot_energy(mi.energy(run))

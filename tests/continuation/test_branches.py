@@ -280,7 +280,7 @@ def test_events_that_cannot_pass_each_other(segment, reason):
     drive = Square(amplitude=0.4, omega=1.0)
     options = mi.Options(method="dop853", engine="interpreted")
     guess = mi.kicked_state(DEVICE)
-    orbit = mi.find_orbit(DEVICE, drive, guess=guess, transient=40, options=options).found
+    orbit = mi.find_orbit(DEVICE, drive, guess=guess, transient=40, options=options).numeric
     assert orbit.segments[-1].code == 2 * orbit.shooting.m
     meeting = SegmentLengthTest("simultaneous events", segment)
     with pytest.raises(OrbitError, match=reason):

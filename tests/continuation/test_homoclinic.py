@@ -240,7 +240,7 @@ def spike(mode, t, y, p):
 def test_a_bottleneck_between_spikes_that_no_sample_shows():
     system = mi.System(states=("x", "y"), flow=spike, parameters={"m": 1.2}, initial={"x": 1.0})
     cycles = [
-        mi.find_orbit(system.changed(m=1.0 + slow), transient=20.0).found
+        mi.find_orbit(system.changed(m=1.0 + slow), transient=20.0).numeric
         for slow in (0.2, 2e-2, 2e-3, 2e-4, 2e-5)
     ]
     passage = slow_passage(cycles)

@@ -79,7 +79,7 @@ def _turn_coefficient(t, e, f):
 
 
 def _form(system, kind):
-    found = mi.find_orbit(system, periods=1, options=PLAIN).found
+    found = mi.find_orbit(system, periods=1, options=PLAIN).numeric
     return orbit_normal_form(kind, found.shooting, found.point)
 
 
@@ -169,7 +169,7 @@ def test_fifth_order_of_a_chenciner_point(theta, a, b, s, t):
         period=1.0, parameters={"theta": theta, "a": a, "b": b, "h": 0.4, "s": s, "t": t},
         initial={"x": 0.0, "y": 0.0, "w": PHASE},
     )  # fmt: skip
-    found = mi.find_orbit(system, periods=1, options=COMPILED).found
+    found = mi.find_orbit(system, periods=1, options=COMPILED).numeric
     form = codimension_two_form("Chenciner", found.shooting, found.point)
     # Along eigenvectors of length one |z|^2 has twice the value; of |z| -> |z| (1 + d |z|^4), d is
     # b + a^2/2 (Kuznetsov 2004, section 9.4).

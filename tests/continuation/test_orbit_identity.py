@@ -33,10 +33,10 @@ def test_orbits_within_a_step_across_a_fold():
     assert reached > -0.249
     for a in (-0.2499, 0.5 * (reached - 0.25), reached, 0.1):
         for side in (1.0, -1.0):
-            assert orbit_on_branch(whole.found, fixed_point(a, side).found)
+            assert orbit_on_branch(whole.numeric, fixed_point(a, side).numeric)
     half = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps, stop_at="CF")
-    assert orbit_on_branch(half.found, fixed_point(0.1, 1.0).found)
-    assert not orbit_on_branch(half.found, fixed_point(0.1, -1.0).found)
+    assert orbit_on_branch(half.numeric, fixed_point(0.1, 1.0).numeric)
+    assert not orbit_on_branch(half.numeric, fixed_point(0.1, -1.0).numeric)
 
 
 def test_equilibria_on_both_sides_of_a_fold():
@@ -52,6 +52,6 @@ def test_equilibria_on_both_sides_of_a_fold():
     half = mi.continue_equilibrium(upper, "a", -1.0, stop_at="LP")
     for a in (1e-3, 0.1, 0.9):
         for x, is_on_half in ((math.sqrt(a), True), (-math.sqrt(a), False)):
-            state = equilibrium(a, x).found
-            assert equilibrium_on_branch(whole.found, state)
-            assert equilibrium_on_branch(half.found, state) == is_on_half
+            state = equilibrium(a, x).numeric
+            assert equilibrium_on_branch(whole.numeric, state)
+            assert equilibrium_on_branch(half.numeric, state) == is_on_half

@@ -186,9 +186,9 @@ def test_boundaries(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"found": "map"}, "found = 'str': must be an OperatingMap"),
-        ({"found": made_table().drop(columns="motion")}, "must be an OperatingMap"),
-        ({"found": made_table().iloc[:0]}, "no finished points to draw"),
+        ({"operating_map": "map"}, "operating_map = 'str': must be an OperatingMap"),
+        ({"operating_map": made_table().drop(columns="motion")}, "must be an OperatingMap"),
+        ({"operating_map": made_table().iloc[:0]}, "no finished points to draw"),
         ({"column": "status"}, "column = 'status': must be one of period, speed"),
         ({"column": "step"}, "must be one of period, speed"),
         ({"boundaries": [made_table()[["omega"]]]}, "curves over amplitude and omega"),
@@ -198,7 +198,7 @@ def test_boundaries(tmp_path):
 )
 def test_refused(arguments, sentence):
     with pytest.raises(mi.InvalidParameter, match=sentence):
-        mi.plot_map(**{"found": made_table(), **arguments})
+        mi.plot_map(**{"operating_map": made_table(), **arguments})
 
 
 def test_summary():

@@ -115,8 +115,8 @@ def test_systems_are_equal_by_what_their_functions_do():
 def test_a_pickle_holds_system_and_functions_once():
     branch = results()["branch"]
     here = len(pickle.dumps(branch))
-    half = len(pickle.dumps(branch.found.points[: len(branch) // 2]))
-    arrays = len(pickle.dumps([point.orbit.point for point in branch.found.points]))
+    half = len(pickle.dumps(branch.numeric.points[: len(branch) // 2]))
+    arrays = len(pickle.dumps([point.orbit.point for point in branch.numeric.points]))
     assert here < 1.6 * arrays
     assert half < 0.7 * here
     # The lambda that is the period goes with its code, once.

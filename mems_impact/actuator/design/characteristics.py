@@ -117,7 +117,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     """
     if isinstance(motion, ActuatorOrbit):
         arcs, window = arcs_of_orbit(motion), (0.0, float(motion.periods))
-        period = motion.found.point.period
+        period = motion.numeric.point.period
     elif isinstance(motion, ActuatorRun):
         if motion.keep != "events":
             allowed = "'events' for its duty cycle; simulate again with keep='events'"

@@ -104,7 +104,7 @@ def _slip(problem: Problem, start: HybridState) -> float:
 
 def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
     """Return the arcs of an orbit, with rows of its event log."""
-    solution = orbit.found
+    solution = orbit.numeric
     cyclic = list(solution.problem.automaton.cyclic)
     states, _ = solution.shooting.unpack(solution.point.unknowns)
     gathered: Floats = np.zeros(len(orbit.system.states))

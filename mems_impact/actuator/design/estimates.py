@@ -307,37 +307,7 @@ def _step_with_terms(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike) -
 
 
 def step_lengths(run: ActuatorRun) -> pd.DataFrame:
-    """Compare the steps of a run with the formula of `step_length`.
-
-    Parameters
-    ----------
-    run : Run
-        A run with events.
-
-    Returns
-    -------
-    DataFrame
-        One row per impact on the right stopper with the frame at rest: period, phase, speed v2
-        before, voltage, step (simulated), formula, and their ratio.
-
-    Raises
-    ------
-    InvalidParameter
-        If the formula applies to no impact of the run; the message states why.
-
-    See Also
-    --------
-    step_length, simulate, BlowStatistics
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> run = mi.simulate(actuator, drive, periods=300)
-    >>> mi.step_lengths(run).columns.tolist()
-    ['period', 'phase', 'v2 before', 'voltage', 'step', 'formula', 'ratio']
-    """
+    """Return the table of `Run.step_lengths`."""
     log, period = run.trajectory.events, run.trajectory.period
     rows, steps = frame_steps(log)
     struck = np.zeros(len(log), dtype=bool)

@@ -272,7 +272,7 @@ class _Chain:
         # by break-away does so without additional load.
         margins = [
             float(arc.minima[BREAK_AWAY])
-            for segment, arc in zip(orbit.found.segments, orbit.found.point.arcs, strict=True)
+            for segment, arc in zip(orbit.numeric.segments, orbit.numeric.point.arcs, strict=True)
             if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
         ]
         self.expected = load + _unheld(system, min(margins)) if margins else math.inf

@@ -45,7 +45,7 @@ def test_block_rests_above_the_resting_voltage(side):
 def test_step_formula_agrees_with_weak_impacts():
     # At the end of a chatter sequence the load hardly changes during the slide.
     run = mi.simulate(MITA, mi.Sine(amplitude=100.0, omega=2 * math.pi), 3)
-    table = mi.step_lengths(run)
+    table = run.step_lengths()
     units = {"v2 before": "m/s", "voltage": "V", "step": "m", "formula": "m"}
     assert table.attrs["units"] == units
     assert abs(table["ratio"].iloc[0] - 1) < 0.02
@@ -56,7 +56,7 @@ def test_step_formula_agrees_with_weak_impacts():
 
 def test_step_formula_of_the_paper_set():
     run = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 100)
-    table = mi.step_lengths(run)
+    table = run.step_lengths()
     assert abs(table["ratio"].iloc[-1] - 1) < 0.02
     assert mi.step_length(PAPER, 0.0) == 0.0
     assert mi.step_length(PAPER.replace(mu_d=0.0), 0.1) == math.inf
@@ -66,15 +66,15 @@ def test_step_formula_of_the_paper_set():
 def test_no_steps_say_why():
     run = mi.simulate(SLIPPING, PULLED, 12, options=INTERPRETED)
     with pytest.raises(mi.InvalidParameter, match=r"already slips .* run\.blow_statistics"):
-        mi.step_lengths(run)
+        run.step_lengths()
     assert run.blow_statistics.displacement_per_blow != 0.0
     quiet = mi.simulate(SLIPPING, PULLED.replace(amplitude=10.0), 2, options=INTERPRETED)
     with pytest.raises(mi.InvalidParameter, match="no impact on the right stopper; raise"):
-        mi.step_lengths(quiet)
+        quiet.step_lengths()
     struck = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 0.085,
                          initial=mi.kicked_state(PAPER), options=INTERPRETED)  # fmt: skip
     with pytest.raises(mi.InvalidParameter, match=r"no step of 1 .* more periods"):
-        mi.step_lengths(struck)
+        struck.step_lengths()
 
 
 @pytest.mark.slow

@@ -120,7 +120,7 @@ def test_steps_of_a_run_beside_the_formula():
     drive = mi.Sine(amplitude=0.3, omega=0.5)
     start = mi.State(v2=0.5, charge=0.5)
     run = mi.simulate(device, drive, periods=2, initial=start, options=INTERPRETED)
-    table = mi.step_lengths(run)
+    table = run.step_lengths()
     assert len(table) > 0
     np.testing.assert_allclose(table["ratio"], 1.0, atol=1e-4)
 
