@@ -264,8 +264,8 @@ def plot_map(
     Raises
     ------
     InvalidParameter
-        If `operating_map` is not a map, the column is unknown or not numeric, or a boundary is over other
-        parameters.
+        If `operating_map` is not a map, the column is unknown or not numeric, or a boundary is over
+        other parameters.
 
     See Also
     --------

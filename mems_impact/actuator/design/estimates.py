@@ -1,7 +1,7 @@
 """Estimates in closed form: pull-in, resting voltage, step length.
 
 Formulas are in the units of the actuator; each docstring states the simplifications, and
-`step_lengths` compares the formula with the simulation.
+`Run.step_lengths` compares the formula with the simulation.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
 
     See Also
     --------
-    step_lengths, resolution
+    Run, resolution
 
     Examples
     --------
