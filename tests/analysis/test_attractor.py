@@ -458,6 +458,7 @@ def test_what_comes_nearer_and_nearer_is_followed_until_it_arrives(a, motion, pe
     assert sorted(found.states[:, 0]) == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_small_differences_that_accumulate_are_no_errors_of_the_method():
     """A slow approach with the multiplier 0.99; and one of -1.02, along which motions leave."""
     slow = _found(mapped(_logistic, 1.01, x=0.0099), transient=3000, longest=1)

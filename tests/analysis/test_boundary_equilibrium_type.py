@@ -55,6 +55,7 @@ def test_continuous_field(c, d, kind):
     assert abs(found.other.eigenvalues.prod() - ratio * np.linalg.det(FIELD)) < 1e-8
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("c", "d", "kind"), [(0.5, 1.0, "persistence"), (-2.0, 1.0, "nonsmooth fold")]
 )

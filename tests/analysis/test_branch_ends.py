@@ -32,6 +32,7 @@ def out_of_range(mode, t, y, p):
 GRAZING = math.hypot(1.0, 0.2)  # the amplitude at which x = A/|2 - 1 + 0.2 i| comes to 1
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("rebound", "reason"),
     [

@@ -212,6 +212,7 @@ def test_results_are_values(tmp_path):
     assert list(branch.table.columns[:4]) == ["r", "stable", "admissible", "largest real part"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("imperfection", [1e-8, 1e-6, -1e-7])
 def test_an_imperfect_pitchfork_is_no_branch_point(imperfection):
     """x' = m x - x^3 + e: the branch from m < 0 turns to the side of e, without a special point."""

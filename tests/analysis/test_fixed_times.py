@@ -96,6 +96,7 @@ def test_a_sample_at_a_switch_is_the_state_before_it(times):
         assert samples[["x", "v"]].iloc[k].tolist() == pytest.approx([shorter.x, shorter.v])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("times", BLOWS)
 def test_a_run_from_the_state_of_an_orbit_follows_it(times):
     system = struck(switches=times, switch_transition=blow)
@@ -106,6 +107,7 @@ def test_a_run_from_the_state_of_an_orbit_follows_it(times):
     assert [run.final.x, run.final.v] == pytest.approx([orbit.state.x, orbit.state.v], abs=1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("times", BLOWS)
 def test_a_run_from_the_last_state_of_an_attractor_stays_on_it(times):
     system = struck(switches=times, switch_transition=blow)
@@ -136,6 +138,7 @@ def wave(mode, t, y, p):
     return 0.0, math.cos(2.0 * math.pi * t) - 3.0 * y.w
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("r", "period"),
     [

@@ -22,6 +22,7 @@ def _relaxing(q, *, alternating=False, gain=1.0, **others):
     return campaign._linear().changed(**(values | others))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("q", [0.97, 0.99, 0.998])
 def test_a_slow_mean(q):
     system = _relaxing(q)

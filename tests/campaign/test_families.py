@@ -254,6 +254,7 @@ def test_frictions_side_by_side_break_away_together():
     assert contacts.check(1, 2657).story == ""
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     """The same, the body in two halves that are stuck together, each on the ground by one."""

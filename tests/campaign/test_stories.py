@@ -73,6 +73,7 @@ def test_a_start_into_the_stopper_at_the_instant_of_a_switch(engine):
     assert run.samples(200)["x2"].max() <= 0.5 * (1.0 + 1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("e", [0.0, 0.5])
 def test_an_impact_at_the_very_end_of_an_arc(engine, e):
@@ -169,6 +170,7 @@ def test_an_elastic_block_pressed_to_the_stopper_is_reported_with_its_reason():
         mi.simulate(device, drive, 1, initial=mi.State(x2=0.4999), options=options)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("engine", "share"),
     [

@@ -21,6 +21,7 @@ def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
     return mi.continue_equilibrium(rest, "a", stop, steps=steps).special_points
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("error", [0.0, 1e-10])
 def test_both_halves_of_a_pitchfork(error):
     (fork,) = forks(lambda mode, t, y, p: (p.a * y.x - y.x**3 + p.error,), error=error)

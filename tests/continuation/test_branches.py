@@ -90,6 +90,7 @@ def test_orbits_of_a_branch_are_ones_that_a_run_follows():
         assert check_closed(point.orbit) < 3e-9 * growth
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("parameter", "low", "high"),
     [("omega", 0.47, 0.52), ("e", 0.5, 0.95), ("c", 0.01, 0.06), ("delta", 0.4, 0.6)],
@@ -196,6 +197,7 @@ def test_an_orbit_and_its_double_cover_take_the_same_steps():
     assert steps[1] == pytest.approx(steps[0], rel=0.01)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "steps", [StepControl(), StepControl(initial_step=0.3, max_step=1.0)], ids=["short", "long"]
 )

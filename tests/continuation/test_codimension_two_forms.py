@@ -94,6 +94,7 @@ def with_conjugates(pairs, terms):
     return found
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("kind", [kind for kind in RESONANT_FORMS if kind != "flip-fold"])
 def test_simple_multipliers(kind):
     seed = len(kind)

@@ -83,6 +83,7 @@ def _form(system, kind):
     return orbit_normal_form(kind, found.shooting, found.point)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("c", "b"), [(0.5, 0.3), (0.5, -0.4), (2.0, 1.0), (0.0, -1.0)])
 def test_period_doubling_of_a_map(c, b):
     form = _form(_flip(b=b, c=c), PERIOD_DOUBLING)
@@ -97,6 +98,7 @@ def test_a_coefficient_that_is_zero_has_no_criticality():
     assert form.criticality == ""
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("t", "e", "f"),
     [(1.0, 0.3, -0.4), (-0.7, 0.0, 0.5)]

@@ -51,6 +51,7 @@ def kicked(mode, t, y, p):
     return mode, (y.x, y.v - p.K * math.sin(y.x))
 
 
+@pytest.mark.slow
 def test_the_fixed_point_of_the_standard_map_doubles_where_two_multipliers_meet():
     rotor = mi.System(
         states=("x", "v"), flow=lambda mode, t, y, p: (y.v, 0.0), parameters={"K": 3.137},

@@ -371,6 +371,7 @@ BOUNDED = {
 """Terms with bounds of numbers by others."""
 
 
+@pytest.mark.quick(1)
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(
     ("terms", "bounds"),
@@ -549,6 +550,7 @@ def test_inputs_of_a_device(tmp_path, inputs, said):
         ZHAO.to_fmu(tmp_path / "device.fmu", both, inputs=inputs[:1])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "name", ["x */ int injected; /*", "*/*/", 'a"??/ \\', "<b>&'\"]]>", "Stoß */"]
 )
@@ -600,6 +602,7 @@ def jump(mode, t, y, p):
     return mode, (y.q + t, y.s)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(("kind", "inputs"), [
     ("CoSimulation", ()),

@@ -80,6 +80,7 @@ def test_a_forced_motion_is_steady_for_ever():
     assert run_.final.y == pytest.approx(start, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_impact_times_do_not_lose_digits():
     p = stop(c=0.1, amplitude=0.7, omega=1.2)
     run_ = simulate(STOP, p, [0.0, 0.0], 20_000, period=TAU / 1.2)

@@ -15,8 +15,9 @@ def options(method):
     return mi.Options(method=method)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("mu", [1e-3, 1e-6])
+@pytest.mark.parametrize("mu", [1e-6, 1e-3])
 def test_a_slow_slide_ends_at_its_time_in_few_steps(method, mu):
     box = mi.System(
         states=("x", "v"), flow=lambda mode, t, y, p: (y.v, 0.0), parameters={"mu": 0.3},

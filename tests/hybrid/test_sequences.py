@@ -172,6 +172,7 @@ def test_an_impact_at_another_gap_some_periods_ago_does_not_prolong_a_sequence()
     assert done.final.mode == RESTING
 
 
+@pytest.mark.quick(2)
 @both
 @pytest.mark.parametrize("e", [0.3, 0.9, 0.97])
 def test_nothing_stands_still_while_a_sequence_ends(e, engine):
@@ -472,6 +473,7 @@ def cradle(e, engine="compiled", place=0.0, **options):
     return simulate(CRADLE, (e,), start, 1.0, period=1.0, engine=engine, **options)
 
 
+@pytest.mark.quick(3)
 @both
 @pytest.mark.parametrize("place", [0.0, 1.0])
 @pytest.mark.parametrize(("e", "impacts"), [(1.0, 16), (0.9, 136)])
@@ -651,6 +653,7 @@ def rocking(r, top=1e9, start=0.5, **options):
     return done, np.array(times(done, workspace.TRANSITION, 0)), expected
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("top", [1e9, 0.0], ids=["whole flights", "cut in two"])
 @pytest.mark.parametrize(
     ("method", "rtol", "engine", "most"),

@@ -300,6 +300,7 @@ WAVES = Automaton(
 )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_closest_approaches_hidden_within_a_step(engine, method):

@@ -137,6 +137,7 @@ def charging(start):
     return P["C"] / P["gL"] * math.log((level - start) / (level - P["Vth"]))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("start", [START, (-45.0,) * N], ids=["apart", "together"])
 def test_neurons_on_their_own(start, options):
     run = mi.simulate(network(0.0, start), duration=150.0, options=options)

@@ -96,6 +96,7 @@ def test_branches_and_sweep_must_be_over_one_parameter():
         mi.plot_branch(sweep)
 
 
+@pytest.mark.quick(1)
 def test_own_system_over_its_sweep(branch, tmp_path):
     sweep = mi.sweep(oscillator(), "A", np.linspace(0.36, 0.58, 5), transient=60, periods=4)
     ax = mi.plot_branch(branch, sweep)

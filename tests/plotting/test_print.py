@@ -211,6 +211,7 @@ def test_every_figure_is_among_them():
     assert figures <= set(QUICK) | set(LONG)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", QUICK)
 def test_it_can_be_read_in_a_column(name, request):
     assert flaws(QUICK[name](request.getfixturevalue).figure) == []

@@ -17,6 +17,7 @@ def drawn(ax, marker):
     return sorted(x for line in lines for x in line.get_xdata())
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("section", [None, ("x", 0.5)])
 def test_own_system(section, tmp_path):
     units = {"A": "N", "x": "m", "v": "m/s", "speed": "m/s"}

@@ -95,6 +95,7 @@ def test_it_is_a_row_of_a_sweep(which):
     )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("which", ["period", "switches", "event"])
 def test_it_is_a_row_of_a_tolerance_analysis_and_of_continued_attractors(which):
     system = oscillator(**FAILING[which])

@@ -49,6 +49,7 @@ def swept(system, values=WALLS, parameter="wall"):
     return mi.sweep(system, parameter, values, **given)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("typical", [None, {"x": 1e-3, "v": 20.0}], ids=["plain", "typical"])
 def test_a_sweep_carries_a_resting_body_along_with_its_stop(typical):
     table = swept(body(typical=typical))

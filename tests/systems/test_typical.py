@@ -201,6 +201,7 @@ def test_orbits_and_branches_of_what_is_small():
     assert silent["closest approach"] == pytest.approx(L * (1.0 - 0.3 / exact), rel=1e-8)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("rate", [1e5, 1e6])
 def test_a_table_that_vibrates_within_microseconds(rate):
     def shaken(mode, t, y, p):
@@ -300,6 +301,7 @@ def pendulum(size, **typical):
                      **typical)  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
 def test_states_below_the_steps_of_differences_are_reported(verb):
     given = {"transient": 60, "options": mi.Options(engine="interpreted")}

@@ -116,6 +116,7 @@ def test_units(found):
     assert " s," not in repr(bare)
 
 
+@pytest.mark.slow
 def test_it_closes_above_the_dynamic_pull_in_voltage():
     volts = mi.pull_in_voltage(SWITCH, dynamic=True)
     below, above = (

@@ -127,6 +127,7 @@ def test_tabulated_plate_is_the_plate():
     assert errors[0] / errors[1] > 16.0
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("term", [PLATE, COMB, TILTED, HARDENING])
 @pytest.mark.parametrize(
     "leads", [(), (mi.SeriesResistance(resistance=0.1, parasitic_capacitance=0.2),)]

@@ -197,6 +197,7 @@ ENDLESS = """
 """
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("engine", ["compiled", "interpreted"])
 def test_an_interrupt_ends_a_long_run_and_keeps_it(engine):
     code = textwrap.dedent(ENDLESS).format(root=str(Path(__file__).parents[2]), engine=engine)

@@ -96,6 +96,7 @@ def test_failed_points_are_computed_again(store, chained, again):
     assert mi.load(store).discard_failed() == 0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_study_that_is_killed_goes_on(forking, store, chained, kills):

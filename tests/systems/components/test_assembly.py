@@ -303,6 +303,7 @@ def test_a_mistake_in_a_flow_with_parts_is_reported_where_it_was_made(flow, sent
     assert "test_assembly.py" in str(caught.value)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("exchanged", [False, True])
 def test_a_block_that_comes_to_rest_on_a_plate_leaves_it_where_the_ground_holds_it(
@@ -339,6 +340,7 @@ def loaded(parts):
     )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turned", [False, True])
 def test_two_frictions_hold_one_body_up_to_the_sum_of_their_static_limits(turned):
     parts = [
@@ -350,6 +352,7 @@ def test_two_frictions_hold_one_body_up_to_the_sum_of_their_static_limits(turned
     assert run.final.v == pytest.approx(0.6 * 2.0 + 0.05 * 2.0**2, rel=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("exchanged", [False, True])
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_a_ring_of_frictions_holds_what_some_forces_within_their_limits_hold(order, exchanged):
@@ -369,6 +372,7 @@ def test_a_ring_of_frictions_holds_what_some_forces_within_their_limits_hold(ord
     assert run.final.v == pytest.approx((0.3 * 2.0 + 0.05 * 2.0**2) / 2.0, rel=1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turned", [False, True])
 def test_two_bodies_in_touch_hold_with_the_friction_of_both(turned):
     row = [
@@ -389,6 +393,7 @@ def test_two_bodies_in_touch_hold_with_the_friction_of_both(turned):
     assert run.final.v == pytest.approx((0.3 * 2.0 + 0.05 * 2.0**2) / 2.0, rel=1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_a_block_sticks_to_all_that_it_comes_to_rest_on_at_once(order):
     # It slides on the ground and along a body that lies on a stop, of which its friction can take
@@ -416,6 +421,7 @@ def pushed_unequally(mode, t, y, p):
     return y.v1, y.v2, 0.8 * y.load / 2.0, 0.7 * y.load, 1.0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
 @pytest.mark.parametrize("turned", [False, True])
 def test_frictions_that_bear_a_load_together_break_away_together_in_any_order(order, turned):
@@ -443,6 +449,7 @@ def test_frictions_that_bear_a_load_together_break_away_together_in_any_order(or
 BARS = [("v1", 0.0), ("v2", 0.0), ("v1", "v2"), ("v3", "v1"), ("v2", "v3")]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_around_a_ring_at_rest_not_all_that_slides_does_so_in_one_direction(seed):
     # The relative speeds around a ring add up to zero: of those of contacts at rest, none can

@@ -128,6 +128,7 @@ def crossing(flow, initial):
     )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("flow", "initial", "times"),
     [
@@ -182,6 +183,7 @@ def test_a_motion_that_is_not_unique_is_an_error_with_two_of_them():
         mi.simulate(crossing(fork, {"x": 0.1, "y": 0.3}), duration=2.0, options=PLAIN)
 
 
+@pytest.mark.slow
 def test_three_surfaces_that_depend_on_each_other():
     def flow(mode, t, y, p):
         return (
