@@ -111,7 +111,7 @@ def test_an_impossible_path_is_one_error(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["a\0b", "\ud800", b"a", 3, None])
-def test_what_is_no_path_is_told(name):
+def test_a_value_that_is_no_path_is_an_error(name):
     with pytest.raises(InvalidParameter, match="must be the path of a file"):
         write(name)
     with pytest.raises(InvalidParameter), opened(name, "give a file"):

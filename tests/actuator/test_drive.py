@@ -124,5 +124,5 @@ def test_incomplete_waveform_cannot_be_made():
         Incomplete()
 
 
-def test_print_tells_what_it_is():
+def test_print_names_the_kind():
     assert str(Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")

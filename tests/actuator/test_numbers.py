@@ -19,7 +19,7 @@ ZHAO = mi.load_actuator("zhao2004")
     [{}, {"omega": 0.513}, {"amplitude": 0.31, "phase": 0.3}],
     ids=["as it is", "omega", "amplitude and phase"],
 )
-def test_a_sine_has_the_numbers_of_one_made_anew(bias, scales, changes):
+def test_a_sine_has_the_numbers_of_a_new_one(bias, scales, changes):
     drive = mi.Sine(amplitude=0.24, omega=0.5, bias=bias)
     changed = drive.varied(changes, checked=False)
     if scales is not DIMENSIONLESS:

@@ -20,7 +20,7 @@ def nothing_told():
     plausibility._warn_once.cache_clear()
 
 
-def told(act):
+def warnings_of(act):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         act()
@@ -45,7 +45,7 @@ def look(target):
 )
 def test_a_device_in_other_units(changes, meant):
     device = MITA.replace(**changes)
-    found = told(lambda: [device.under(DRIVE) for _ in range(2)])
+    found = warnings_of(lambda: [device.under(DRIVE) for _ in range(2)])
     assert len(found) == 1
     assert re.search(meant, found[0])
 
@@ -56,7 +56,7 @@ def test_a_wrong_gap_is_not_reported_as_a_wrong_electrode_too():
     del sheet["release"]
     device = mi.Actuator.from_design(**sheet)
     assert device.alpha > plausibility.DEVICE_RANGES["alpha"].high
-    (found,) = told(lambda: device.under(DRIVE))
+    (found,) = warnings_of(lambda: device.under(DRIVE))
     assert found.startswith("gap d = 5 m")
 
 
@@ -103,7 +103,7 @@ AIR["free_path_pressure"] = 6.7e-3
 )
 def test_a_term_in_other_units(term, meant):
     device = MITA.adding(term)
-    found = told(lambda: [device.under(DRIVE) for _ in range(2)])
+    found = warnings_of(lambda: [device.under(DRIVE) for _ in range(2)])
     assert len(found) == 1
     assert re.search(meant, found[0])
 
@@ -131,7 +131,7 @@ SLOW = mi.Sine(amplitude=20.0, omega=2.0 * math.pi * 0.12)  # pull-in is at 31.6
     ],
 )
 def test_a_voltage_in_other_units(drive, meant):
-    found = told(lambda: MITA.under(drive))
+    found = warnings_of(lambda: MITA.under(drive))
     assert found
     assert any(meant in each for each in found)
 
@@ -140,9 +140,9 @@ def test_a_resonance_in_hertz():
     own = math.sqrt(MITA.k / MITA.m2)
     for value, count in ((own / (2.0 * math.pi), 1), (own, 0), (0.7 * own, 0)):
         target = mi.Target(quantity="resonance", value=value)
-        assert len(told(lambda target=target: look(target))) == count
+        assert len(warnings_of(lambda target=target: look(target))) == count
     target = mi.Target(quantity="pull-in voltage", value=35e3)
-    assert "35000 mV?" in told(lambda: look(target))[0]
+    assert "35000 mV?" in warnings_of(lambda: look(target))[0]
 
 
 # As if at rest, but the block is pulled in; not that slow; without any voltage.
@@ -178,4 +178,4 @@ def test_what_such_devices_have_is_not_reported():
         strange = strange.adding(mi.Tilt(angle=1.2), mi.FrameSpring(k1=1e9))
         strange.under(mi.Sine(amplitude=1e6, omega=1e-3))
 
-    assert told(all_of_them) == []
+    assert warnings_of(all_of_them) == []

@@ -91,7 +91,7 @@ def test_switches_of_the_second_period_are_those_of_the_first(name):
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_waves_within_go_on_with_their_sign(name):
+def test_waves_within_continue_with_their_sign(name):
     drive = BOTH[name]
     sides = [drive.wave] if isinstance(drive, mi.Burst) else [drive.right, drive.left]
     length = drive.length if isinstance(drive, mi.Burst) else 2.0 * drive.period
@@ -134,7 +134,7 @@ def flat(t, q):
     return 0.0
 
 
-def test_jumps_of_the_sign_that_nothing_tells_are_refused():
+def test_undeclared_jumps_of_the_sign_are_refused():
     drive = mi.Custom(function=alternating, rate=flat, period=1.0, values={"top": 0.3},
                       switches=[1.0])  # fmt: skip
     ZHAO.under(drive)

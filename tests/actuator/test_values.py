@@ -80,7 +80,7 @@ def test_a_run_comes_back_from_a_file_whatever_its_drive(name, tmp_path):
     pd.testing.assert_frame_equal(loaded.samples(9), run.samples(9), check_exact=True)
 
 
-def test_the_file_tells_device_and_drive_as_files_of_their_own_do(tmp_path):
+def test_the_file_holds_device_and_drive_as_their_own_files_do(tmp_path):
     drive = mi.TwoSided(right=SINE, left=mi.Burst(wave=SINE, on=1, pause=SINE.period))
     ZHAO.under(drive).save(tmp_path / "system")
     with zipfile.ZipFile(tmp_path / "system") as file:
@@ -171,7 +171,7 @@ def test_a_loaded_orbit_is_continued_bit_for_bit(tmp_path):
 
 
 @pytest.mark.slow
-def test_another_process_goes_on(tmp_path):
+def test_another_process_continues(tmp_path):
     results()["orbit"].save(tmp_path / "orbit")
     program = "import sys, mems_impact as mi; print(mi.load(sys.argv[1]).samples(4).to_csv())"
     done = subprocess.run(

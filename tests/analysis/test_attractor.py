@@ -72,7 +72,7 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "adams"])
-def test_a_point_is_the_same_whoever_goes_with_it(method):
+def test_a_point_is_the_same_in_any_group(method):
     options = mi.Options(method=method)
     recurrence = RecurrenceOptions(transient=60, periods=10, exponents="all")
     many = cases(0.15, 0.2, 0.24, 0.28)

@@ -229,7 +229,7 @@ def test_a_curve_of_folds_of_cycles():
 
 
 @pytest.mark.slow
-def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
+def test_a_cycle_grazes_a_wall_and_continues_with_an_impact():
     free = find(van_der_pol(wall=2.2))
     branch = mi.continue_orbit(free, "wall", 1.8, steps=mi.StepControl(max_step=0.1))
     (grazing,) = branch.special_points

@@ -177,7 +177,7 @@ def test_what_was_done_before_an_interruption_is_kept():
     assert spectrum.exponents[0] == pytest.approx(-0.0784, abs=0.01)
 
 
-def test_a_run_that_cannot_go_on():
+def test_a_run_that_cannot_continue():
     few = mi.Options(method="dop853", max_events=10)
     system = oscillator(A=2.0, omega=0.2, e=0.5)
     with pytest.raises(mi.RunError, match="max_events") as caught:

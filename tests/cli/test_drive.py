@@ -95,7 +95,7 @@ COMMANDS_WITH_DRIVE = [
 
 
 @pytest.mark.parametrize("words", COMMANDS_WITH_DRIVE, ids=lambda words: words[0])
-def test_a_device_file_tells_its_own_drive(cli, own, words):
+def test_a_device_file_names_its_drive(cli, own, words):
     name, *rest = words
     assert cli(name, own, *rest, "--no-figure").status == 0
 

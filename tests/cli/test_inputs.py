@@ -67,7 +67,7 @@ def test_what_is_no_system_is_reported(cli, file, name, problem):
     assert problem in cli("simulate", name).complaint()
 
 
-def test_a_name_that_nobody_adds():
+def test_a_name_of_no_file_and_of_a_preset():
     for name in ("nobody", "own_code.py:two words"):
         with pytest.raises(mi.InvalidFile, match=r"no such file.*a system as FILE.py:NAME"):
             mi.load(name)

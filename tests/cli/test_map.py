@@ -52,7 +52,7 @@ def test_table_summary_and_figure(cli, tmp_path):
     assert [int(words[-6]) for words in shown] == summary["points"].to_list()
 
 
-def test_a_study_file_goes_on_with_the_same_store(cli, tmp_path):
+def test_a_study_file_continues_with_the_same_store(cli, tmp_path):
     (tmp_path / "study.toml").write_text(FILE)
     first = cli(*ARGUMENTS, "--store", "kept", "--no-figure")
     assert first.status == 0

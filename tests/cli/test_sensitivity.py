@@ -51,7 +51,7 @@ def test_optimize(cli, tmp_path):
 
 
 @pytest.mark.slow
-def test_optimize_tells_what_is_no_optimum(cli):
+def test_optimize_reports_a_point_that_is_no_optimum(cli):
     # Without a limit on the multipliers, the orbit ends in a fold.
     aim = ["--minimize", "mean speed", "--over", "amplitude=0.17:0.26"]
     done = cli("optimize", *POINT, *NEAR, *aim, "--subject-to", "largest multiplier=:9")

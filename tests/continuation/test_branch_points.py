@@ -35,7 +35,7 @@ def test_another_branch_crosses():
 
 
 @pytest.mark.slow
-def test_the_branch_that_crosses_turns_round_there_in_no_fold():
+def test_the_branch_that_crosses_reverses_there_without_a_fold():
     off = mi.find_orbit(SYMMETRIC.changed(a=0.5), periods=1)
     assert off.state.x > 0.1
     branch = mi.continue_orbit(off, "a", -0.5, back=0.5)

@@ -130,7 +130,7 @@ def test_branch_of_orbits_with_rest_and_chatter():
             assert check_closed(point.orbit) < 1e-8
 
 
-def test_without_reconnection_the_branch_goes_on_beyond_the_stopper():
+def test_without_reconnection_the_branch_continues_beyond_the_stopper():
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25, reconnecting=False)
     assert values(branch, "grazing")[0] == pytest.approx(GRAZING_5, abs=1e-10)
     assert branch.ended == "amplitude reached its bound"

@@ -48,12 +48,12 @@ def followed(label, parameter, stop, second, start=0.5, **values):
     return mi.continue_curve(special, *second, steps=mi.StepControl(max_step=0.2))
 
 
-def found(curve):
+def special_points(curve):
     return [(point.kind, point.values["a"], point.values["b"]) for point in curve.special_points]
 
 
 def check(curve, *expected):
-    for (kind, a, b), (name, at, beside) in zip(found(curve), expected, strict=True):
+    for (kind, a, b), (name, at, beside) in zip(special_points(curve), expected, strict=True):
         assert kind == name
         assert (a, b) == pytest.approx((at, beside), abs=1e-7)
 

@@ -104,7 +104,7 @@ def test_steps_of_a_curve_grow_by_a_half(at_half):
     assert lengths == pytest.approx([1e-3, 1.5e-3, 2.25e-3], rel=0.02)
 
 
-def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew():
+def test_a_gradient_by_differences_is_updated_instead_of_recomputed():
     """Its equations: x = a, and x + b^2 = 2, of which it knows the gradient (1, 0, 2) at b = 1."""
 
     class Costly(DefiningSystem):

@@ -18,7 +18,7 @@ def at(name, level, transition=None, **more):
     return mi.Guard(name, lambda mode, t, y, p: level - y.s, transition, **more)
 
 
-def told(run):
+def recorded_events(run):
     return list(zip(run.events["event"], run.events["t"].round(9), strict=True))
 
 
@@ -38,7 +38,7 @@ def test_one_that_starts_negative_waits_until_it_has_been_positive(options):
 @pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
 def test_another_event_does_not_tell_it_again(options):
     run = mi.simulate(ramp(at("a", 1.0), at("b", 2.0), at("c", 3.0)), duration=4.0, options=options)
-    assert told(run) == [("a", 1.0), ("b", 2.0), ("c", 3.0)]
+    assert recorded_events(run) == [("a", 1.0), ("b", 2.0), ("c", 3.0)]
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -46,7 +46,7 @@ def test_a_transition_in_the_same_instant_does_not_tell_it_again(first):
     change = at("change", 1.0, lambda mode, t, y, p: (HIGH, y), modes=(LOW,))
     guards = [at("seen", 1.0), change] if first else [change, at("seen", 1.0)]
     run = mi.simulate(ramp(*guards), duration=2.0, options=WAYS[1])
-    assert told(run) == [(guard.name, 1.0) for guard in guards]
+    assert recorded_events(run) == [(guard.name, 1.0) for guard in guards]
 
 
 @pytest.mark.parametrize(("back", "count"), [(-3.0, 4), (0.5, 1)])
@@ -61,13 +61,13 @@ def test_a_jump_takes_it_through_zero_or_leaves_it_below(back, count):
 def test_a_jump_over_it_is_reported_where_it_happens():
     over = at("over", 1.0, lambda mode, t, y, p: (HIGH, (5.0,)), modes=(LOW,))
     run = mi.simulate(ramp(at("seen", 3.0), over), duration=2.0, options=WAYS[1])
-    assert told(run) == [("over", 1.0), ("seen", 1.0)]
+    assert recorded_events(run) == [("over", 1.0), ("seen", 1.0)]
 
 
 def test_one_that_a_mode_begins_to_watch_below_zero_has_not_fallen():
     change = at("change", 1.0, lambda mode, t, y, p: (HIGH, y), modes=(LOW,))
     run = mi.simulate(ramp(at("seen", 0.5, modes=(HIGH,)), change), duration=2.0, options=WAYS[1])
-    assert told(run) == [("change", 1.0)]
+    assert recorded_events(run) == [("change", 1.0)]
 
 
 def test_two_falls_within_a_step_that_begins_and_ends_below():

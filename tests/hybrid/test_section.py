@@ -73,7 +73,7 @@ def test_a_dip_amid_a_step(center):
 
 @pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_turns_round_before_the_section_does_not_cross_it(side, method):
+def test_a_motion_that_reverses_before_the_section_does_not_cross_it(side, method):
     """It comes closer to the section than the shortest parts of a step resolve."""
     assert crossings((0.3, 0.3), unit=side, lift=1e-8, method=method)[1] == []
 

@@ -70,7 +70,7 @@ def test_the_end_of_a_sequence_of_a_spring_pressed_to_a_stop():
 
 
 @pytest.mark.parametrize("period", [0.1, 0.37, 1.0, 50.0])
-def test_a_sequence_goes_on_across_the_starts_of_periods(period):
+def test_a_sequence_continues_across_the_starts_of_periods(period):
     """What the loop remembers of the last impact moves with the time base."""
     expected = accumulation(0.8)
     done = simulate(BALL, ball(0.8), [1.0, 0.0], 14.0 / period, period=period)

@@ -36,13 +36,13 @@ def family(exact, amplitude):
     return oscillator(amplitude=float(amplitude), **values)
 
 
-def found(exact, expected):
+def orbit_of(exact, expected):
     guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
     return find_periodic_orbit(family(exact, expected.amplitude), guess, periods=exact.n)
 
 
 def check(exact, expected):
-    orbit = found(exact, expected)
+    orbit = orbit_of(exact, expected)
     assert orbit.admissible
     assert orbit.periods == exact.n
     ((guard, time, before),) = orbit.impacts

@@ -15,7 +15,7 @@ from tests.analysis.systems import oscillator
 UNITS = {"x": "m", "v": "m/s"}
 
 
-def made(starts, labels):
+def basins_of(starts, labels):
     """Return basins with these labels; the attractors are at (0, 0), (1, 1) and so on."""
     table = pd.DataFrame(dict(zip(starts.names, starts.points.T, strict=True)))
     table = table.assign(motion="periodic", period=1)
@@ -44,7 +44,7 @@ def legend(ax):
 
 def test_a_grid(tmp_path):
     starts = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
-    ax = mi.plot_basins(made(starts, [0, 0, 0, 1, 1, -1]))
+    ax = mi.plot_basins(basins_of(starts, [0, 0, 0, 1, 1, -1]))
     (cells,) = ax.collections
     assert cells.get_array().reshape(2, 3).tolist() == [[0, 0, 0], [1, 1, 2]]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$ [m]", "$v$ [m/s]")
@@ -52,7 +52,7 @@ def test_a_grid(tmp_path):
     marks = [(*line.get_xdata(), *line.get_ydata()) for line in ax.lines]
     assert marks == [(0.0, 0.0), (1.0, 1.0)]
     ax.figure.savefig(tmp_path / "basins.png")
-    turned = mi.plot_basins(made(starts, [0, 0, 0, 1, 1, -1]), x="v")
+    turned = mi.plot_basins(basins_of(starts, [0, 0, 0, 1, 1, -1]), x="v")
     assert (turned.get_xlabel(), turned.get_ylabel()) == ("$v$ [m/s]", "$x$ [m]")
     assert turned.collections[0].get_array().reshape(3, 2).tolist() == [[0, 1], [0, 1], [0, 2]]
 
@@ -60,7 +60,7 @@ def test_a_grid(tmp_path):
 def test_a_sample_and_many_attractors(tmp_path):
     starts = Sample((("x", 0.0, 1.0), ("v", -1.0, 1.0)), 20, "sobol", 0)
     labels = [0, 0, 0, 0, *range(9), *[1] * 7]
-    ax = mi.plot_basins(made(starts, labels), Figure().subplots())
+    ax = mi.plot_basins(basins_of(starts, labels), Figure().subplots())
     (dots,) = ax.collections
     assert np.array_equal(dots.get_offsets(), starts.points)
     assert legend(ax)[-1] == "2 others  10.0%"
@@ -68,7 +68,7 @@ def test_a_sample_and_many_attractors(tmp_path):
 
 
 def test_one_component(tmp_path):
-    ax = mi.plot_basins(made(Grid(Axis("v", (1.0, 0.0, 2.0))), [0, 1, 1]))
+    ax = mi.plot_basins(basins_of(Grid(Axis("v", (1.0, 0.0, 2.0))), [0, 1, 1]))
     (strip,) = ax.collections
     assert strip.get_array().reshape(2, 3).tolist() == [[0, 1, 0]] * 2
     assert (ax.get_xlabel(), list(ax.get_yticks())) == ("$v$ [m/s]", [])
@@ -80,4 +80,4 @@ def test_what_is_wrong_is_named():
         mi.plot_basins(pd.DataFrame())
     starts = Grid(Axis("x", (0.0, 1.0)), Axis("v", (0.0, 1.0)))
     with pytest.raises(mi.InvalidParameter, match="one of x, v"):
-        mi.plot_basins(made(starts, [0, 0, 1, 1]), y="u")
+        mi.plot_basins(basins_of(starts, [0, 0, 1, 1]), y="u")

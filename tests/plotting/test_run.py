@@ -46,7 +46,7 @@ def test_one_panel_a_state_over_the_last_periods(run, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
-def test_impacts_are_dots_where_the_state_goes_on_and_lines_where_it_jumps(run):
+def test_impacts_are_dots_where_the_state_continues_and_lines_where_it_jumps(run):
     x, v = mi.plot_run(run, 90, 95).figure.axes
     hits = run.impacts[run.impacts["t"].between(*(n * 2 * np.pi / 0.8 for n in (90, 95)))]
     assert len(hits) == 5

@@ -14,7 +14,7 @@ ZHAO = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
 MITA = mi.load_actuator("mita2003").under(mi.Sine(amplitude=42.0, omega=710.0))
 
 
-def made(system):
+def sensitivity_of(system):
     return Sensitivity(
         orbit=SimpleNamespace(system=system),
         quantities=("mean speed", "closest approach"),
@@ -30,7 +30,7 @@ def widths(ax):
 
 
 def test_the_longest_first():
-    ax = mi.plot_sensitivity(made(ZHAO), "mean speed")
+    ax = mi.plot_sensitivity(sensitivity_of(ZHAO), "mean speed")
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names == [r"$\delta$", "$k$", r"$\omega$"]  # mu_s moves nothing
     expected = [0.01 * 0.5 * -4.0, 0.01 * 1.0, 0.01 * 0.5 * 0.1]
@@ -46,7 +46,7 @@ def test_the_longest_first():
 def test_tolerances_and_units(tmp_path):
     ax = Figure().subplots()
     given = {"delta": 1e-8, "k": 0.1}
-    assert mi.plot_sensitivity(made(MITA), "mean speed", ax, tolerances=given) is ax
+    assert mi.plot_sensitivity(sensitivity_of(MITA), "mean speed", ax, tolerances=given) is ax
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names == ["$k$ ± 0.1 N/m", r"$\delta$ ± 10 nm"]
     assert "m/s]" in ax.get_xlabel()
@@ -56,17 +56,17 @@ def test_tolerances_and_units(tmp_path):
 
 def test_bad_input():
     with pytest.raises(mi.InvalidParameter, match="speedy"):
-        mi.plot_sensitivity(made(ZHAO), "speedy")
+        mi.plot_sensitivity(sensitivity_of(ZHAO), "speedy")
     with pytest.raises(mi.InvalidParameter, match="a parameter changes"):
-        mi.plot_sensitivity(made(ZHAO), "closest approach")
+        mi.plot_sensitivity(sensitivity_of(ZHAO), "closest approach")
     with pytest.raises(mi.InvalidParameter, match="alpha"):
-        mi.plot_sensitivity(made(ZHAO), "mean speed", tolerances={"alpha": 1.0})
+        mi.plot_sensitivity(sensitivity_of(ZHAO), "mean speed", tolerances={"alpha": 1.0})
     with pytest.raises(mi.InvalidParameter, match="tolerance of k"):
-        mi.plot_sensitivity(made(ZHAO), "mean speed", tolerances={"k": 0.0})
+        mi.plot_sensitivity(sensitivity_of(ZHAO), "mean speed", tolerances={"k": 0.0})
 
 
 def test_a_table_says_all():
-    table = made(MITA).table
+    table = sensitivity_of(MITA).table
     assert isinstance(table, pd.DataFrame)
     assert list(table.columns) == [
         "quantity", "value", "parameter", "at", "derivative", "elasticity", "per cent", "unit"

@@ -14,7 +14,7 @@ from tests.analysis.systems import oscillator
 STEPS = [0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.0, 4.0, 5.0]
 
 
-def made(indices=True):
+def analysis_of(indices=True):
     """Return ten devices, of which seven are as specified."""
     table = pd.DataFrame(
         {
@@ -52,7 +52,7 @@ def made(indices=True):
 
 
 def test_points_are_counted_in_whole_numbers():
-    table = made(indices=False).table.iloc[:3]
+    table = analysis_of(indices=False).table.iloc[:3]
     few = ToleranceAnalysis(system=oscillator(), drawn=("A",), table=table)
     assert all(
         tick == int(tick) for tick in mi.plot_tolerance_analysis(few, quantity="step").get_yticks()
@@ -60,7 +60,7 @@ def test_points_are_counted_in_whole_numbers():
 
 
 def test_what_is_specified_is_drawn_with_its_indices(tmp_path):
-    ax = mi.plot_tolerance_analysis(made())
+    ax = mi.plot_tolerance_analysis(analysis_of())
     spread, bars = ax.figure.axes
     assert spread is ax
     inside, outside = ax.containers
@@ -78,20 +78,22 @@ def test_what_is_specified_is_drawn_with_its_indices(tmp_path):
 
 
 def test_chosen_quantities(tmp_path):
-    ax = mi.plot_tolerance_analysis(made(), quantity=["rate", "step"])
+    ax = mi.plot_tolerance_analysis(analysis_of(), quantity=["rate", "step"])
     # A quantity without a number at some points has no indices, and no panel for them.
     assert [each.get_xlabel() for each in ax.figure.axes] == [
         "rate", "step [m]", "first-order (filled) and total index"]  # fmt: skip
     assert ax.get_title(loc="left") == "no indices: 3 points have no number"
     ax.figure.savefig(tmp_path / "tolerances.png")
     given = Figure().subplots()
-    assert mi.plot_tolerance_analysis(made(indices=False), quantity="step", ax=given) is given
-    alone = mi.plot_tolerance_analysis(made(indices=False))
+    assert (
+        mi.plot_tolerance_analysis(analysis_of(indices=False), quantity="step", ax=given) is given
+    )
+    alone = mi.plot_tolerance_analysis(analysis_of(indices=False))
     assert alone.figure.axes == [alone]
 
 
 def test_numbers_that_are_missing(tmp_path):
-    few = made(indices=False)
+    few = analysis_of(indices=False)
     few.table["step"] = np.nan
     ax = mi.plot_tolerance_analysis(few)
     assert ax.get_title(loc="left").startswith("0.0% as specified")
@@ -102,4 +104,4 @@ def test_what_is_wrong_is_named():
     with pytest.raises(mi.InvalidParameter, match=r"as mems_impact\.tolerance_analysis returns"):
         mi.plot_tolerance_analysis(pd.DataFrame())
     with pytest.raises(mi.InvalidParameter, match="one of step, rate"):
-        mi.plot_tolerance_analysis(made(), quantity="speed")
+        mi.plot_tolerance_analysis(analysis_of(), quantity="speed")

@@ -82,7 +82,7 @@ def test_commands(cli):
     assert json.loads(cli("greet", "--json").stdout)["values"] == {"greeting": "hello"}
 
 
-def test_a_broken_command_is_one_line_and_the_others_go_on(cli):
+def test_a_broken_command_is_one_line_and_the_others_continue(cli):
     done = cli("broken")
     assert done.returncode == 2
     first, second = done.stderr.splitlines()

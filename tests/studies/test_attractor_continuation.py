@@ -68,7 +68,7 @@ def test_what_was_unknown_is_named_by_where_it_was_seen():
     assert found.branches["after"].tolist() == ["period 1 at amplitude = 0.24", ""]
 
 
-def test_chains_go_on_from_what_was_carried(both, tmp_path):
+def test_chains_continue_from_what_was_carried(both, tmp_path):
     study = AttractorContinuationStudy(
         over=Axis("amplitude", tuple(VALUES.tolist())),
         names=("off", "period 1"),

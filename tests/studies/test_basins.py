@@ -66,7 +66,7 @@ def test_the_grid_is_the_table(found):
     assert "attractors" in found.summary()
 
 
-def test_a_sample_is_the_same_whoever_computes_it():
+def test_a_sample_is_the_same_on_any_worker():
     box = {"x2": (-0.4, 0.4), "v2": (-1.0, 1.0)}
     brief = mi.RecurrenceOptions(transient=60, periods=5, tolerance=1e-4)
     given = {"box": box, "samples": 9, "recurrence": brief, "options": FAST}
@@ -123,7 +123,7 @@ def test_there_is_no_such_attractor(found):
 # Recognition, of motions made up.
 
 
-def kept(motions, places, spans, *, modes=None):
+def motion_columns(motions, places, spans, *, modes=None):
     """Return columns of motions with these means of x and v, each `spans` wide on either side."""
     places, spans = np.array(places, dtype=float), np.array(spans, dtype=float)[:, None]
     columns = {
@@ -151,7 +151,7 @@ def test_motions_are_the_same_in_any_order():
     which = rng.integers(4, size=200)
     places = centres[which] + 1e-6 * rng.standard_normal((200, 2))
     motions = [("periodic", 1 + int(i == 2)) for i in which]
-    columns = kept(motions, places, 0.1 + 0.0 * which)
+    columns = motion_columns(motions, places, 0.1 + 0.0 * which)
     here = groups(columns)
     for number in range(4):
         assert len(set(here[which == number])) == 1
@@ -180,11 +180,11 @@ def test_ctrl_c_while_motions_are_recognized_is_no_other_error():
     assert count > 10
 
 
-def test_a_period_or_a_mode_tells_motions_apart():
+def test_a_period_or_a_mode_distinguishes_motions():
     places = [[1.0, 0.0]] * 5
     motions = [("periodic", 1), ("periodic", 2), ("resting", 1), ("resting", 1), ("failed", 0)]
     modes = ["free", "held", "free", "held", ""]
-    found = groups(kept(motions, places, [0.0] * 5, modes=modes))
+    found = groups(motion_columns(motions, places, [0.0] * 5, modes=modes))
     assert len(set(found)) == 5
     assert found[4] == -1
 
@@ -192,7 +192,7 @@ def test_a_period_or_a_mode_tells_motions_apart():
 def test_unsettled_motions_are_one_where_their_boxes_meet():
     # 0 and 1 are joined by 2, though they do not meet; 3 lies apart in v alone.
     places = [[0.0, 0.0], [1.0, 0.0], [0.5, 0.0], [0.5, 2.0]]
-    columns = kept([("unsettled", 0)] * 4, places, [0.3, 0.3, 0.3, 0.3])
+    columns = motion_columns([("unsettled", 0)] * 4, places, [0.3, 0.3, 0.3, 0.3])
     for order in ([0, 1, 2, 3], [2, 3, 0, 1], [3, 1, 0, 2]):
         found = groups(columns, order)
         label = dict(zip(order, found, strict=True))
@@ -202,8 +202,8 @@ def test_unsettled_motions_are_one_where_their_boxes_meet():
 # Shares and names.
 
 
-def made(labels):
-    """Return what goes on from each attractor."""
+def attractors_of(labels):
+    """Return a periodic motion for each attractor."""
     return [Attractor(motion="periodic", period=1)] * len(set(labels) - {-1})
 
 
@@ -215,7 +215,9 @@ def census(cells):
         {"x": 0.0, "v": 0.0, "motion": "periodic", "period": 1 + (labels == 7)},
         index=range(len(labels)),
     )
-    return label_points(table, labels, made(labels), Grid(Axis("x", across), Axis("v", up)), 16)
+    return label_points(
+        table, labels, attractors_of(labels), Grid(Axis("x", across), Axis("v", up)), 16
+    )
 
 
 def test_bounds_of_a_grid_lie_on_either_side_of_its_boundaries():
@@ -243,7 +245,7 @@ def test_names_tell_kinds_and_go_by_share():
         (Attractor(motion="failed"), "unsettled"),
     ],
 )
-def test_what_did_not_settle_is_named_by_how_it_goes_on(later, name):
+def test_unsettled_motions_are_named_by_their_continuation(later, name):
     table = pd.DataFrame({"x": [0.0], "motion": "unsettled", "period": 0})
     _, attractors = label_points(table, np.array([0]), [later], Grid(Axis("x", (0.0,))), 16)
     assert attractors["attractor"].tolist() == [name]
@@ -253,7 +255,7 @@ def test_bounds_of_a_sample_are_wilsons():
     labels = np.repeat([0, 1], [30, 10])
     table = pd.DataFrame({"x": 0.0, "motion": "periodic", "period": 1}, index=range(40))
     _, attractors = label_points(
-        table, labels, made(labels), Sample((("x", 0.0, 1.0),), 40, "random", 0), 16
+        table, labels, attractors_of(labels), Sample((("x", 0.0, 1.0),), 40, "random", 0), 16
     )
     z, n, p = 1.959963984540054, 40, 0.75
     centre, half = p + z * z / 2 / n, z * math.sqrt(p * (1 - p) / n + z * z / 4 / n / n)

@@ -17,7 +17,7 @@ def device():
     return mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
 
 
-def made(kind):
+def study_of(kind):
     given = {"recurrence": BRIEF, "options": FAST}
     if kind == "map":
         return mi.operating_map(*device(), x=("amplitude", [0.2, 0.24]), y=("e", [0.8]), **given)
@@ -28,7 +28,7 @@ def made(kind):
 
 @pytest.mark.parametrize("kind", ["map", "basins", "tolerances"])
 def test_a_result_comes_back_as_it_was(kind, tmp_path):
-    found = made(kind)
+    found = study_of(kind)
     found.save(tmp_path / "found.zip")
     again = mi.load(tmp_path / "found.zip")
     assert again == found

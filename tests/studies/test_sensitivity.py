@@ -25,7 +25,7 @@ def found(orbit):
     return mi.sensitivity(orbit)
 
 
-def told(orbit):
+def quantities_of(orbit):
     step, speeds = orbit.gains["x1"], orbit.impacts["v2 before"].abs()
     return {
         "displacement per period": step,
@@ -54,7 +54,7 @@ def by_differences(orbit, name, tell, width=3e-3):
 def test_by_all_parameters_of_device_and_drive(orbit, found):
     assert set(found.parameters) == {*DEVICE, "amplitude", "omega", "phase"}
     for name in (*DEVICE, "amplitude", "omega"):
-        expected = by_differences(orbit, name, told)
+        expected = by_differences(orbit, name, quantities_of)
         noise = 1e-11 / (3e-3 * orbit.system.value(name))  # orbits are corrected to 1e-11
         for quantity, value in expected.items():
             close = pytest.approx(value, rel=1e-6, abs=noise)
@@ -148,7 +148,7 @@ def test_switching_times_that_move():
     names = ["flat", "omega", "amplitude", "delta"]
     found = mi.sensitivity(orbit, names)
     for name in names:
-        for quantity, value in by_differences(orbit, name, told, width=5e-4).items():
+        for quantity, value in by_differences(orbit, name, quantities_of, width=5e-4).items():
             close = pytest.approx(value, rel=1e-5, abs=1e-8)
             assert found.gradient(quantity)[name] == close, (quantity, name)
 

@@ -21,8 +21,8 @@ def clock(monkeypatch):
     return Clock(monkeypatch)
 
 
-def told(clock, capsys, moments, before=0):
-    """Return what is said at moments (seconds, points done, failed), of 1000 points."""
+def progress_lines(clock, capsys, moments, before=0):
+    """Return the lines at moments (seconds, points done, failed), of 1000 points."""
     with progress.progress_bar(True, "points", 1000, "map", before) as notice:
         for seconds, done, failed in moments:
             clock.now = seconds
@@ -31,7 +31,7 @@ def told(clock, capsys, moments, before=0):
 
 
 def test_a_line_every_tenth_of_the_points(clock, capsys):
-    lines = told(clock, capsys, [(i, 25.0 * i, i // 10) for i in range(41)])
+    lines = progress_lines(clock, capsys, [(i, 25.0 * i, i // 10) for i in range(41)])
     assert len(lines) == 11
     assert lines[0] == (
         "mems-impact: map: 75 of 1000 points (8%), 25 points/s, 37 s left, 0 failed"
@@ -43,7 +43,7 @@ def test_a_line_every_tenth_of_the_points(clock, capsys):
 
 
 def test_a_line_every_half_minute(clock, capsys):
-    lines = told(clock, capsys, [(i, i / 100.0, 0) for i in range(100)])
+    lines = progress_lines(clock, capsys, [(i, i / 100.0, 0) for i in range(100)])
     assert len(lines) == 4
     assert lines[0] == (
         "mems-impact: map: 0 of 1000 points (0%), 0.01 points/s, 27.8 h left, 0 failed"
@@ -51,17 +51,17 @@ def test_a_line_every_half_minute(clock, capsys):
 
 
 def test_the_rate_is_that_of_this_run(clock, capsys):
-    (line,) = told(clock, capsys, [(10.0, 950.0, 2)], before=800)
+    (line,) = progress_lines(clock, capsys, [(10.0, 950.0, 2)], before=800)
     assert line == "mems-impact: map: 950 of 1000 points (95%), 15 points/s, 3 s left, 2 failed"
 
 
 def test_nothing_is_said_of_short_work(clock, capsys):
-    assert told(clock, capsys, [(2.9, 1000.0, 0)]) == []
+    assert progress_lines(clock, capsys, [(2.9, 1000.0, 0)]) == []
 
 
 def test_lines_go_where_a_log_is_kept(clock, capsys, caplog):
     with caplog.at_level(logging.INFO, "mems_impact"):
-        assert told(clock, capsys, [(10.0, 950.0, 2)]) == []
+        assert progress_lines(clock, capsys, [(10.0, 950.0, 2)]) == []
     assert caplog.messages == ["map: 950 of 1000 points (95%), 95 points/s, 1 s left, 2 failed"]
 
 

@@ -258,7 +258,7 @@ def test_unknown_parameter_lists_the_known():
         swept(parameter="volts")
 
 
-def test_a_stored_sweep_goes_on_where_it_was_interrupted(tmp_path):
+def test_a_stored_sweep_continues_where_it_was_interrupted(tmp_path):
     values = np.linspace(0.2, 0.24, 8)
     whole = swept(values, direction="both")
 

@@ -76,7 +76,7 @@ def test_what_does_not_vary_has_no_indices(found):
     assert indices.loc["closest approach", ["first", "total"]].isna().all(axis=None)
 
 
-def test_the_same_whoever_computes_it(tmp_path):
+def test_the_same_on_any_worker(tmp_path):
     given = {"over": OVER, "samples": 5, "sampling": "random", "seed": 3, **GIVEN}
     brief = {**given, "recurrence": mi.RecurrenceOptions(transient=40, periods=2, tolerance=1e-3)}
     one = mi.tolerance_analysis(ACTUATOR, DRIVE, **brief, workers=1)

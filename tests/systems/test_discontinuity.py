@@ -9,7 +9,7 @@ import pytest
 import mems_impact as mi
 
 
-def told(**given):
+def warnings_of(**given):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         mi.System(states=("x", "v"), **given)
@@ -44,7 +44,7 @@ def fast(mode, t, y, p):
     ids=["time", "rest", "velocity", "place", "microseconds"],
 )
 def test_a_jump_is_reported_with_its_place(given, where, remedy):
-    (message,) = told(**given)
+    (message,) = warnings_of(**given)
     assert where in message
     assert remedy in message
 
@@ -73,7 +73,7 @@ def hold(mode, t, y, p):
     ids=["switches", "guard", "kink", "steep", "stiff"],
 )
 def test_what_is_declared_or_steep_is_not_reported(given):
-    assert told(**{"initial": {"x": 3.0}, **given}) == []
+    assert warnings_of(**{"initial": {"x": 3.0}, **given}) == []
 
 
 def smooth(mode, t, y, p):
@@ -88,7 +88,7 @@ def test_smooth_systems_are_not_reported():
         parameters = dict(zip("abcd", sizes.tolist(), strict=True))
         start = dict(zip("xv", rng.normal(size=2).tolist(), strict=True))
         given = {"flow": smooth, "period": 2.0 * math.pi, "parameters": parameters}
-        assert told(**given, initial=start) == []
+        assert warnings_of(**given, initial=start) == []
 
 
 def caught_by(call):

@@ -139,7 +139,7 @@ def kicked_too_little(mode, t, y, p):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_guard_that_goes_on_falling_is_reported_as_what_it_is(engine):
+def test_a_guard_that_continues_falling_is_reported_as_what_it_is(engine):
     kicked = mi.Guard("kick", lambda mode, t, y, p: y.x, kicked_too_little, condition=True)
     system = ball(guards=[kicked], modes=("free", "held"))
     with pytest.raises(RunError, match="let the transition of 'kick' turn the rate of its margin"):

@@ -251,7 +251,7 @@ def test_what_needs_the_functions_says_so(saved, ask):
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_with_the_system_a_result_goes_on_bit_for_bit(tmp_path):
+def test_with_the_system_a_result_continues_bit_for_bit(tmp_path):
     found = {}
     for name in ("run", "orbit", "doubling"):
         results()[name].save(tmp_path / name)

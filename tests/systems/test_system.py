@@ -238,7 +238,7 @@ def test_an_initial_state_has_no_phase_without_forcing():
         mi.simulate(ball(), duration=1.0, initial=mi.State(x=1.0, time=1.0))
 
 
-def test_a_run_that_ended_goes_on_without_what_ended_it():
+def test_a_run_that_ended_continues_without_what_ended_it():
     ended = mi.simulate(ball(), until=lambda mode, t, y, p: y.v + 1.0, options=PLAIN)
     assert ended.statistics["window last"] == pytest.approx(1.0 / 9.81, rel=1e-6)
     further = mi.simulate(ended, duration=0.1)

@@ -145,7 +145,7 @@ def test_observables_and_samples_have_the_time_of_the_run():
 # --- Continued runs
 
 
-def test_a_run_goes_on_at_its_time():
+def test_a_run_continues_at_its_time():
     system = mi.System(states=("q",), flow=ramp, parameters={"r": 1.0})
     first = mi.simulate(system, duration=10.0, options=INTERPRETED)
     again = mi.simulate(system, initial=first.final, duration=10.0, options=INTERPRETED)
@@ -161,7 +161,7 @@ def forced(mode, t, y, p):
     return (math.cos(TURN * t),)
 
 
-def test_a_forced_run_goes_on_at_its_phase_and_time():
+def test_a_forced_run_continues_at_its_phase_and_time():
     kicks = {"switches": (0.5,), "switch_transition": lambda mode, t, y, p: (mode, (y.q + t,))}
     system = mi.System(states=("q",), flow=forced, period=1.0, **kicks)
     whole = mi.simulate(system, 20.3, options=INTERPRETED)

@@ -463,7 +463,7 @@ def test_what_is_kept_of_a_run_does_not_matter_to_its_rates():
         mi.simulate(late_swing(wrong_late), duration=60.0, keep="statistics", options=INTERPRETED)
 
 
-def test_a_sweep_goes_on_past_rates_that_are_wrong_for_some_of_its_values():
+def test_a_sweep_continues_past_rates_that_are_wrong_for_some_of_its_values():
     system = late_swing(wrong_late, period=2.0 * math.pi)
     table = mi.sweep(
         system, "length", [50.0, 90.0], transient=1, periods=9, options=INTERPRETED, workers=1

@@ -63,7 +63,7 @@ def test_a_grid_has_its_axes():
         mi.to_xarray(pd.concat([table, table]), ("omega", "amplitude"))
 
 
-def test_rows_are_numbered_where_nothing_tells_them_apart():
+def test_rows_without_distinct_labels_are_numbered():
     assert mi.to_xarray(pd.DataFrame({"a": [3, 4]}))["a"].dims == ("row",)
 
 

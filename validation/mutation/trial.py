@@ -20,7 +20,7 @@ COPIED = ("mems_impact", "tests", "validation", "docs", "pyproject.toml", "READM
 
 # The tests that are watched; and of a room, or a module, those that may run it unseen, compiled.
 WATCHED = ("tests/hybrid", "tests/orbits", "tests/continuation", "tests/analysis", "tests/peers")
-WATCHED += ("tests/campaign/test_stories.py", "tests/campaign/test_families.py")
+WATCHED += ("tests/campaign/test_regressions.py", "tests/campaign/test_families.py")
 UNSEEN = {
     "hybrid": ("tests/hybrid/", "tests/campaign/", "tests/analysis/test_attractor.py"),
     "hybrid/variational/flow": ("tests/hybrid/test_variational.py", "tests/orbits/"),

@@ -241,7 +241,7 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_window_goes_on_where_only_the_slips_change():
+def test_a_window_continues_where_only_the_slips_change():
     # At 51.9 V a slip ends at the impact: before and after it, one impact a period is stable.
     ends = []
     for amplitude in (50.0, 60.0):

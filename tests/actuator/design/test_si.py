@@ -71,7 +71,7 @@ def test_statistics(pair):
     assert math.isclose(plain.periods, scaled.periods, rel_tol=1e-12)
 
 
-def test_final_state_goes_on(pair):
+def test_final_state_continues(pair):
     plain, scaled = pair
     more = mi.simulate(PAPER, DRIVE, 3, initial=plain.final)
     again = mi.simulate(SI, VOLTS, 3, initial=scaled.final)

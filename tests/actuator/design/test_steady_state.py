@@ -22,7 +22,7 @@ def speed(slipping):
     return orbit.step / (orbit.periods * orbit.period)
 
 
-def test_a_run_tells_the_limit(slipping, speed):
+def test_a_run_reaches_the_limit(slipping, speed):
     run = mi.simulate(*slipping, periods=300, options=mi.Options(method="auto"))
     assert run.settling.kind == "changing"
     row = run.settling.table.set_index("statistic").loc["mean speed"]

@@ -17,7 +17,7 @@ def branch():
 
 
 @pytest.mark.slow
-def test_a_branch_goes_on_where_events_pass_each_other(branch):
+def test_a_branch_continues_where_events_pass_each_other(branch):
     """The end of the slip passes a switch, and nothing happens; the impact does, and it turns."""
     assert [s.label for s in branch.special_points] == ["simultaneous events", "G"]
     assert branch.special_points[0].value == pytest.approx(CORNER, abs=1e-8)

@@ -44,7 +44,7 @@ def test_chart(tmp_path):
     ax.figure.savefig(tmp_path / "chart.png")
 
 
-def test_an_inset_tells_what_the_eye_does_not_part_and_lies_on_no_axis(tmp_path):
+def test_an_inset_magnifies_close_points_and_covers_no_axis(tmp_path):
     # As in the tutorial: on and off part at the right alone, and the line runs below.
     found = chart()
     omega = [0.475, 0.48, 0.485, 0.488, 0.491, 0.498, 0.505]

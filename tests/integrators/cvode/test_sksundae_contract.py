@@ -158,7 +158,7 @@ def test_a_step_may_go_back_within_the_last_one():
     assert float(np.ravel(cvode.step(9.0, method="onestep").t)[-1]) > after
 
 
-def test_going_back_forgets_which_roots_were_found():
+def test_going_back_clears_the_roots_that_were_found():
     """Hence `InterpretedCvode.interpolate` shows CVODE constant root functions, and leads back."""
     cvode, events = solver()
     cvode.init_step(0.0, [1.0, 0.0])

@@ -75,7 +75,7 @@ def test_a_chunk_that_kills_three_workers_is_given_up(pool):
 
 
 @pytest.mark.slow
-def test_a_chain_goes_on_past_a_chunk_that_is_given_up(pool):
+def test_a_chain_continues_past_a_chunk_that_is_given_up(pool):
     table = run_study(Toy(size=12, chained=(12,), deadly=(5,)), executor=pool)
     assert table.index[table["status"] != "ok"].tolist() == [4, 5, 6, 7]
     whole = run_study(Toy(size=12, chained=(12,)))["number"]
@@ -84,7 +84,7 @@ def test_a_chain_goes_on_past_a_chunk_that_is_given_up(pool):
 
 
 @pytest.mark.slow
-def test_workers_that_cannot_be_had_anew_leave_what_was_done(pool, tmp_path):
+def test_workers_that_cannot_be_restarted_leave_finished_points(pool, tmp_path):
     study = Toy(size=30, flaky=1, where=str(tmp_path / "death"), each=0.001)
     with pool() as executor, pytest.raises(mi.WorkersLost, match="function that creates") as caught:
         run_study(study, executor=executor, store=tmp_path / "store")
@@ -122,7 +122,7 @@ run_study(Toy(size=4), executor={make}ProcessPoolExecutor(1, mp_context=context)
 @pytest.mark.slow
 @pytest.mark.parametrize("make", ["", "lambda: "])
 @pytest.mark.parametrize("method", ["spawn", "forkserver"])
-def test_a_script_without_a_guard_is_told_so(tmp_path, method, make):
+def test_a_script_without_a_main_guard_is_an_error(tmp_path, method, make):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED.format(method=method, make=make))
     root = str(Path(mi.__file__).parents[1])
@@ -155,7 +155,7 @@ class Racing(ThreadPoolExecutor):
         return super().submit(*args, **kwargs)
 
 
-def test_a_pool_that_breaks_while_it_starts_a_worker_is_made_anew():
+def test_a_pool_that_breaks_while_it_starts_a_worker_is_replaced():
     made = []
 
     def make():

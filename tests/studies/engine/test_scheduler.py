@@ -35,7 +35,7 @@ def test_a_table_has_the_rows_of_the_points_in_their_order():
     assert set(table.attrs["versions"]) == {"mems_impact", "numpy", "SUNDIALS", "python"}
 
 
-def test_a_chain_goes_on_from_the_point_before():
+def test_a_chain_continues_from_the_point_before():
     table = run_study(Toy(size=6, chained=(4, 2)))
     sines = np.sin(np.arange(6) + 1)
     expected = [*np.cumsum(sines[:4]), *np.cumsum(sines[4:])]

@@ -72,7 +72,7 @@ def test_a_stored_table_is_the_table_to_the_last_bit(store, study):
 
 
 @pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
-def test_an_interrupted_study_goes_on(store, study):
+def test_an_interrupted_study_continues(store, study):
     stop = broken_off(study, store, 10, chunk=3)
     before = chunks(store)
     seen = mi.load(store)
@@ -99,7 +99,7 @@ def test_failed_points_are_computed_again(store, chained, again):
 @pytest.mark.quick(1)
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
-def test_a_study_that_is_killed_goes_on(forking, store, chained, kills):
+def test_a_study_that_is_killed_continues(forking, store, chained, kills):
     quick = Toy(size=1000, chained=chained)
     long = replace(quick, each=0.05)  # so that it is not done before it is killed
     draw = random.Random(kills)

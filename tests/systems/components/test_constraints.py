@@ -75,7 +75,7 @@ def test_three_bodies_are_put_together_with_their_distances_and_one_speed():
 
 
 @pytest.mark.slow
-def test_sliding_along_a_curved_surface_has_one_multiplier_and_forgets_the_other():
+def test_sliding_along_a_curved_surface_has_one_multiplier():
     def flow(mode, t, y, p):
         return y.v, -4.0 * mode.line - y.x + 0.3 * math.cos(t)
 
@@ -173,7 +173,7 @@ def test_an_equilibrium_on_a_surface_is_one_and_has_the_eigenvalues_along_it(h, 
     assert (found.stable, found.admissible, found.nullity) == (True, True, 0)
 
 
-def test_an_equilibrium_leaves_its_surface_where_one_flow_turns_round():
+def test_an_equilibrium_leaves_its_surface_where_one_flow_reverses():
     system = mi.System(
         states=("x", "y"), flow=damped, parameters={"q": 0.3},
         initial={"x": 0.25, "y": 0.075},

@@ -135,7 +135,7 @@ def test_stribeck_against_scipy_restarted_at_its_events():
 
 
 @pytest.mark.parametrize("heavy", [1.0, 5.0])
-def test_a_block_on_a_plate_comes_to_its_speed_and_both_go_on_together(heavy):
+def test_a_block_on_a_plate_reaches_its_speed_and_both_continue_together(heavy):
     both = mi.System(
         states=("v", "w", "travel"),
         flow=lambda mode, t, y, p: (0.0, 0.0, y.v - y.w),

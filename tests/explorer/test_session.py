@@ -8,7 +8,7 @@ from tests.explorer.subjects import mita, own, zhao
 
 
 @pytest.mark.parametrize("subject", [zhao, mita, own])
-def test_an_address_tells_all_of_a_page(subject):
+def test_an_address_holds_the_setting_of_a_page(subject):
     subject = subject()
     name = next(iter(subject.system.parameters))
     first = first_setting(subject)

@@ -146,7 +146,7 @@ def test_the_end_of_a_chatter_does_not_push_the_frame_back(engine):
     assert max(imbalance(case, engine)) < 1e-8
 
 
-def test_the_hair_of_the_judge():
+def test_heyoka_with_an_offset_finds_the_end_of_a_slip_from_rest():
     """Not ours, but kept: heyoka overlooks the second root of what is zero where a step begins.
 
     The judge adds 1e-22 to such event functions; without it, slips from rest did not end.

@@ -58,7 +58,7 @@ def test_a_grid_on_both_sides_of_a_guard_is_reported_once_with_its_share(executo
     assert "changes x from -12 to -10" in told
 
 
-def test_a_map_tells_at_which_parameters_its_start_lies_beyond():
+def test_a_map_names_parameters_whose_start_lies_beyond_a_guard():
     def over(depths):
         mi.operating_map(SWING, x=("depth", depths), y=("push", [0.0]), recurrence=RECURRENCE)
 
@@ -67,7 +67,7 @@ def test_a_map_tells_at_which_parameters_its_start_lies_beyond():
     assert caught_by(mi.StartWarning, lambda: over([5.0, 10.0])) == []
 
 
-def test_a_sweep_tells_once_where_its_values_begin_beyond():
+def test_a_sweep_names_once_the_values_that_begin_beyond_a_guard():
     def over(depths):
         mi.sweep(SWING, "depth", depths, transient=5, periods=5, direction="up")
 
@@ -103,7 +103,7 @@ def test_a_jump_at_some_points_is_reported_once(executor):
     assert caught_by(mi.DiscontinuityWarning, lambda: over([0.0])) == []
 
 
-def test_a_sweep_tells_of_a_jump_once():
+def test_a_sweep_warns_of_a_jump_once():
     def over():
         mi.sweep(SWING, "push", [0.0, 0.5, 1.0], transient=5, periods=5)
 

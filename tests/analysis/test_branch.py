@@ -252,7 +252,7 @@ def test_more_wrong_arguments(branch):
         mi.operating_chart(ZHAO, omega=(0.5, 0.4))
 
 
-def test_a_branch_that_cannot_go_on_says_so(branch):
+def test_a_branch_that_ends_early_gives_the_reason(branch):
     orbit = branch.orbits[0]
     few = mi.continue_orbit(orbit, "amplitude", 0.16, steps=mi.StepControl(max_points=5))
     assert len(few) == 5

@@ -12,10 +12,10 @@ from mems_impact.hybrid.simulation import Events, missing_sliding_mode
 PERIOD = 2.0
 
 
-def said(
+def message(
     way=(0, 1, 0, 1, 0), guards=(0, 1, 0, 1), *, kind=workspace.TRANSITION, spread=0.0, impact=False
 ):
-    """Return what is said of a run whose last events lead along `way`."""
+    """Return the message on a run whose last events lead along `way`."""
     count = len(guards)
     states = np.zeros((count, 1))
     events = Events(
@@ -38,7 +38,7 @@ def said(
 @pytest.mark.parametrize("spread", [0.0, 1e-7])
 def test_events_that_alternate_in_no_time(spread):
     text = "the modes 'left' and 'right' push against each other at 'one' and 'two'"
-    assert said(spread=spread).startswith(text)
+    assert message(spread=spread).startswith(text)
 
 
 @pytest.mark.parametrize(
@@ -54,4 +54,4 @@ def test_events_that_alternate_in_no_time(spread):
     ids=["three modes", "one mode", "too few", "time goes by", "an impact", "switches"],
 )
 def test_events_that_are_something_else(other):
-    assert said(**other) == ""
+    assert message(**other) == ""

@@ -25,7 +25,7 @@ def test_what_is_asked_is_delivered():
     latest.join(LONG)
 
 
-def test_what_nobody_waits_for_is_given_up():
+def test_superseded_requests_are_cancelled():
     begun, go_on = threading.Event(), threading.Event()
 
     def compute(request, watch):
@@ -66,7 +66,7 @@ def test_short_work_is_done_to_its_end():
     latest.stop()
 
 
-def test_an_error_is_delivered_and_the_thread_goes_on():
+def test_an_error_is_delivered_and_the_thread_continues():
     def compute(request, watch):
         return 1 / request
 

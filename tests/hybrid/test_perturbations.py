@@ -111,7 +111,7 @@ def handed_on():
     )
 
 
-def test_a_transition_that_another_sets_off_comes_when_that_one_does():
+def test_a_transition_caused_by_another_has_its_time():
     system = handed_on()
     problem = system.problem(PLAIN)
     start = system.hybrid_state(None, problem)
