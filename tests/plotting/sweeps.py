@@ -9,7 +9,7 @@ QUANTITIES = {
 }
 
 
-def made_table(statuses=("ok", "ok", "ok"), **attrs):
+def sweep_table(statuses=("ok", "ok", "ok"), **attrs):
     """Return a sweep over 0.1, 0.2, 0.3 that begins to impact at 0.3 and ceases at 0.1."""
     impacts = {"up": [0.0, 0.0, 1.0], "down": [1.0, 1.0, 0.0]}
     rows = []
@@ -29,7 +29,7 @@ def made_table(statuses=("ok", "ok", "ok"), **attrs):
 
 def silent_table():
     """Return a table whose last value of each chain never crosses the section, with speeds."""
-    table = made_table()
+    table = sweep_table()
     table.loc[table["amplitude"] == 0.1, "v2"] = np.nan
     table["displacement per impact"] = np.where(table["impacts per period"] > 0, 1e-4, np.nan)
     table["mean speed"] = 2e-5 * table["impacts per period"]

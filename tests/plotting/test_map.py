@@ -14,7 +14,7 @@ X, Y = [0.1, 0.2, 0.4], [1.0, 2.0]
 KINDS = ["off", "resting", "periodic", "periodic", "chaotic", "failed"]
 
 
-def made_table(kinds=KINDS, periods=(1, 0, 1, 2, 0, 0), x=X, y=Y, **more):
+def map_table(kinds=KINDS, periods=(1, 0, 1, 2, 0, 0), x=X, y=Y, **more):
     """The table of a map with these motions, the values of x first."""
     count = len(x) * len(y)
     speed = np.where(np.isin(kinds, ["off", "resting"]), 0.0, np.arange(count) + 1.0)
@@ -59,7 +59,7 @@ def cells(ax, x, y):
 
 
 def test_kinds_of_motions(tmp_path):
-    ax = mi.plot_map(made_table())
+    ax = mi.plot_map(map_table())
     assert words(ax) == ["no impacts", "resting", "period 1", "2", "chaotic", "failed"]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("amplitude $f$ [V]", "$\\omega$")
     assert cells(ax, 0.4, 1.0) == ["period 1"]
@@ -73,28 +73,28 @@ def test_kinds_of_motions(tmp_path):
 
 
 def test_cells_end_halfway_to_their_neighbours():
-    mesh = mi.plot_map(made_table()).collections[0]
+    mesh = mi.plot_map(map_table()).collections[0]
     np.testing.assert_allclose(mesh.get_coordinates()[0, :, 0], [0.05, 0.15, 0.3, 0.5])
     np.testing.assert_allclose(mesh.get_coordinates()[:, 0, 1], [0.5, 1.5, 2.5])
 
 
 def test_values_in_any_order_are_drawn_where_they_are():
-    table = made_table(x=[0.4, 0.1, 0.2], kinds=["off", "chaotic", "off"] * 2, periods=1)
+    table = map_table(x=[0.4, 0.1, 0.2], kinds=["off", "chaotic", "off"] * 2, periods=1)
     ax = mi.plot_map(table)
     assert cells(ax, 0.1, 1.0) == cells(ax, 0.1, 2.0) == ["chaotic"]
     assert cells(ax, 0.2, 1.0) == ["no impacts"]
 
 
 def test_one_value_alone():
-    ax = mi.plot_map(made_table(["off"], [1], x=[0.0], y=[2.0]))
+    ax = mi.plot_map(map_table(["off"], [1], x=[0.0], y=[2.0]))
     assert ax.get_xlim() == (-0.05, 0.05)
     np.testing.assert_allclose(ax.get_ylim(), (1.9, 2.1))
 
 
 def test_long_periods_share_a_colour():
-    one = mi.plot_map(made_table(["periodic"] * 6, [1, 2, 3, 4, 7, 1]))
+    one = mi.plot_map(map_table(["periodic"] * 6, [1, 2, 3, 4, 7, 1]))
     assert words(one) == ["period 1", "2", "3", "4", "7"]
-    more = mi.plot_map(made_table(["periodic"] * 6, [1, 2, 16, 6, 7, 1]))
+    more = mi.plot_map(map_table(["periodic"] * 6, [1, 2, 16, 6, 7, 1]))
     assert words(more) == ["period 1", "2", "≥ 6"]
     assert cells(more, 0.4, 1.0) == cells(more, 0.2, 2.0) == ["≥ 6"]
 
@@ -122,7 +122,7 @@ def test_kinds_differ_in_grey():
 
 
 def test_a_column(tmp_path):
-    ax = mi.plot_map(made_table(), "speed")
+    ax = mi.plot_map(map_table(), "speed")
     above, bar = ax.figure.axes
     assert above is ax
     assert bar.get_ylabel() == "speed [m/s]"
@@ -132,20 +132,20 @@ def test_a_column(tmp_path):
     assert words(ax) == ["no impacts, resting, failed"]
     ax.figure.savefig(tmp_path / "map.png")
     # Where off points have a value it is shown.
-    gap = made_table(gap=[0.4, 0.0, np.nan, np.nan, np.nan, np.nan])
+    gap = map_table(gap=[0.4, 0.0, np.nan, np.nan, np.nan, np.nan])
     assert mi.plot_map(gap, "gap").collections[-1].get_array().compressed() == [0.4]
     assert mi.plot_map(gap.assign(gap=np.nan), "gap").figure.axes[1:] == []
 
 
 def test_a_part_of_a_map(tmp_path):
-    ax = mi.plot_map(made_table().iloc[:4], ax=Figure().subplots())
+    ax = mi.plot_map(map_table().iloc[:4], ax=Figure().subplots())
     assert cells(ax, 0.4, 2.0) == []
     assert cells(ax, 0.4, 1.0) == ["period 1"]
-    assert mi.plot_map(made_table().iloc[:4], "speed").collections[-1].get_array().count() == 2
+    assert mi.plot_map(map_table().iloc[:4], "speed").collections[-1].get_array().count() == 2
 
 
 def test_a_table_from_a_file(tmp_path):
-    with_units(made_table()).to_csv(tmp_path / "map.csv", index=False)
+    with_units(map_table()).to_csv(tmp_path / "map.csv", index=False)
     ax = mi.plot_map(pd.read_csv(tmp_path / "map.csv"))
     assert ax.get_xlabel() == "amplitude [V]"
     assert cells(ax, 0.4, 1.0) == ["period 1"]
@@ -170,7 +170,7 @@ CHART = pd.DataFrame(
 
 
 def test_boundaries(tmp_path):
-    ax = mi.plot_map(made_table(), boundaries=[Curved(), CHART])
+    ax = mi.plot_map(map_table(), boundaries=[Curved(), CHART])
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     assert words(ax)[-3:] == ["grazing", "on", "off"]
     np.testing.assert_array_equal(lines["grazing"], [[0.1, 1.0], [0.2, 1.5], [np.nan, np.nan]])
@@ -180,29 +180,29 @@ def test_boundaries(tmp_path):
     np.testing.assert_allclose(ax.get_xlim(), (0.05, 0.5))
     ax.figure.savefig(tmp_path / "map.png")
     for single in (Curved(), CHART):
-        assert len(mi.plot_map(made_table(), boundaries=single).lines) >= 1
+        assert len(mi.plot_map(map_table(), boundaries=single).lines) >= 1
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         ({"operating_map": "map"}, "operating_map = 'str': must be an OperatingMap"),
-        ({"operating_map": made_table().drop(columns="motion")}, "must be an OperatingMap"),
-        ({"operating_map": made_table().iloc[:0]}, "no finished points to draw"),
+        ({"operating_map": map_table().drop(columns="motion")}, "must be an OperatingMap"),
+        ({"operating_map": map_table().iloc[:0]}, "no finished points to draw"),
         ({"column": "status"}, "column = 'status': must be one of period, speed"),
         ({"column": "step"}, "must be one of period, speed"),
-        ({"boundaries": [made_table()[["omega"]]]}, "curves over amplitude and omega"),
+        ({"boundaries": [map_table()[["omega"]]]}, "curves over amplitude and omega"),
         ({"boundaries": "grazing"}, "curves over amplitude and omega"),
         ({"boundaries": 3}, "curves over amplitude and omega"),
     ],
 )
 def test_refused(arguments, sentence):
     with pytest.raises(mi.InvalidParameter, match=sentence):
-        mi.plot_map(**{"operating_map": made_table(), **arguments})
+        mi.plot_map(**{"operating_map": map_table(), **arguments})
 
 
 def test_summary():
-    table = made_table(
+    table = map_table(
         ["off", "periodic", "chaotic", "periodic", "periodic", "off"], [1, 2, 0, 1, 10, 1]
     )
     found = mi.map_summary(table)
@@ -217,7 +217,7 @@ def test_summary():
 
 def test_hatching_is_one_path_for_all_cells():
     kinds = ["chaotic", "off", "chaotic", "chaotic", "chaotic", "off"]
-    ax = mi.plot_map(made_table(kinds, [0] * 6))
+    ax = mi.plot_map(map_table(kinds, [0] * 6))
     (region,) = [each for each in ax.patches if each.get_hatch()]
     x, y = sorted(X), sorted(Y)
     found = [kinds[list(X).index(a) + len(X) * list(Y).index(b)] for b in y for a in x]

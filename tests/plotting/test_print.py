@@ -13,13 +13,12 @@ from mems_impact.actuator.report import plot_speed
 from mems_impact.studies.sampling import Axis, Grid
 from tests.actuator.figures.test_chart import chart
 from tests.plotting.reading import flaws
-from tests.plotting.sweeps import made_table, silent_table
-from tests.plotting.test_basins import made as made_basins
+from tests.plotting.sweeps import silent_table, sweep_table
+from tests.plotting.test_basins import basins_of
 from tests.plotting.test_branch import curve, diagram
-from tests.plotting.test_map import made_table as made_map
-from tests.plotting.test_sensitivity import MITA, ZHAO
-from tests.plotting.test_sensitivity import made as made_sensitivity
-from tests.plotting.test_tolerance_analysis import made as made_analysis
+from tests.plotting.test_map import map_table
+from tests.plotting.test_sensitivity import MITA, ZHAO, sensitivity_of
+from tests.plotting.test_tolerance_analysis import analysis_of
 from validation.paper import figures
 from validation.paper.diagrams import plot_automaton, plot_displacement
 
@@ -40,7 +39,7 @@ def crowded():
 
 def narrow():
     """A sweep whose values differ in the fifth digit, and that switches on and off at once."""
-    table = made_table(statuses=("ok", "ok", "ok"))
+    table = sweep_table(statuses=("ok", "ok", "ok"))
     table["amplitude"] = 0.1717 + 1e-4 * table["amplitude"]
     return table
 
@@ -162,14 +161,14 @@ def walk():
 
 GRID = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
 QUICK = {
-    "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(made_table())),
+    "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(sweep_table())),
     "plot_chart": lambda _: mi.plot_chart(chart()),
     "plot_sweep": lambda _: mi.plot_sweep(narrow()),
-    "plot_map": lambda _: mi.plot_map(made_map()),
+    "plot_map": lambda _: mi.plot_map(map_table()),
 }
 LONG = {
-    "plot_basins": lambda _: mi.plot_basins(made_basins(GRID, [0, 0, 0, 1, 1, -1])),
-    "plot_basins of many attractors": lambda _: mi.plot_basins(made_basins(
+    "plot_basins": lambda _: mi.plot_basins(basins_of(GRID, [0, 0, 0, 1, 1, -1])),
+    "plot_basins of many attractors": lambda _: mi.plot_basins(basins_of(
         Grid(Axis("x", (0.0, 1.0, 2.0, 3.0)), Axis("v", (0.0, 1.0, 2.0))), [*range(9), 0, 1, -1])),
     "plot_diagram": lambda _: mi.plot_diagram(doublings()),
     "plot_manifold": lambda _: mi.plot_manifold(manifolds()),
@@ -180,7 +179,7 @@ LONG = {
     "plot_drive of a source with a slew rate": lambda _: two_sided(mi.SlewRate(rate=2e5)),
     "plot_energy": lambda _: mi.plot_energy(energy()),
     "plot_force_curve": lambda _: mi.plot_force_curve(load()),
-    "plot_map of a column": lambda _: mi.plot_map(made_map(), "speed"),
+    "plot_map of a column": lambda _: mi.plot_map(map_table(), "speed"),
     "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
     "plot_orbit of an actuator": lambda _: mi.plot_orbit(walk()),
     "plot_pareto": lambda _: mi.plot_pareto(front()),
@@ -189,10 +188,10 @@ LONG = {
     "plot_run of an actuator": lambda _: mi.plot_run(real()),
     "plot_run of an actuator behind a resistance": lambda _: mi.plot_run(resisted()),
     "plot_run of its states": lambda _: mi.plot_run(real(), states=("x1", "v1", "x2", "v2")),
-    "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(made_analysis()),
-    "plot_sensitivity": lambda _: mi.plot_sensitivity(made_sensitivity(MITA), "mean speed"),
+    "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(analysis_of()),
+    "plot_sensitivity": lambda _: mi.plot_sensitivity(sensitivity_of(MITA), "mean speed"),
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
-        made_sensitivity(ZHAO), "mean speed"),
+        sensitivity_of(ZHAO), "mean speed"),
     "plot_sweep without crossings": lambda _: mi.plot_sweep(silent_table()),
     "speed in a report": lambda _: SimpleNamespace(figure=plot_speed(silent_table())),
     "animate": lambda get: SimpleNamespace(figure=mi.animate(get("run"), 98).frame(-1)),
@@ -219,7 +218,7 @@ def test_it_can_be_read_in_a_column(name, request):
 
 def test_it_has_the_same_ticks_wherever_it_is_saved(tmp_path):
     # matplotlib takes their number from the style that holds when a figure is saved.
-    ax = mi.plot_map(made_map())
+    ax = mi.plot_map(map_table())
     ax.figure.savefig(tmp_path / "here.png")
     here = list(ax.get_xticks()), list(ax.get_yticks())
     with mi.style():

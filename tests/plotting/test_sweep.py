@@ -9,7 +9,7 @@ import mems_impact as mi
 from mems_impact.plotting.labels import PANEL_LETTER
 from mems_impact.tables import with_units
 from tests.analysis.systems import oscillator
-from tests.plotting.sweeps import made_table, silent_table
+from tests.plotting.sweeps import silent_table, sweep_table
 
 
 def drawn(ax, marker):
@@ -38,7 +38,7 @@ def test_own_system(section, tmp_path):
 
 @pytest.mark.parametrize("statuses", [("ok", "ok", "ok"), ("ok", "lost", "ok")])
 def test_switches_are_marked(statuses, tmp_path):
-    ax = mi.plot_sweep(made_table(statuses))
+    ax = mi.plot_sweep(sweep_table(statuses))
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert legend[:2] == ["$f$ increased", "$f$ decreased"]
     before = (0.3, 0.1) if "lost" in statuses else (0.2, 0.2)
@@ -51,7 +51,7 @@ def test_switches_are_marked(statuses, tmp_path):
 
 
 def test_switches_have_the_unit_of_the_parameter():
-    table = made_table(("ok", "ok", "ok"))
+    table = sweep_table(("ok", "ok", "ok"))
     table.attrs = {**table.attrs, "units": {table.columns[0]: "V"}}
     legend = [text.get_text() for text in mi.plot_sweep(table).get_legend().get_texts()]
     assert legend[-2:] == ["off at $f$ = 0.1 to 0.2 V", "on at $f$ = 0.2 to 0.3 V"]
@@ -98,11 +98,11 @@ def test_one_quantity():
         mi.plot_sweep(silent_table(), quantity="x1")
     # This table has neither step nor speed.
     with pytest.raises(mi.InvalidParameter, match="one of v2, v1, impacts per period"):
-        mi.plot_sweep(made_table(), quantity="speed")
+        mi.plot_sweep(sweep_table(), quantity="speed")
 
 
 def test_a_table_from_a_file(tmp_path):
-    table = made_table(units={"amplitude": "V", "v2": "m/s"})
+    table = sweep_table(units={"amplitude": "V", "v2": "m/s"})
     with_units(table).to_csv(tmp_path / "sweep.csv", index=False)
     ax = mi.plot_sweep(pd.read_csv(tmp_path / "sweep.csv"))
     assert ax.get_ylabel() == "$v_2$ [m/s] on the section"
@@ -112,11 +112,11 @@ def test_a_table_from_a_file(tmp_path):
 
 def test_no_table_of_a_sweep():
     with pytest.raises(mi.InvalidParameter, match=r"not a table of mems_impact\.sweep"):
-        mi.plot_sweep(mi.sweep_summary(made_table()))
+        mi.plot_sweep(mi.sweep_summary(sweep_table()))
 
 
 def test_one_direction_on_given_axes():
-    table = made_table()
+    table = sweep_table()
     ax = Figure().subplots()
     assert mi.plot_sweep(table[table["direction"] == "up"], ax) is ax
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
