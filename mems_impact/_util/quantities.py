@@ -73,7 +73,7 @@ OTHERS = {
     "\N{OHM SIGN}": BASE["ohm"],
     "\N{GREEK CAPITAL LETTER OMEGA}": BASE["ohm"],
 }
-"""Units without prefixes, or with other ones."""
+"""Units without prefixes, or with other prefixes."""
 
 OHMS = ("\N{OHM SIGN}", "\N{GREEK CAPITAL LETTER OMEGA}")
 ALLOWED_PREFIXES = (*PREFIXED, "g", *OHMS)

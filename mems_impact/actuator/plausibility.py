@@ -229,7 +229,7 @@ def check_plausible_target(actuator: Device, quantity: str, value: float, unit: 
         resonance = math.sqrt(actuator.k / actuator.m2)
         angular = 2.0 * math.pi * value
         if 1.0 / EQUAL_RESONANCE_RATIO < angular / resonance < EQUAL_RESONANCE_RATIO:
-            _warn_once(f"resonance = {value:g} rad/s, that of the device is {resonance:.4g}; "
+            _warn_once(f"resonance = {value:g} rad/s, but {resonance:.4g} rad/s for the device; "
                   f"{value:g} Hz, {angular:.6g} rad/s?")  # fmt: skip
 
 

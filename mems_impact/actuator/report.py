@@ -236,7 +236,7 @@ class ReportMaker:
         }
         sentence = (
             "Above the static pull-in voltage, raised slowly, the block snaps to the stopper; the "
-            "dynamic one, switched on suddenly, suffices to reach it from rest. Below the release "
+            "dynamic pull-in voltage, switched on suddenly, suffices from rest. Below the release "
             "voltage the block leaves the stopper."
         )
         facts = {"pull-in": rows["static pull-in voltage"], "release": rows["release voltage"]}
@@ -356,7 +356,7 @@ class ReportMaker:
         if not chart.regions:
             blocks.append(
                 "The dashed lines bound the lowest voltages with equal impacts in every cycle; far "
-                "above them there may be others. From dot to dot a line is straight, not computed."
+                "above these there may be others. From dot to dot a line is straight, not computed."
             )
         if crises == 0 and any(region.paper == "III" for region, *_ in chart.regions):
             blocks.append("The chart omits voltages that only a simulation finds (crises).")
@@ -479,7 +479,7 @@ class ReportMaker:
             "where the frame has lost the allowed depth."
         )
         if self.assumed_wear:
-            text += " Wear rate, area and depth are assumed: replace them by measured ones."
+            text += " Wear rate, area and depth are assumed: replace them by measured values."
         label = "life (assumed wear)" if self.assumed_wear else "life"
         lasting = duration(result.time)
         return Content([text, values(rows)], {label: lasting})

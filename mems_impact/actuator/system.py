@@ -157,7 +157,7 @@ class ActuatorNumerics(HybridSystem):
 
     @property
     def is_scaled(self) -> bool:
-        """Always."""
+        """True: the variables are scaled."""
         return True
 
     @property
@@ -503,7 +503,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def _number_bounds(self) -> tuple[Bound, ...]:
-        """The bounds of numbers of the device by others."""
+        """Bounds that numbers of the device set for each other."""
         found, first = list(ORDERED), len(PARAMETER_NAMES)
         for kind in self._kinds:
             found += kind.term.bounds(kind.indices(first), kind.shape, self._yields)
@@ -572,7 +572,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     @property
     def initial(self) -> State:
-        """At rest in the middle."""
+        """Initial state by default: at rest in the middle."""
         return AT_REST
 
     @property
@@ -964,7 +964,7 @@ class EnergyAccountingSystem(ActuatorSystem):
 
     @property
     def study_observables(self) -> tuple[Observable, ...]:
-        """Those of every actuator, and the energy input of the drive."""
+        """Observables of every actuator, and the energy input of the drive."""
         electrodes = 1 if self.drive.left_voltage is None else 2
         given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
         return (*super().study_observables, given)

@@ -756,12 +756,12 @@ def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
         )
         raise InvalidParameter("units", actuator.units, "", problem=problem)
     if isinstance(electrodes, bool) or electrodes not in (1, 2):
-        raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left one")
+        raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left electrode")
     layout = layout_of(actuator, electrodes)
     for term in actuator.terms:
         if electrodes == 1 and not type(term).acts_at(term.shape, 1):
             raise InvalidParameter(
-                "electrodes", electrodes, f"2: {term.name()} acts at the left one"
+                "electrodes", electrodes, f"2: {term.name()} acts at the left electrode"
             )
     block = analog_block(layout)
     functions = functions_of(layout)

@@ -1007,7 +1007,7 @@ def continue_curve(
         if isinstance(special, SpecialPoint):
             start = special.without_impact
     if parameter == first:
-        raise InvalidParameter("parameter", parameter, "another one than that of the branch")
+        raise InvalidParameter("parameter", parameter, "another parameter than that of the branch")
     if kind == UNEXPLAINED:
         raise InvalidParameter("special", kind, "a point of known kind")
     stop, back = _ends(system, parameter, stop, back)

@@ -61,7 +61,7 @@ class HomoclinicEnd(Result):
 
     @property
     def system(self) -> HybridSystem:
-        """The saddle's."""
+        """System of the saddle."""
         return self.saddle.system
 
     @property

@@ -149,7 +149,7 @@ class Settling(SummaryRepr):
         if self.kind == FLUCTUATING:
             return f"{name} is known within {percent}"
         if not (math.isfinite(rows[name].change) and math.isfinite(self.periods)):
-            return f"{name} is still changing, and its limit is unknown: a longer run would tell"
+            return f"{name} is still changing, and its limit is unknown: take a longer run"
         length = "periods" if self.system.forced else "duration"
         return f"{name} is still changing by {percent}: {length}={self.periods:g} would settle"
 

@@ -153,7 +153,7 @@ class SpecialPoint(BifurcationPoint):
 
     @property
     def system(self) -> HybridSystem:
-        """The orbit's."""
+        """System of the orbit."""
         return self.orbit.system
 
     def summary(self) -> dict[str, Any]:
@@ -258,7 +258,7 @@ class EquilibriumPoint(BifurcationPoint):
 
     @property
     def system(self) -> HybridSystem:
-        """The equilibrium's."""
+        """System of the equilibrium."""
         return self.equilibrium.system
 
     @cached_property
@@ -326,7 +326,7 @@ class CodimensionTwo(BifurcationPoint):
 
     @property
     def system(self) -> HybridSystem:
-        """The solution's."""
+        """System of the solution."""
         return self.solution.system
 
     @cached_property

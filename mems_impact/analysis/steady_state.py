@@ -81,7 +81,7 @@ def steady_state(run: Run, *, progress: bool | Callable[[float], None] = False) 
 
 
 def _continued(run: Run, more: float, measured: float, progress: Any) -> Run:
-    """Return a run from the end of another one, with a window of the same length at its end."""
+    """Return a run from the end of another run, with a window of the same length at its end."""
     return _measured(run, run.final, max(more, measured), measured, progress)
 
 

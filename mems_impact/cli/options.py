@@ -784,7 +784,7 @@ def _of_file(
         if name not in fields:
             allowed = ", ".join(drive.names)
             problem = f"is not a parameter of the drive in {path}: {allowed}"
-            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND selects another one")
+            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND selects others")
     _check_frequency(file_values)
     values = {**file_values, **{name: v for name, v in varied.items() if name in fields}}
     return drive.varied(values) if values else drive

@@ -1,6 +1,6 @@
 """Boundary equilibria: persistence or nonsmooth fold, by Feigin's rules.
 
-At a boundary equilibrium a branch of equilibria of one mode meets a branch of another one: of the
+At a boundary equilibrium a branch of equilibria of one mode meets a branch of another mode: of the
 flow beyond the surface if the field is continuous, else of sliding along it (pseudo-equilibria), or
 of a contact that holds. Along either branch a margin passes zero, with the derivatives h' and k' by
 the parameter. If they have opposite signs, one equilibrium persists; if they have one sign, both
@@ -45,7 +45,7 @@ class BoundaryCrossing:
     other : EquilibriumState
         The equilibrium in the other mode.
     guards : tuple of int
-        The guards whose margins are zero, in the mode of the branch and in the other one.
+        The guards whose margins are zero, in the mode of the branch and in the other mode.
     slopes : tuple of float
         Derivatives of these margins by the parameter, each along its branch.
     """

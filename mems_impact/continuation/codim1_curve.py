@@ -362,7 +362,7 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         if test.ends_orbits:
             return "the orbit is inadmissible" if after[test] < 0.0 else ""
         if isinstance(test, MultiplierTest) and test.test in NEUTRAL_RESONANCES:
-            return "the pair of multipliers is real, that of a neutral saddle"
+            return "the pair of multipliers is real, as of a neutral saddle"
         return ""
 
     def _inside(self, value: float) -> bool:

@@ -248,7 +248,7 @@ def _critical(matrix: Floats, form: ResonantForm) -> tuple[Complexes, Complexes,
     if len(chosen) < len(form.values) + form.rotating or any(
         abs(values[i] - value) > MULTIPLIER_DISTANCE for value, i in chosen
     ):
-        raise OrbitError("the multipliers are not those of the point", "take shorter steps")
+        raise OrbitError("the multipliers do not fit the kind of the point", "take shorter steps")
     eigenvalues: list[complex] = []
     columns: list[Complexes] = []
     rows: list[Complexes] = []

@@ -53,7 +53,7 @@ class CriticalityTest(TestFunction):
         return self.NAMES[self.kind]
 
     def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: it is defined on a curve only."""
+        """Return None: the coefficient is defined on curves only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
         """Return that coefficient, without its poles; None where it is undefined, or rounding."""

@@ -108,7 +108,7 @@ class Equilibria:
     ended: str = ""
 
     def joined(self, other: Equilibria) -> Equilibria:
-        """Return this branch, reversed, and then another one from the same equilibrium."""
+        """Return this branch, reversed, and then another branch from the same equilibrium."""
         return Equilibria(
             self.parameter,
             [*reversed(self.points), *other.points[1:]],

@@ -682,7 +682,7 @@ class _EquilibriumCurveProblem(EquilibriumProblem[EquilibriumCurveEvent]):
         if loss is None or not self._inside(loss[1].values[1]):
             return LocatedEvents(events)
         reason = (
-            f"{loss[1].kind}: beyond it, the pair of eigenvalues is real, that of a neutral saddle"
+            f"{loss[1].kind}: beyond it, the pair of eigenvalues is real, as of a neutral saddle"
         )
         return LocatedEvents([*events, loss[1]], loss[1], reason)
 

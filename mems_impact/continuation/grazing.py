@@ -66,10 +66,10 @@ class DegenerateGrazingTest(TestFunction):
         return f"degenerate {self.kind}"
 
     def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: it is defined on curves of grazings only."""
+        """Return None: the coefficient is defined on curves of grazings only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
-        """Return that coefficient."""
+        """Return the coefficient."""
         assert isinstance(condition.monitor, ClosestApproachTest)
         return contact_coefficient(condition.shooting, point, condition.monitor, 1)
 

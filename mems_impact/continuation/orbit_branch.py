@@ -241,7 +241,7 @@ class OrbitBranch:
     passage: SlowPassage | None = None
 
     def joined(self, other: OrbitBranch) -> OrbitBranch:
-        """Return this branch, reversed, and then another one from the same orbit."""
+        """Return this branch, reversed, and then another branch from the same orbit."""
         last = self.points[-1].piece
         points = [
             replace(point, direction=-point.direction, piece=last - point.piece)

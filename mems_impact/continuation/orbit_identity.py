@@ -207,7 +207,7 @@ def _last_kind(events: list[BranchEvent]) -> str:
 
 
 def covered_period(orbit: PeriodicOrbit) -> int:
-    """Return the smaller period of an orbit that covers another one several times, else 0."""
+    """Return the smaller period of an orbit that covers another orbit several times, else 0."""
     periods = orbit.periods
     if periods == 1 or orbit.shooting.phase is not None:
         return 0

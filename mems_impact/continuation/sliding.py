@@ -99,7 +99,7 @@ class Tangency:
         Modes of the tangent field, of the field on the other side (NONE if there is none) and of
         sliding.
     rates : tuple of float
-        First derivatives along the tangent field and along the other one (nan if there is none).
+        First derivatives along the tangent field and along the other field (nan without).
     second, third : float
         Second and third derivative along the tangent field.
     kind : str

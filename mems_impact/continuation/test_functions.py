@@ -377,7 +377,7 @@ class FoldTest(TestFunction):
     condition: ClassVar[type[DefiningSystem]] = FoldCondition
 
     def value(self, equations: Any, point: Any, direction: Floats) -> float:
-        """Return that component."""
+        """Return the component."""
         return float(direction[-1])
 
 
@@ -452,7 +452,7 @@ class ClosestApproachTest(SegmentTest):
     def value(
         self, equations: Shooting, point: ShootingEvaluation, direction: Floats
     ) -> float | None:
-        """Return that margin."""
+        """Return the margin."""
         smallest = closest_approach(equations, point, self.guard, self.segment)
         return None if smallest is None else smallest.value
 
@@ -481,7 +481,7 @@ class SegmentLengthTest(SegmentTest):
     condition: ClassVar[type[DefiningSystem]] = SegmentLengthCondition
 
     def value(self, equations: Shooting, point: ShootingEvaluation, direction: Floats) -> float:
-        """Return that length."""
+        """Return the length."""
         return float(point.ends[self.segment] - point.starts[self.segment])
 
 
@@ -497,7 +497,7 @@ class ModeChoiceTest(SegmentTest):
     def value(
         self, equations: Shooting, point: ShootingEvaluation, direction: Floats
     ) -> float | None:
-        """Return that margin."""
+        """Return the margin."""
         if self.guard == NONE or point.events[self.segment] is None:
             return None
         return float(choice_margins(equations, point, self.segment, self.mode)[self.guard])
@@ -510,7 +510,7 @@ class BoundaryTest(TestFunction):
     guard: int
 
     def value(self, equations: Any, point: Any, direction: Floats) -> float:
-        """Return that margin."""
+        """Return the margin."""
         return float(equations.margins(point)[self.guard])
 
 
@@ -644,10 +644,10 @@ class CuspTest(TestFunction):
     name: ClassVar[str] = "cusp"
 
     def value(self, equations: Any, point: Any, direction: Floats) -> None:
-        """Return None: it is defined on curves of folds only."""
+        """Return None: the coefficient is defined on curves of folds only."""
 
     def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float:
-        """Return that coefficient."""
+        """Return the coefficient."""
         assert isinstance(condition, FoldCondition)
         return condition.curvature(point)
 

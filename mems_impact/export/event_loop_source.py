@@ -177,7 +177,7 @@ def imported_step(engine, s):  # type: ignore[no-untyped-def]
 
 
 def is_flight_blurred(engine, s, guard):  # type: ignore[no-untyped-def]
-    """Return whether the importer's error is no small part of the flight that ends now.
+    """Return whether the importer's error is a large part of the flight that ends here.
 
     Its state before the impact, in STATE_BEFORE, is compared with a step of the classical
     Runge-Kutta method, and that with two half steps. Overwrites CONTACT_STATE and

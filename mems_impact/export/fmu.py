@@ -252,7 +252,7 @@ def with_unique_names(variables: Iterable[ModelVariable]) -> list[ModelVariable]
 
 
 def base_unit(unit: str) -> str:
-    """Return the element BaseUnit of a unit in SI; empty for another one."""
+    """Return the element BaseUnit of a unit in SI; empty for another unit."""
     try:
         powers = {"s": -1} if unit == "Hz" else base_powers(unit)
     except KeyError:

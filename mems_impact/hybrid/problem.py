@@ -166,7 +166,7 @@ class Engine(Protocol):
         """Return whether stability, not accuracy, has limited steps; False if unknown."""
 
     def close(self) -> None:
-        """Free its memory."""
+        """Free the memory of the engine."""
 
 
 @dataclass(frozen=True)

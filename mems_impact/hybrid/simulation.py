@@ -458,7 +458,7 @@ def resample(problem: Problem, start: HybridState, end: HybridState, per_period:
 
 
 class Position(NamedTuple):
-    """How far a run has come.
+    """Progress of a run.
 
     Attributes
     ----------
@@ -680,7 +680,7 @@ class Simulation:
         elif is_at_guard and 2 * transitions > options.max_events:
             remedy = (
                 "raise max_events: bodies that touch in a row strike each other very often within "
-                "one instant, and the more often the more of them there are"
+                "one instant, the more often the longer the row"
             )
         y = self.memory.local.tolist()
         if is_at_guard and transitions > 1 and depends_on_time_only(self._margin_of(failure), y):

@@ -202,7 +202,7 @@ def find_periodic_orbit(
             check_bounded(problem, replace(recognized.end, cycle=3 * MAX_FORCING_PERIODS))
             if not recognized.end_periods:
                 raise OrbitError(
-                    f"{error.reason}, and the motion does not converge to one in "
+                    f"{error.reason}, and the motion does not converge to an orbit in "
                     f"{3 * MAX_FORCING_PERIODS} periods",
                     "raise transient (transient=300), or set periods=; a chaotic motion does not "
                     "converge",

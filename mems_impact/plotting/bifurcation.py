@@ -359,7 +359,7 @@ def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Any:
     for each in curves:
         if set(each.table.columns[:2]) != {x, y}:
             others = ", ".join(each.table.columns[:2])
-            raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
+            raise InvalidParameter("parameters", others, f"{x}, {y}, as of the first curve")
     if ax is None:
         ax = new_figure(1.2).subplots()
     kinds = list(dict.fromkeys(each.kind for each in curves))

@@ -196,12 +196,12 @@ class Optimum(Result):
 
     @property
     def system(self) -> HybridSystem:
-        """The orbit's."""
+        """System of the orbit."""
         return self.orbit.system
 
     @cached_property
     def margins(self) -> pd.DataFrame:
-        """How far each varied parameter may move before the orbit bifurcates.
+        """Distance of each varied parameter from a bifurcation of the orbit.
 
         As `bifurcation_margins`, from half to one and a half of each value.
         """

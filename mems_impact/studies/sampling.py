@@ -106,7 +106,7 @@ def check_different(x: Axis, y: Axis, system: HybridSystem) -> None:
     """Raise InvalidParameter if two axes have the same parameter."""
     if x.name == y.name:
         others = ", ".join(name for name in system.parameters if name != x.name)
-        raise InvalidParameter("y", y.name, f"another one than x: one of {others}")
+        raise InvalidParameter("y", y.name, f"another parameter than x, one of {others}")
 
 
 # --- Samples of the unit cube
@@ -418,7 +418,7 @@ def _system_parameters(
     rows = np.array([[float(row[name]) for name in parameters] for row in samples])
     for name in set(names) & set(parameters):
         if (rows[:, parameters.index(name)] != values[:, names.index(name)]).any():
-            problem = f"returns other values for {name} than the sampled ones; rename it in over"
+            problem = f"returns other values for {name} than the sampled values; rename it in over"
             raise InvalidParameter("parameters", None, "", problem=problem)
     return parameters, rows
 

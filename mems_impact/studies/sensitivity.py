@@ -519,7 +519,7 @@ class Sensitivity(Result):
 
     @property
     def system(self) -> HybridSystem:
-        """The orbit's."""
+        """System of the orbit."""
         return self.orbit.system
 
     @cached_property

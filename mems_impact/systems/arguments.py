@@ -147,7 +147,7 @@ def mode_names(modes: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> t
         }
         if len(name_tuples) > 1:
             listed = [", ".join(names) for names in name_tuples]
-            raise InvalidParameter("modes", listed, "those of one call of mems_impact.modes")
+            raise InvalidParameter("modes", listed, "modes of one call of mems_impact.modes")
         names = next(iter(name_tuples), ("free",))
     else:
         names = _mode_names(modes)

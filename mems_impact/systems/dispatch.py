@@ -30,7 +30,7 @@ class Done(Protocol):
 
     @property
     def system(self) -> HybridSystem:
-        """Its system."""
+        """System of the object."""
 
 
 class Verb(Protocol[P, Result]):

@@ -29,7 +29,7 @@ class Mode(int):
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the mode."""
         return self.names[self]
 
     def __reduce__(self) -> Any:

@@ -522,7 +522,7 @@ class System(HybridSystem):
 
     @property
     def time_functions(self) -> tuple[Callable[..., Any], ...]:
-        """Those of the period, the switching times and the time scale."""
+        """Functions of the period, the switching times and the time scale."""
         times = self._period, self._switches, self._time_scale
         return tuple(each for each in times if callable(each))
 

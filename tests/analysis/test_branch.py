@@ -50,7 +50,7 @@ def test_a_fold_with_its_impact_at_the_start_of_a_period(branch):
 
 
 def test_an_orbit_at_rest_on_a_stopper():
-    """Above the resting voltage of 0.354 the block stays there, and forgets all."""
+    """Above the resting voltage of 0.354 the block stays there, and all perturbations vanish."""
     drive = mi.Sine(amplitude=0.05, bias=0.6, omega=0.5)
     orbit = mi.find_orbit(ZHAO, drive, transient=50)
     assert orbit.multipliers.tolist() == [0.0]

@@ -46,10 +46,10 @@ def test_a_cradle_of_17_balls(e, impacts, largest_first):
 
 
 def test_a_ball_on_the_floor_and_one_upon_it():
-    """The lower one turns round, meets the upper one at once, and throws it up."""
+    """The lower ball reverses, meets the upper ball at once, and throws it up."""
     balls = cradles.Balls([0.5, 0.5], [0.0, 0.0], [5.0, 1.0], 1.0, 1.0)
     balls.follow(1.1)
-    # v = 1 at the floor; then 5 (1) + 1 (-1) is shared, and the closing speed 2 turns round.
+    # v = 1 at the floor; then 5 (1) + 1 (-1) is shared, and the closing speed 2 is reversed.
     assert balls.impacts[0] == (1.0, 0, 1.0)
     assert balls.impacts[1] == (1.0, 1, 2.0)
     assert balls.v == pytest.approx([1.0 / 3.0 - 0.1, 7.0 / 3.0 - 0.1])

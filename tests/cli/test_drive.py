@@ -115,7 +115,7 @@ def test_numbers_change_the_drive_of_the_device(cli, own):
     assert "0 to 0.16" in cli("drive", own, "--amplitude", "0.4", "--no-figure").out
     done = cli("drive", own, "--width", "0.4", "--no-figure")
     assert "not a parameter of the drive in own.toml" in done.err
-    assert "--drive KIND selects another one" in done.err
+    assert "--drive KIND selects others" in done.err
     sine = ["--drive", "sine", "--amplitude", "0.2", "--omega", "1"]
     assert "Sine" in cli("drive", own, *sine, "--no-figure").out
 

@@ -1,6 +1,6 @@
 """Orbits of an impact oscillator with one impact in n periods, in closed form.
 
-x'' + 2 zeta x' + x = A cos(omega t) below a wall, at which the velocity turns round: v -> -e v.
+x'' + 2 zeta x' + x = A cos(omega t) below a wall, at which the velocity is reversed: v -> -e v.
 From an impact at the phase t0 with the speed V the motion is known; it takes n periods back to the
 wall for one V, and V is kept at the zeros of a function of t0 alone.
 """

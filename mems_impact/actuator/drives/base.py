@@ -116,7 +116,7 @@ class Drive(Checked, ABC):
 
         @property
         def left_rate(self) -> Waveform | None:
-            """Its time derivative."""
+            """Time derivative of the voltage at the left electrode."""
     else:
         left_voltage: ClassVar = None
         left_rate: ClassVar = None

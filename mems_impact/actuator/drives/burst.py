@@ -127,7 +127,7 @@ class Burst(Drive):
 
     @property
     def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Its rate."""
+        """Time derivative of the waveform."""
         return retime(self.wave.voltage_rate)
 
     @property
@@ -138,6 +138,6 @@ class Burst(Drive):
 
     @property
     def left_rate(self) -> Waveform | None:
-        """Its rate."""
+        """Time derivative of the waveform at the left electrode."""
         waveform = self.wave.left_rate
         return None if waveform is None else retime(waveform)

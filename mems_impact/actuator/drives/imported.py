@@ -83,7 +83,7 @@ class ImportedVoltages(ImportedVoltage):
 
     @property
     def left_rate(self) -> Waveform:
-        """Its time derivative."""
+        """Time derivative of the voltage at the left electrode."""
         return _left_rate
 
     @property

@@ -93,7 +93,7 @@ class Sine(Drive):
 
     @property
     def changes_sign(self) -> bool:
-        """Without bias."""
+        """Whether the bias is zero."""
         return self.bias == 0.0
 
     @property

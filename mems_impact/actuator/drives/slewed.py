@@ -66,7 +66,7 @@ class SlewedDrive(Drive):
 
     @property
     def time_scale(self) -> float:
-        """That of the demanded voltage."""
+        """Time scale of the demanded voltage."""
         return self.wave.time_scale
 
     @property
@@ -96,7 +96,7 @@ class SlewedDrive(Drive):
 
     @property
     def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Its rate."""
+        """Time derivative of the waveform."""
         return with_ramps(self.wave.voltage_rate, 0, True)
 
     @property
@@ -107,7 +107,7 @@ class SlewedDrive(Drive):
 
     @property
     def left_rate(self) -> Waveform | None:
-        """Its rate."""
+        """Time derivative of the waveform at the left electrode."""
         demand = self.wave.left_rate
         return None if demand is None else with_ramps(demand, 1, True)
 

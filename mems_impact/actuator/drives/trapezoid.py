@@ -74,7 +74,7 @@ class Trapezoid(PiecewiseDrive):
 
     @property
     def changes_sign(self) -> bool:
-        """Without bias."""
+        """Whether the bias is zero."""
         return self.bias == 0.0
 
     @property

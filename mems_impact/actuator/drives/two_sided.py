@@ -169,7 +169,7 @@ class TwoSided(Drive):
 
     @property
     def voltage_rate(self) -> Waveform:  # type: ignore[override]
-        """Its rate."""
+        """Time derivative of the waveform."""
         return with_offset(retime(self.right.voltage_rate), 0)
 
     @property
@@ -179,5 +179,5 @@ class TwoSided(Drive):
 
     @property
     def left_rate(self) -> Waveform | None:
-        """Its rate."""
+        """Time derivative of the waveform at the left electrode."""
         return with_offset(retime(self.left.voltage_rate), 1)

@@ -483,10 +483,10 @@ class Device(Protocol):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Its terms."""
+        """Terms of the actuator."""
 
     def to_array(self) -> Floats:
-        """Return its parameters."""
+        """Return the parameters of the actuator."""
 
 
 def drive_unit(terms: Sequence[Term]) -> str:

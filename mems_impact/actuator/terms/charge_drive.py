@@ -72,7 +72,7 @@ class ChargeDrive(Term):
         """Raise InvalidParameter if another term limits the voltage of the source."""
         for term in actuator.terms:
             if term.name() == "slew_rate":
-                problem = "SlewRate limits a voltage, and ChargeDrive sets none; give one of them"
+                problem = "SlewRate limits a voltage, and ChargeDrive sets the charge; omit one"
                 raise InvalidParameter("terms", actuator.terms, "", problem=problem)
 
     @classmethod

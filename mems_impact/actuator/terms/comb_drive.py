@@ -40,7 +40,7 @@ class CombDrive(Term):
         Permittivity of the gap [F/m], > 0; that of vacuum by default. Required in a dimensionless
         device.
     sides : {"both", "right", "left"}, optional
-        The electrodes that are combs; another one remains a parallel plate.
+        The electrodes that are combs; any other electrode remains a parallel plate.
 
     Raises
     ------

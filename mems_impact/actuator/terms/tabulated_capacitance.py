@@ -27,7 +27,7 @@ class TabulatedCapacitance(TableTerm):
     capacitances : tuple of float
         The capacitance at each position [F], > 0, ascending.
     sides : {"both", "right", "left"}, optional
-        The electrodes with this capacitance; another one remains a parallel plate.
+        The electrodes with this capacitance; any other electrode remains a parallel plate.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class TiltedPlate(Term):
     length : float
         Length of the plates along the slope [m], > 0.
     sides : {"both", "right", "left"}, optional
-        The electrodes that are tilted; another one remains parallel.
+        The electrodes that are tilted; any other electrode remains parallel.
 
     Raises
     ------

@@ -36,7 +36,7 @@ __all__ = [
 
 AT_TIMES = (
     "the margin depends on time alone, which no transition changes: give the times as switches= "
-    "of the System, and what happens there as switch_transition="
+    "of the System, and the change of mode and state as switch_transition="
 )
 
 
@@ -240,7 +240,7 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
         if problem and not _returns(call):
             return case.function.explain_exception(_raised(call, case.arguments))[0]
         if problem:
-            remedy = "return the same kind of thing on every path"
+            remedy = "return the same type on every path"
             return case.function.error(f"returns {problem}", remedy)
     if not isinstance(error, NumbaError):
         return None

@@ -61,7 +61,7 @@ def read(file: Path) -> Any:
         return None
     size = DIGEST().digest_size
     if data[:size] != _digest(file, data[size:]):
-        _log.info("compiled code in %s cannot be read: its digest is another one", file)
+        _log.info("compiled code in %s cannot be read: its digest differs", file)
         return None
     return pickle.loads(data[size:])
 

@@ -307,7 +307,7 @@ class Part:
 
     @abstractmethod
     def guards(self, names: CodeNames) -> list[GuardSpec]:
-        """Return its guards."""
+        """Return the guards of the part."""
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
         """Return the constraints that hold in its modes."""

@@ -254,16 +254,16 @@ class DetachedSystem(HybridSystem):
         return measure_names(self)
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> NoReturn:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     @property
     def observed(self) -> NoReturn:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     def measures(self, settled: RecurrenceColumns, periods: Floats, out: Conversion) -> NoReturn:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
@@ -271,19 +271,19 @@ class DetachedSystem(HybridSystem):
         raise FunctionsMissing(self._refusal())
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
 
     def gatherer(self, problem: Problem, start: HybridState, window: TimeWindow) -> NoReturn:
-        """Refuse."""
+        """Raise FunctionsMissing."""
         raise FunctionsMissing(self._refusal())
