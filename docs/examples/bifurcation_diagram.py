@@ -36,7 +36,7 @@ oscillator = mi.System(
     parameters={"A": 0.5, "w": 0.6},
 )
 
-diagram = mi.bifurcation_diagram(oscillator, "A", 0.5, 1.5, depth=2, longest=8)
+diagram = mi.bifurcation_diagram(oscillator, "A", (0.5, 1.5), depth=2, longest=8)
 print(diagram.tree)
 mi.plot_diagram(diagram).figure.savefig("bifurcation_diagram_branch.png")
 

@@ -23,7 +23,7 @@ mi.plot_chart(chart).figure.savefig("design_chart.png")
 #
 # At omega = 0.5, the window of stable period-one walking, and the bifurcation at each end:
 
-window = mi.period_one_window(actuator, drive, low=0.16, high=0.3)
+window = mi.period_one_window(actuator, drive, (0.16, 0.3))
 print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_kind})")
 
 # %%

@@ -489,10 +489,7 @@ def switch_branch(
         allowed = "a period doubling, a Hopf point or a branch point"
         raise InvalidParameter("special", special.kind, allowed)
     parameter, system = special.parameter, special.system
-    low, high = special.bounds if bounds is None else bounds
-    low, high = (system.without_unit(parameter, each, "bounds") for each in (low, high))
-    check_value(system, parameter, "bounds", low)
-    check_value(system, parameter, "bounds", high)
+    low, high = checked_range(system, parameter, special.bounds if bounds is None else bounds)
     if not low < special.value < high:
         location = _amount(system, parameter, special.value)
         allowed = f"smallest and largest value, with {location} between them"
@@ -762,6 +759,20 @@ def check_bounds(
 
 def _amount(system: HybridSystem, parameter: str, value: float) -> str:
     return f"{value:g} {system.unit(parameter)}".rstrip()
+
+
+def checked_range(
+    system: HybridSystem, parameter: str, bounds: tuple[float | str, float | str]
+) -> tuple[float, float]:
+    """Return the bounds of a parameter as numbers, the lower one first."""
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise InvalidParameter("bounds", bounds, f"the lowest and the highest {parameter}")
+    low, high = (system.without_unit(parameter, each, "bounds") for each in bounds)
+    for value in (low, high):
+        check_value(system, parameter, "bounds", value)
+    if not low < high:
+        raise InvalidParameter("bounds", (low, high), "a lower and a higher number")
+    return float(low), float(high)
 
 
 def check_value(system: HybridSystem, parameter: str, field: str, value: Any) -> None:

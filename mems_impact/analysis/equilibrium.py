@@ -140,13 +140,13 @@ def find_equilibria(
     system: HybridSystem,
     *,
     guess: State | Mapping[str, float] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
     samples: int = 64,
     modes: Sequence[str | int] | None = None,
 ) -> tuple[Equilibrium, ...]:
     """Find the equilibria of each mode of an autonomous system.
 
-    Newton's method starts from the guess and from points between the bounds, with a Jacobian by
+    Newton's method starts from the guess and from points of a box, with a Jacobian by
     finite differences of sixth order. Cyclic states need not be constant.
 
     Parameters
@@ -155,10 +155,10 @@ def find_equilibria(
         A run provides its system and, as `guess`, its last state.
     guess : State or mapping of str to float, optional
         A state near an equilibrium; the initial state of the system by default.
-    bounds : mapping of str to (float, float), optional
-        Intervals by state, in which to search as well; other states start as in `guess`.
+    box : mapping of str to (float, float), optional
+        Ranges by state, in which to search as well; other states start as in `guess`.
     samples : int, optional
-        Number of starting points between the bounds, from a Sobol sequence.
+        Number of starting points in the box, from a Sobol sequence.
     modes : sequence of str or int, optional
         Modes to search; all by default.
 
@@ -185,7 +185,7 @@ def find_equilibria(
     >>> def duffing(mode, t, y, p):
     ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
     >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> found = mi.find_equilibria(well, bounds={"x": (-2.0, 2.0), "v": (-1.0, 1.0)})
+    >>> found = mi.find_equilibria(well, box={"x": (-2.0, 2.0), "v": (-1.0, 1.0)})
     >>> sorted((round(point.state.x, 9) + 0.0, point.stable) for point in found)
     [(-1.0, True), (0.0, False), (1.0, True)]
     """
@@ -194,7 +194,7 @@ def find_equilibria(
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
     inner = system.problem(ORBIT_OPTIONS)
     start = system.hybrid_state(guess, inner, field="guess")
-    box = checked_box(system, bounds or {})
+    box = checked_box(system, box or {})
     guesses = [start.y, *_between(system, start.y, box, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
@@ -221,7 +221,7 @@ def find_equilibria(
         equilibria += [Equilibrium(system=system, numeric=state) for state in in_mode]
     if not equilibria:
         reason = "no equilibrium was found" if failed is None else failed.reason
-        argument = f"bounds={{{system.states[0]!r}: (low, high)}}"
+        argument = f"box={{{system.states[0]!r}: (low, high)}}"
         raise OrbitError(reason, f"give another guess, or {argument} for the search")
     return tuple(equilibria)
 
@@ -235,40 +235,38 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
 
 
 def checked_box(
-    system: HybridSystem, bounds: Mapping[str, tuple[float, float]]
+    system: HybridSystem, box: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Return bounds of states as numbers; InvalidParameter for other bounds."""
-    box = {}
-    for name, pair in bounds.items():
+    """Return ranges of states as numbers; InvalidParameter for others."""
+    checked = {}
+    for name, pair in box.items():
         if name not in system.states:
-            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
-        field = f"bounds[{name!r}]"
+            raise InvalidParameter("box", name, f"one of {', '.join(system.states)}")
+        field = f"box[{name!r}]"
         ends = system.without_unit(name, pair, field)
         is_pair = isinstance(ends, tuple | list) and len(ends) == 2 and all(map(is_number, ends))
         if not is_pair or not ends[0] < ends[1]:
             raise InvalidParameter(field, pair, "a lower and a higher number")
-        box[name] = float(ends[0]), float(ends[1])
-    return box
+        checked[name] = float(ends[0]), float(ends[1])
+    return checked
 
 
-def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
-    """Return whether a state lies within the bounds of the search."""
+def _inside(system: HybridSystem, y: Floats, box: Mapping[str, tuple[float, float]]) -> bool:
+    """Return whether a state lies in the box of the search."""
     values = dict(zip(system.states, y.tolist(), strict=True))
-    return all(
-        low <= system.out(name, values[name]) <= high for name, (low, high) in bounds.items()
-    )
+    return all(low <= system.out(name, values[name]) <= high for name, (low, high) in box.items())
 
 
 def _between(
-    system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]], samples: int
+    system: HybridSystem, y: Floats, box: Mapping[str, tuple[float, float]], samples: int
 ) -> list[Floats]:
-    """Return the starting points between bounds."""
-    if not bounds:
+    """Return the starting points in a box."""
+    if not box:
         return []
     from scipy.stats import qmc
 
-    indices = [system.states.index(name) for name in bounds]
-    low, high = ([system.into(name, ends[i]) for name, ends in bounds.items()] for i in (0, 1))
+    indices = [system.states.index(name) for name in box]
+    low, high = ([system.into(name, ends[i]) for name, ends in box.items()] for i in (0, 1))
     sobol = qmc.Sobol(len(indices), scramble=False, seed=SEED)
     # Sobol sequences need a power of two; the first point is a corner.
     sample = sobol.random(1 << (samples - 1).bit_length())[:samples]

@@ -112,8 +112,7 @@ def command(
             diagram = mi.bifurcation_diagram(
                 system,
                 parameter,
-                low,
-                high,
+                (low, high),
                 depth=depth,
                 values=points,
                 starts=starts,

@@ -202,7 +202,7 @@ def plot_diagram(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.22, 0.24, values=3)
+    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", (0.22, 0.24), values=3)
     >>> mi.plot_diagram(diagram).figure.savefig("diagram.png")
     """
     if not hasattr(diagram, "cloud"):

@@ -30,7 +30,7 @@ from mems_impact.analysis.branch import (
     BRANCH_STEPS,
     Branch,
     EquilibriumBranch,
-    check_value,
+    checked_range,
     continue_equilibrium,
     continue_orbit,
     joined_branch,
@@ -146,7 +146,7 @@ class BifurcationDiagram(Result):
     >>> def duffing(mode, t, y, p):
     ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
     >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
-    >>> diagram = mi.bifurcation_diagram(well, "a", -1.0, 1.0, values=5, starts=2)
+    >>> diagram = mi.bifurcation_diagram(well, "a", (-1.0, 1.0), values=5, starts=2)
     >>> print(diagram.tree)
     a -1 to 1
     0: equilibria, a -1 to 1, BP 0
@@ -846,7 +846,7 @@ class DiagramBuilder:
         if not system.forced:
             samples = max(1, search.starts)
             with suppress(MemsImpactError):
-                yield from find_equilibria(system, bounds=search.box, samples=samples)
+                yield from find_equilibria(system, box=search.box, samples=samples)
             return
         starts = [*search.initial, *search.fresh(value, times=1)]
         for periods in range(1, min(self.longest, SEARCHED_PERIODS) + 1):
@@ -958,14 +958,13 @@ def motions_of(diagram: BifurcationDiagram) -> list[Motion]:
 def bifurcation_diagram(
     system: HybridSystem,
     parameter: str,
-    low: float,
-    high: float,
+    bounds: tuple[float, float],
     *,
     depth: int = 4,
     values: int = 61,
     starts: int = 4,
     longest: int = 16,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
     initial: State | Mapping[str, float] | None = None,
     recurrence: RecurrenceOptions = DIAGRAM_RECURRENCE,
     steps: StepControl | None = None,
@@ -987,8 +986,8 @@ def bifurcation_diagram(
     ----------
     system : System, or Actuator and Drive, or Run
     parameter : str
-    low, high : float
-        Range of the parameter.
+    bounds : tuple of float
+        Range of the parameter: the lowest and the highest value.
     depth : int, optional
         Number of successive switches to emanating branches: 4 reaches the fourth period doubling.
     values : int, optional
@@ -997,8 +996,8 @@ def bifurcation_diagram(
         Number of states at each value from which runs start, besides the initial states.
     longest : int, optional
         Longest period of a branch, in forcing periods.
-    bounds : mapping of str to (float, float), optional
-        Box of these states; by default as large as the states that the system visits.
+    box : mapping of str to (float, float), optional
+        Ranges of these states; by default as large as the states that the system visits.
     initial : State or mapping of str to float, optional
         A further initial state.
     recurrence : RecurrenceOptions, optional
@@ -1038,23 +1037,18 @@ def bifurcation_diagram(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.2, omega=0.5)
-    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", 0.16, 0.24, values=9)
+    >>> diagram = mi.bifurcation_diagram(actuator, drive, "amplitude", (0.16, 0.24), values=9)
     >>> print(diagram.tree)
     amplitude 0.16 to 0.24
     0: period 1, amplitude 0.16 to 0.24, G 0.227178, CF 0.176515
     """
     system.check_continued(parameter)
-    low = system.without_unit(parameter, low, "low")
-    high = system.without_unit(parameter, high, "high")
-    for name, value in (("low", low), ("high", high)):
-        check_value(system, parameter, name, value)
-    if not low < high:
-        raise InvalidParameter("high", high, f"above low = {low:g}")
+    bounds = checked_range(system, parameter, bounds)
     depth, starts = whole("depth", depth, 0), whole("starts", starts, 0)
     values, longest = whole("values", values, 2), whole("longest", longest, 1)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    bounds = checked_box(system, bounds or {})
+    box = checked_box(system, box or {})
     chosen = ORBIT_OPTIONS if options is None else options
     runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
     first = [system.start_of("up"), system.start_of("down")]
@@ -1066,9 +1060,9 @@ def bifurcation_diagram(
     search = AttractorSearch(
         system,
         parameter,
-        np.linspace(low, high, values).tolist(),
+        np.linspace(*bounds, values).tolist(),
         starts,
-        bounds,
+        box,
         first,
         replace(recurrence, longest=min(recurrence.longest, longest)),
         runs,
@@ -1078,12 +1072,12 @@ def bifurcation_diagram(
         inputs = {
             **identity(system),
             "parameter": parameter,
-            "range": [float(low), float(high)],
+            "range": list(bounds),
             "depth": depth,
             "values": values,
             "starts": starts,
             "longest": longest,
-            "bounds": {name: list(pair) for name, pair in bounds.items()},
+            "box": {name: list(pair) for name, pair in box.items()},
             "initial": [identity_of_state(state) for state in first],
             "recurrence": asdict(recurrence),
             "steps": None if steps is None else asdict(steps),
@@ -1091,13 +1085,13 @@ def bifurcation_diagram(
         }
         resume = _stored(store, system, inputs, resume)
     elif resume is not None:
-        _check_resumed(resume, system, parameter, (low, high))
+        _check_resumed(resume, system, parameter, bounds)
         if resume.complete:
             resume = replace(resume, finished=())
     with progress_bar(progress, "branches", work="bifurcation diagram") as report:
         builder = DiagramBuilder(
             search,
-            (float(low), float(high)),
+            bounds,
             depth,
             longest,
             steps,

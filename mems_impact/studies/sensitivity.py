@@ -382,9 +382,7 @@ class _End(NamedTuple):
     what: str
 
 
-def bifurcation_margins(
-    orbit: Orbit, parameters: Sequence[str], reach: float = 0.5
-) -> pd.DataFrame:
+def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -> pd.DataFrame:
     """Return the margins of parameters, one at a time, to the next bifurcation of an orbit.
 
     The orbit is continued in both directions, until it grazes, folds, doubles its period, otherwise
@@ -394,7 +392,7 @@ def bifurcation_margins(
     ----------
     orbit : Orbit
         Stable.
-    parameters : sequence of str
+    over : sequence of str
     reach : float, optional
         Range of the search, as a fraction of a parameter's value, in (0, 1].
 
@@ -430,7 +428,7 @@ def bifurcation_margins(
     if not (is_number(reach) and 0.0 < reach <= 1.0):
         raise InvalidParameter("reach", reach, "in (0, 1]")
     system, rows = orbit.system, []
-    for name in parameters:
+    for name in over:
         system.check_continued(name)
         value = system.value(name)
         if value == 0.0:
@@ -628,7 +626,7 @@ class Sensitivity(Result):
 
 def sensitivity(
     orbit: Orbit,
-    parameters: Sequence[str] | None = None,
+    over: Sequence[str] | None = None,
     quantities: Sequence[str | Quantity] | None = None,
 ) -> Sensitivity:
     """Compute sensitivities of a periodic orbit to its parameters.
@@ -641,7 +639,7 @@ def sensitivity(
     Parameters
     ----------
     orbit : Orbit
-    parameters : sequence of str, optional
+    over : sequence of str, optional
         All by default, except the bias of a symmetric voltage, which would double the period.
     quantities : sequence of str or Quantity, optional
         All of the system's by default, except costly ones. For any system: "x per period" (or
@@ -679,11 +677,11 @@ def sensitivity(
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
-    names = _all_parameters(system) if parameters is None else tuple(parameters)
+    names = _all_parameters(system) if over is None else tuple(over)
     for name in names:
         system.check_continued(name)
     if not names or len(set(names)) != len(names):
-        raise InvalidParameter("parameters", names, "one or more different parameters")
+        raise InvalidParameter("over", names, "one or more different parameters")
     chosen = chosen_quantities(system, quantities)
     values, rates = derivatives(orbit, chosen, names)
     return Sensitivity(

@@ -328,10 +328,10 @@ def sweep(
     steady: bool = False,
     initial: State | Mapping[str, State] | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
-    progress: bool | Callable[[float], None] = False,
-    workers: int | None = None,
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[float], None] = False,
 ) -> pd.DataFrame:
     """Sweep one parameter slowly; every value starts from the final state of the previous one.
 
@@ -362,16 +362,16 @@ def sweep(
         system's own by default. For an actuator, up starts at rest in the middle and down with a
         kick (see `kicked_state`), so that both attractors appear in a bistable range.
     options : Options, optional
-    progress : bool or callable, optional
-        Show progress: after one second a bar on a terminal, elsewhere lines. A function is called
-        with the number of finished values.
-    workers : int, optional
-        Number of threads; one at a time runs each direction. Results do not depend on it.
     store : str or os.PathLike, optional
         Directory in which finished values are stored; an interrupted or killed sweep resumes from
         it.
     executor : concurrent.futures.Executor or callable, optional
         Threads by default; processes, a cluster's executor, or a function that creates one.
+    workers : int, optional
+        Number of threads; one at a time runs each direction. Results do not depend on it.
+    progress : bool or callable, optional
+        Show progress: after one second a bar on a terminal, elsewhere lines. A function is called
+        with the number of finished values.
 
     Returns
     -------

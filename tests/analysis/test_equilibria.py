@@ -57,7 +57,7 @@ def one_state(flow, **parameters):
 
 
 def test_all_within_bounds_with_closed_form_eigenvalues():
-    found = mi.find_equilibria(PENDULUM, bounds={"angle": (-1.0, 4.0)})
+    found = mi.find_equilibria(PENDULUM, box={"angle": (-1.0, 4.0)})
     hanging, upright = found  # in the order of their places
     assert abs(hanging.state.angle) < 1e-12
     assert abs(upright.state.angle - math.pi) < 1e-12
@@ -183,12 +183,12 @@ def test_what_is_refused():
     with pytest.raises(mi.InvalidParameter, match="find_orbit"):
         mi.find_equilibria(forced)
     none = one_state(lambda mode, t, y, p: (1.0 + y.x * y.x + p.a,), a=0.0)
-    with pytest.raises(mi.OrbitError, match="bounds="):
+    with pytest.raises(mi.OrbitError, match="box="):
         mi.find_equilibria(none)
     with pytest.raises(mi.InvalidParameter, match="bounds"):
-        mi.find_equilibria(PENDULUM, bounds={"angle": (1.0, -1.0)})
+        mi.find_equilibria(PENDULUM, box={"angle": (1.0, -1.0)})
     with pytest.raises(mi.InvalidParameter, match="bounds"):
-        mi.find_equilibria(PENDULUM, bounds={"height": (0.0, 1.0)})
+        mi.find_equilibria(PENDULUM, box={"height": (0.0, 1.0)})
     with pytest.raises(mi.InvalidParameter, match="modes"):
         mi.find_equilibria(WALL, modes=["flying"])
     undefined = one_state(lambda mode, t, y, p: (math.sqrt(y.x - 1.0) + p.a,), a=0.0)
@@ -392,5 +392,5 @@ def test_an_equilibrium_that_stays_on_a_boundary_does_not_cross_it():
 
 def test_without_equilibria_the_message_names_a_state_of_the_system():
     driven = mi.System(states=("th",), flow=lambda mode, t, y, p: (1.0 + y.th**2,))
-    with pytest.raises(mi.OrbitError, match=r"bounds=\{'th': \(low, high\)\}"):
+    with pytest.raises(mi.OrbitError, match=r"box=\{'th': \(low, high\)\}"):
         mi.find_equilibria(driven)

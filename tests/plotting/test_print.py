@@ -151,7 +151,7 @@ def quadratic_map():
 
 @cache
 def doublings():
-    return mi.bifurcation_diagram(quadratic_map(), "a", 2.8, 3.3, depth=1, values=5)
+    return mi.bifurcation_diagram(quadratic_map(), "a", (2.8, 3.3), depth=1, values=5)
 
 
 @cache

@@ -23,7 +23,7 @@ FORK_OPTIONS = {"values": 4, "starts": 2, "recurrence": SHORT, "options": PLAIN}
 @pytest.fixture(scope="module")
 def fork():
     """A pitchfork at a = 0: x = 0, and both halves of x^2 = a."""
-    return mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS)
+    return mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS)
 
 
 def test_a_pitchfork_of_equilibria_has_two_branches(fork):
@@ -66,14 +66,14 @@ def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(construction.DiagramBuilder, "_search", stop)
         with pytest.raises(mi.Interrupted, match="interrupted after 2 branches") as caught:
-            mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS)
+            mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS)
     partial = caught.value.partial
     assert not partial.complete
-    whole = mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, resume=partial)
+    whole = mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS, resume=partial)
     assert whole.tree == fork.tree
     assert whole.complete
     with pytest.raises(mi.InvalidParameter, match="another system, parameter or range"):
-        mi.bifurcation_diagram(FORK, "a", -1.0, 0.5, **FORK_OPTIONS, resume=partial)
+        mi.bifurcation_diagram(FORK, "a", (-1.0, 0.5), **FORK_OPTIONS, resume=partial)
 
 
 @pytest.mark.slow
@@ -93,34 +93,34 @@ def test_a_diagram_resumes_from_its_store(fork, tmp_path, monkeypatch):
         for begun in range(40):
             left[0] = 3 + 2 * begun  # parts that are repeated finish, too
             try:
-                mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+                mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS, store=store)
                 break
             except mi.Interrupted:
                 assert store.exists()
     assert begun > 2
     monkeypatch.setattr(construction.DiagramBuilder, "_find_attractors", None)
-    whole = mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+    whole = mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS, store=store)
     assert whole.complete
     assert whole.tree == fork.tree
     assert whole.attractors.equals(fork.attractors)
     assert whole.cloud.equals(fork.cloud)
     with pytest.raises(mi.InvalidFile, match="other arguments: depth is 4 there, 2 here"):
-        mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, depth=2, store=store)
+        mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS, depth=2, store=store)
     fork.branches[0].save(store)
     with pytest.raises(mi.InvalidFile, match="holds no bifurcation diagram"):
-        mi.bifurcation_diagram(FORK, "a", -1.0, 1.0, **FORK_OPTIONS, store=store)
+        mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS, store=store)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("a", 1.0, -1.0), "high = -1: must be above low = 1"),
-        (("b", 0.0, 1.0), "b"),
-        (("a", 0.0, 1.0, {"depth": -1}), "depth = -1"),
-        (("a", 0.0, 1.0, {"values": 1}), "values = 1"),
-        (("a", 0.0, 1.0, {"bounds": {"z": (0.0, 1.0)}}), "bounds = 'z': must be one of x"),
-        (("a", 0.0, 1.0, {"bounds": {"x": (1.0, 0.0)}}), "a lower and a higher number"),
-        (("a", 0.0, 1.0, {"resume": 1}), "resume = 1: must be a BifurcationDiagram"),
+        (("a", (1.0, -1.0)), r"bounds = .*: must be a lower and a higher number"),
+        (("b", (0.0, 1.0)), "b"),
+        (("a", (0.0, 1.0), {"depth": -1}), "depth = -1"),
+        (("a", (0.0, 1.0), {"values": 1}), "values = 1"),
+        (("a", (0.0, 1.0), {"box": {"z": (0.0, 1.0)}}), "box = 'z': must be one of x"),
+        (("a", (0.0, 1.0), {"box": {"x": (1.0, 0.0)}}), "a lower and a higher number"),
+        (("a", (0.0, 1.0), {"resume": 1}), "resume = 1: must be a BifurcationDiagram"),
     ],
 )
 def test_bad_arguments_are_refused(arguments, message):
@@ -145,7 +145,7 @@ def test_an_isola_of_unstable_equilibria_is_found_and_closed():
     system = mi.System(states=("x", "z"), flow=_isola, parameters={"a": 0.1}, initial={"x": 0.2})
     box = {"x": (-1.0, 1.0), "z": (-1.0, 1.0)}
     options = {"values": 5, "starts": 3, "recurrence": SHORT, "options": PLAIN}
-    diagram = mi.bifurcation_diagram(system, "a", -1.0, 1.0, bounds=box, **options)
+    diagram = mi.bifurcation_diagram(system, "a", (-1.0, 1.0), box=box, **options)
     assert diagram.tree.splitlines()[1:] == [
         "0: equilibria, a -0.5 to 0.5, closed, LP 0.5, LP -0.5"
     ]
@@ -175,8 +175,8 @@ LOGISTIC = mi.System(
 def test_the_cascade_of_the_logistic_map():
     """Period doublings at 3, 1 + sqrt 6 and 3.5440903596; the fixed point 0 is a second root."""
     diagram = mi.bifurcation_diagram(
-        LOGISTIC, "r", 2.5, 3.6, values=5, starts=1, depth=2, options=PLAIN, recurrence=SHORT,
-        bounds={"x": (0.1, 0.9), "w": (0.06, 0.07)}, longest=4,
+        LOGISTIC, "r", (2.5, 3.6), values=5, starts=1, depth=2, options=PLAIN, recurrence=SHORT,
+        box={"x": (0.1, 0.9), "w": (0.06, 0.07)}, longest=4,
     )  # fmt: skip
     found = {s.orbit.periods: s.value for s in diagram.special_points if s.label == "PD"}
     assert found == pytest.approx({1: 3.0, 2: 1.0 + math.sqrt(6.0), 4: 3.5440903596}, abs=1e-9)
@@ -190,8 +190,8 @@ def test_the_cascade_of_the_logistic_map():
 def test_unstable_orbits_of_each_period_up_to_four_are_found():
     """At r = 4 there are 2, 1, 2 and 3 of the periods 1 to 4; two fold at 3.9601."""
     diagram = mi.bifurcation_diagram(
-        LOGISTIC, "r", 3.9, 4.0, values=5, starts=4, depth=0, recurrence=SHORT,
-        bounds={"x": (0.05, 0.95), "w": (0.06, 0.07)}, longest=4,
+        LOGISTIC, "r", (3.9, 4.0), values=5, starts=4, depth=0, recurrence=SHORT,
+        box={"x": (0.05, 0.95), "w": (0.06, 0.07)}, longest=4,
     )  # fmt: skip
     periods = [branch.orbits[0].periods for branch in diagram.branches]
     assert sorted(periods) == [1, 1, 2, 3, 3, 4, 4]
@@ -215,8 +215,8 @@ def test_an_isola_of_unstable_orbits_of_period_two_is_found_and_closed():
         period=1.0, parameters={"a": 0.1}, initial={"x": 0.1, "z": 0.1, "w": 0.0618834},
     )  # fmt: skip
     diagram = mi.bifurcation_diagram(
-        system, "a", -0.8, 0.8, values=5, starts=4, recurrence=SHORT,
-        bounds={"x": (-1.5, 1.5), "z": (-1.0, 1.0), "w": (0.06, 0.07)},
+        system, "a", (-0.8, 0.8), values=5, starts=4, recurrence=SHORT,
+        box={"x": (-1.5, 1.5), "z": (-1.0, 1.0), "w": (0.06, 0.07)},
     )  # fmt: skip
     assert diagram.tree.splitlines()[1:] == [
         "0: period 1, a -0.8 to 0.8",
@@ -231,7 +231,7 @@ def test_an_isola_of_unstable_orbits_of_period_two_is_found_and_closed():
 def test_the_device_has_one_branch():
     """The orbit without impacts grazes and folds; none with a slip that ends at once is another."""
     device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
-    diagram = mi.bifurcation_diagram(device, drive, "amplitude", 0.16, 0.30, values=15)
+    diagram = mi.bifurcation_diagram(device, drive, "amplitude", (0.16, 0.30), values=15)
     assert len(diagram.branches) == 1
     found = {special.label: special.value for special in diagram.special_points}
     assert found == pytest.approx({"G": 0.2271775831, "CF": 0.176515440628}, abs=1e-9)

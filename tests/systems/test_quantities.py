@@ -64,7 +64,7 @@ def test_initial_states():
         ),
         lambda **given: mi.basins(SI, x=("x2", [0.0]), y=("v2", [0.0]), **given),
         lambda **given: mi.tolerance_analysis(SI, over={"k": "1 %"}, samples=8, **given),
-        lambda **given: mi.bifurcation_diagram(SI, "amplitude", 9.0, 10.0, **given),
+        lambda **given: mi.bifurcation_diagram(SI, "amplitude", (9.0, 10.0), **given),
         lambda **given: mi.simulate(SI, **given),
     ],
 )
@@ -98,7 +98,7 @@ def test_sweeps_and_branches():
     assert branch.table["amplitude"].iloc[-1] == pytest.approx(21.0)
     again = mi.continue_orbit(orbit, "frequency", "0.11 kHz")
     assert again.table["frequency"].iloc[-1] == pytest.approx(110.0)
-    (rest,) = mi.find_equilibria(OSCILLATOR, bounds={"x": ("-1 mm", "1 mm")})
+    (rest,) = mi.find_equilibria(OSCILLATOR, box={"x": ("-1 mm", "1 mm")})
     assert mi.continue_equilibrium(rest, "k", "2 N/m").bounds == (1.0, 2.0)
 
 
@@ -106,7 +106,7 @@ def test_design_functions():
     assert mi.step_length(MITA, "10 cm/s", "50 V") == mi.step_length(MITA, 0.1, 50.0)
     target = mi.Target(quantity="pull-in voltage", value="35 V", tolerance="5 %")
     assert (target.value, target.tolerance) == (35.0, 1.75)
-    found = mi.fit(MITA, [target], free="stiffness", bounds={"stiffness": ("1 N/m", "20 N/m")})
+    found = mi.fit(MITA, [target], over="stiffness", bounds={"stiffness": ("1 N/m", "20 N/m")})
     # The squared voltage is proportional to the stiffness.
     stiffness = MITA.k * (35.0 / mi.pull_in_voltage(MITA)) ** 2
     assert found.actuator.k == pytest.approx(stiffness, rel=1e-6)
@@ -142,8 +142,8 @@ REFUSED = {
         "specification.mean speed = '1 um': " + UNIT.format("m/s"),
     ),
     "bounds of a diagram": (
-        lambda: mi.bifurcation_diagram(SI, "amplitude", "10 V", "1 s"),
-        "high = '1 s': " + UNIT.format("V"),
+        lambda: mi.bifurcation_diagram(SI, "amplitude", ("10 V", "1 s")),
+        "bounds = '1 s': " + UNIT.format("V"),
     ),
     "bounds of a chart": (
         lambda: mi.operating_chart(MITA, frequency=("100 Hz", "2 V")),
@@ -152,7 +152,7 @@ REFUSED = {
     "loads": (lambda: mi.force_curve(MITA, DRIVE, ["1 V"]), "loads = '1 V': " + UNIT.format("N")),
     "a derived quantity": (lambda: MITA.changed(quality=10), DERIVED),
     "a free derived quantity": (
-        lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], free=["frequency"]),
+        lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], over=["frequency"]),
         "free = 'frequency': " + DERIVED,
     ),
     "a system of functions": (lambda: OSCILLATOR.changed(k="3 V"), UNIT.format("N/m")),
@@ -176,7 +176,7 @@ BARE = {
     "changes": lambda: DIMENSIONLESS.changed(amplitude="3 V"),
     "values": lambda: mi.sweep(DIMENSIONLESS, "omega", ["1 Hz"]),
     "loads": lambda: mi.force_curve(ZHAO, DIMENSIONLESS.drive, ["3 uN"]),
-    "a target": lambda: mi.fit(ZHAO, [mi.Target(quantity="resonance", value="1 kHz")], free="k"),
+    "a target": lambda: mi.fit(ZHAO, [mi.Target(quantity="resonance", value="1 kHz")], over="k"),
 }
 
 

@@ -77,15 +77,15 @@ def test_special_points_of_equilibria_and_of_a_curve():
 def test_a_bifurcation_diagram():
     system = mi.System(states=("x",), flow=fork, parameters={"a": 1.0, "b": 0.0})
     given = {"values": 2, "starts": 1, "recurrence": SHORT, "options": PLAIN}
-    full = mi.bifurcation_diagram(system, "a", -0.5, 0.5, **given)
-    bare = mi.bifurcation_diagram(system, "a", -0.5, -0.4, **given)
+    full = mi.bifurcation_diagram(system, "a", (-0.5, 0.5), **given)
+    bare = mi.bifurcation_diagram(system, "a", (-0.5, -0.4), **given)
     check(bare.special_table, full.special_table)
     assert list(full.special_table)[-1] == "branch"
 
 
 def test_a_bifurcation_diagram_without_branches(orbit):
     full = mi.bifurcation_diagram(
-        orbit.system, "A", 0.1, 0.25, values=2, starts=0, recurrence=SHORT, options=FAST, depth=0
+        orbit.system, "A", (0.1, 0.25), values=2, starts=0, recurrence=SHORT, options=FAST, depth=0
     )
     none = replace(full, branches=(), parents=(), origins=())
     check(none.table, full.table)

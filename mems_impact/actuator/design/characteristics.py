@@ -470,7 +470,7 @@ class PeriodOneWindow(SummaryRepr):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window = mi.period_one_window(actuator, drive, (0.17, 0.26))
     >>> window.low < drive.amplitude < window.high
     True
     """
@@ -499,9 +499,8 @@ class PeriodOneWindow(SummaryRepr):
 def period_one_window(
     actuator: Actuator,
     drive: Drive,
+    bounds: tuple[float, float],
     *,
-    low: float,
-    high: float,
     guess: State | None = None,
     transient: int = 300,
 ) -> PeriodOneWindow:
@@ -516,8 +515,8 @@ def period_one_window(
     actuator : Actuator
     drive : Drive
         A drive with an ``amplitude`` at which the orbit is stable.
-    low, high : float
-        Bounds of the search.
+    bounds : tuple of float
+        The lowest and the highest amplitude of the search [V].
     guess : State, optional
         An initial state that leads to the orbit; a kick by default.
     transient : int, optional
@@ -541,7 +540,7 @@ def period_one_window(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window = mi.period_one_window(actuator, drive, (0.17, 0.26))
     >>> window.low_kind, f"{window.low:.6f}"
     ('fold', '0.176515')
     """
@@ -549,10 +548,9 @@ def period_one_window(
     from mems_impact.analysis.orbit import find_orbit
 
     amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
-    low = numbers_for(actuator, "low", low, "V")
-    high = numbers_for(actuator, "high", high, "V")
+    low, high = numbers_for(actuator, "bounds", bounds, "V")
     if not low < amplitude < high:
-        raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
+        raise InvalidParameter("amplitude", amplitude, f"between the bounds {low:g} and {high:g}")
     start = kicked_state(actuator) if guess is None else guess
     orbit = find_orbit(actuator, drive, guess=start, periods=1, transient=transient)
     if not (orbit.stable and orbit.admissible and len(orbit.impacts)):

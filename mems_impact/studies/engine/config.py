@@ -57,7 +57,7 @@ def orbit_sensitivity_study(
     transient: float = TRANSIENT,
     periods: int | None = None,
     options: Options = ORBIT_OPTIONS,
-    parameters: Sequence[str] | None = None,
+    over: Sequence[str] | None = None,
     quantities: Sequence[str | Quantity] | None = None,
 ) -> Sensitivity:
     """Return the `sensitivity` of the orbit to which a run leads.
@@ -67,11 +67,11 @@ def orbit_sensitivity_study(
     system : System
     initial, transient, periods, options
         Arguments of the run and of `find_orbit`.
-    parameters, quantities
+    over, quantities
         As for `sensitivity`.
     """
     orbit = _orbit(system, initial, transient, periods, options)
-    return sensitivity(orbit, parameters, quantities)
+    return sensitivity(orbit, over, quantities)
 
 
 def optimize_from(

@@ -131,13 +131,13 @@ def test_no_resolution_says_why():
 @pytest.mark.slow
 def test_period_one_window_of_type_two():
     drive = mi.Sine(amplitude=0.18, omega=0.485)
-    window = mi.period_one_window(PAPER, drive, low=0.16, high=0.19)
+    window = mi.period_one_window(PAPER, drive, (0.16, 0.19))
     assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
     assert abs(window.low - 0.176318773) < 1e-8
     assert window.high == 0.19
     assert math.isclose(window.margin, (0.19 - window.low) / (0.19 + window.low))
     with pytest.raises(mi.InvalidParameter, match="amplitude"):
-        mi.period_one_window(PAPER, drive, low=0.19, high=0.2)
+        mi.period_one_window(PAPER, drive, (0.19, 0.2))
 
 
 def test_preset_does_what_was_measured():
@@ -246,7 +246,7 @@ def test_a_window_continues_where_only_the_slips_change():
     ends = []
     for amplitude in (50.0, 60.0):
         drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
-        window = mi.period_one_window(LIGHT, drive, low=40.0, high=95.0)
+        window = mi.period_one_window(LIGHT, drive, (40.0, 95.0))
         assert (window.low_kind, window.high_kind) == ("period-doubling", "period-doubling")
         ends.append((window.low, window.high))
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)
@@ -267,7 +267,7 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
         mu_s=0.36546, mu_d=0.25008, alpha=2.2e-20, g=9.81, units="SI",
     )  # fmt: skip
     drive = mi.Sine(amplitude=109.0, omega=3105.0)
-    window = mi.period_one_window(LIGHT, drive, low=50.0, high=120.0)
+    window = mi.period_one_window(LIGHT, drive, (50.0, 120.0))
     assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
     orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), transient=300)
     branch = mi.continue_orbit(orbit, "amplitude", stop=50.0)

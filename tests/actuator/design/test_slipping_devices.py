@@ -65,7 +65,7 @@ def test_what_follows_the_orbit(seed):
     step = 1e-5 * volts
     slope = speed(volts + step, orbit.state) - speed(volts - step, orbit.state)
     assert table["derivative"].iloc[0] == pytest.approx(slope / (2.0 * step), rel=1e-3)
-    window = mi.period_one_window(device, drive, low=0.3 * volts, high=1.6 * volts)
+    window = mi.period_one_window(device, drive, (0.3 * volts, 1.6 * volts))
     assert window.low < volts < window.high
     down = mi.bifurcation_margins(orbit, ["amplitude"]).iloc[0]
     if down["what"] == window.low_kind:

@@ -161,7 +161,7 @@ def test_an_equilibrium_on_a_surface_is_one_and_has_the_eigenvalues_along_it(h, 
         initial={"x": 0.1, "y": 0.5}, parts=[mi.SwitchingSurface("line", h, level=0.2)],
     )  # fmt: skip
     bounds = {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}
-    (found,) = mi.find_equilibria(system, bounds=bounds, samples=8, modes=["sliding"])
+    (found,) = mi.find_equilibria(system, box=bounds, samples=8, modes=["sliding"])
     # Filippov's method: the share u of both flows makes h' zero.
     flow, switched, gradient = np.array([[-0.3, 1.0], [-1.0, -0.5]]), [0.1, -1.0], np.array(slope)
     whole = np.block([[flow, np.array([switched]).T], [gradient, 0.0]])
