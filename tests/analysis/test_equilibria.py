@@ -185,9 +185,9 @@ def test_what_is_refused():
     none = one_state(lambda mode, t, y, p: (1.0 + y.x * y.x + p.a,), a=0.0)
     with pytest.raises(mi.OrbitError, match="box="):
         mi.find_equilibria(none)
-    with pytest.raises(mi.InvalidParameter, match="bounds"):
+    with pytest.raises(mi.InvalidParameter, match="box"):
         mi.find_equilibria(PENDULUM, box={"angle": (1.0, -1.0)})
-    with pytest.raises(mi.InvalidParameter, match="bounds"):
+    with pytest.raises(mi.InvalidParameter, match="box"):
         mi.find_equilibria(PENDULUM, box={"height": (0.0, 1.0)})
     with pytest.raises(mi.InvalidParameter, match="modes"):
         mi.find_equilibria(WALL, modes=["flying"])

@@ -180,10 +180,10 @@ def test_at_a_fold_there_is_none(orbit):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ({"parameters": ["stiffness"]}, "stiffness"),
-        ({"parameters": []}, "parameters"),
-        ({"parameters": ["k", "k"]}, "different"),
-        ({"parameters": ["bias"]}, "bias"),
+        ({"over": ["stiffness"]}, "stiffness"),
+        ({"over": []}, "over"),
+        ({"over": ["k", "k"]}, "different"),
+        ({"over": ["bias"]}, "bias"),
         ({"quantities": ["speed"]}, "mean speed"),
         ({"quantities": []}, "quantities"),
     ],

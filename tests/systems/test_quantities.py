@@ -153,7 +153,7 @@ REFUSED = {
     "a derived quantity": (lambda: MITA.changed(quality=10), DERIVED),
     "a free derived quantity": (
         lambda: mi.fit(MITA, [mi.Target(quantity="resonance", value="1 kHz")], over=["frequency"]),
-        "free = 'frequency': " + DERIVED,
+        "over = 'frequency': " + DERIVED,
     ),
     "a system of functions": (lambda: OSCILLATOR.changed(k="3 V"), UNIT.format("N/m")),
 }
