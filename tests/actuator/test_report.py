@@ -138,6 +138,7 @@ def test_a_frame_that_slips_before_the_blow():
     assert page.facts["regime"] == "frame slips before the blow"
 
 
+@pytest.mark.slow
 def test_chaos_does_not_settle_to_an_unstable_orbit():
     page = mi.report(ZHAO, mi.Sine(amplitude=0.28, omega=0.45), only=["Motion"])
     assert page.facts["motion"] == "not periodic within the search"

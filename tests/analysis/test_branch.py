@@ -40,6 +40,7 @@ def test_special_points_of_fig_4(branch):
     assert branch.special_table["largest multiplier"].tolist() == [pytest.approx(1.0), math.inf]
 
 
+@pytest.mark.slow
 def test_a_fold_with_its_impact_at_the_start_of_a_period(branch):
     fold = branch.special_points[0]
     drive = mi.Sine(amplitude=0.24, omega=0.5, phase=0.5 * fold.orbit.impacts["time"].iloc[0])
@@ -260,6 +261,7 @@ def test_a_branch_that_ends_early_gives_the_reason(branch):
     assert len(few.table) == 5
 
 
+@pytest.mark.slow
 def test_chart_from_curves_alone():
     chart = mi.operating_chart(ZHAO, omega=(0.478, 0.492), crises=0)
     assert chart.notes == ()

@@ -91,6 +91,7 @@ def test_exponents_of_a_mode_held_for_good():
     assert mi.lyapunov(joined()).kind == "periodic"
 
 
+@pytest.mark.slow
 def test_units_and_pickles_keep_what_holds():
     small = joined(
         initial=mi.State(x=5e-7, z=5e-7, mode="joined"),

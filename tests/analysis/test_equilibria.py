@@ -77,6 +77,7 @@ def test_a_guess_leads_to_the_nearest():
     assert abs(found.state.angle - math.pi) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("s", "b"), [(10.0, 8.0 / 3.0), pytest.param(16.0, 4.0, marks=pytest.mark.slow)]
 )

@@ -203,6 +203,7 @@ def test_a_map_that_jumps_where_a_turn_ends():
     assert spectrum.exponents == pytest.approx([GOLDEN, -GOLDEN], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_body_without_forces_between_two_walls():
     """Both exponents are zero, to which they come with log(t)/t: the error says so."""
     spectrum = mi.lyapunov(free(), transient=0.0, duration=170.0, options=PLAIN)

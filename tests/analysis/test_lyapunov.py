@@ -269,7 +269,8 @@ def test_chaos_against_two_neighbouring_runs():
     assert abs(spectrum.per_period[0] - exponent) < 3.0 * math.hypot(error, told)
 
 
-@pytest.mark.parametrize("engine", ["compiled", "interpreted"])
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
 def test_perturbations_of_a_body_that_a_stopper_holds_vanish(engine):
     pressed = mi.System(
         states=("x", "v"),

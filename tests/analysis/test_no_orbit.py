@@ -148,6 +148,7 @@ def test_what_drifts_is_reported_in_the_units_of_the_system():
         mi.find_orbit(system, periods=1, options=PLAIN)
 
 
+@pytest.mark.slow
 def test_two_bodies_that_drift_together():
     """Mean speed: the load by the sum of both dampings."""
     rate = 0.3 / 0.7 * 2.0 * math.pi

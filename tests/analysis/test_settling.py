@@ -74,6 +74,7 @@ def test_two_frequencies_have_an_error_and_are_not_unsettled():
     assert abs(row.limit - 1.0 - circle) <= row.error + 2e-3 * abs(row.limit)
 
 
+@pytest.mark.slow
 def test_chaos_has_an_error_that_longer_runs_confirm():
     system = campaign._duffing().changed(d=0.3, f=0.5)
     run = mi.simulate(system, 400)

@@ -92,6 +92,7 @@ def well(mode, t, y, p):
     return y.v, y.x - y.x**3 - 0.3 * y.v + p.A * math.cos(t)
 
 
+@pytest.mark.slow
 def test_the_partner_of_an_orbit_in_a_well():
     system = mi.System(states=("x", "v"), flow=well, period=2.0 * math.pi, parameters={"A": 0.1})
     right = mi.find_orbit(system, guess={"x": 1.0}, transient=50, options=INTERPRETED)

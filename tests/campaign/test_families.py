@@ -249,6 +249,7 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
     )
 
 
+@pytest.mark.slow
 def test_frictions_side_by_side_break_away_together():
     """Of two between a body and the ground none slides where the other sticks, in any order."""
     assert contacts.check(1, 2657).story == ""
@@ -320,6 +321,7 @@ def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
     """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.

@@ -23,6 +23,7 @@ def test_closing_is_that_of_python(cli, tmp_path):
     assert written["impact speed [m/s]"].iloc[0] == pytest.approx(found.impact_speed)
 
 
+@pytest.mark.slow
 def test_a_contact_that_does_not_close(cli):
     done = cli("closing", "abdulrahim2016", "--amplitude", "60")
     assert done.status == 1

@@ -158,6 +158,7 @@ def test_a_chaotic_run_is_no_failure(cli):
     assert "beyond, the motion is too sensitive" in done.out
 
 
+@pytest.mark.slow
 def test_a_run_that_does_not_agree_fails(cli, tmp_path, monkeypatch):
     simulate = mi.simulate
 

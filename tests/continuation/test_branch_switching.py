@@ -68,6 +68,7 @@ def test_one_side_that_folds_back_and_one_that_does_not():
     assert other.special_points[0].value == pytest.approx(0.25, abs=1e-12)  # a = x - x^2
 
 
+@pytest.mark.slow
 def test_the_pitchfork_of_the_lorenz_system():
     def lorenz(mode, t, y, p):
         return 10.0 * (y.y - y.x), y.x * (p.a - y.z) - y.y, y.x * y.y - 8.0 / 3.0 * y.z
@@ -83,6 +84,7 @@ def test_the_pitchfork_of_the_lorenz_system():
     assert np.allclose(x**2, 8.0 / 3.0 * (r - 1.0), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_where_the_branching_equation_is_degenerate():
     """Four lines through one point: the equations have no second derivatives there."""
 

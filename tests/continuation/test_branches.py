@@ -109,6 +109,7 @@ def test_branches_in_other_parameters(parameter, low, high):
         np.testing.assert_allclose(last.state[2:], again.state[2:], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
     fold = next(s for s in branch.special_points if s.kind == "fold")
@@ -320,6 +321,7 @@ def test_unknown_parameter_is_named():
         follow(silent_orbit(0.16, 0.5), "voltage", low=0.1, high=0.3)
 
 
+@pytest.mark.slow
 def test_a_bound_far_beyond_the_orbits_ends_by_name():
     """Towards pull-in the free block has no orbit; whatever happens, it is said."""
     start, steps = silent_orbit(0.16, 0.485), StepControl(max_points=40, max_step=0.2)

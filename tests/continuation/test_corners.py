@@ -62,6 +62,7 @@ def test_a_smooth_transition_is_not():
     assert warned(smooth) == []
 
 
+@pytest.mark.slow
 def test_a_branch_whose_perturbations_exceed_all_digits_says_so():
     """Multipliers exp(5 T) and exp(-T)."""
 

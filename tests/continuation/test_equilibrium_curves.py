@@ -170,6 +170,7 @@ VALVE = mi.System(
 )
 
 
+@pytest.mark.slow
 def test_hopf_curve_of_a_relief_valve():
     """The characteristic polynomial gives the curve (Hos and Champneys, Physica D 241, 2012)."""
     hopf = special_point(VALVE, {"x": 2.5, "p": 12.5}, "q", 5.0, "H")
@@ -235,6 +236,7 @@ SLIDING = mi.System(
 )
 
 
+@pytest.mark.slow
 def test_hopf_points_of_pseudo_equilibria():
     """Where the state slides, the equivalent control is x/2: trace m + b/2, determinant 1 + m b/2.
 

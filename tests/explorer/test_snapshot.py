@@ -163,6 +163,7 @@ def test_the_diagram_is_a_sweep_over_the_slider():
     assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_special_points_of_a_diagram_are_those_of_the_branch():
     request = DiagramRequest(setting=first_setting(zhao()), points=5)
     diagram = diagram_of(zhao(), request, slider_spec(zhao(), "amplitude"))

@@ -477,6 +477,7 @@ class Unit:
         return [self.own.getFloat64([self.references[name]])[0] for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 def test_a_switch_at_a_communication_point_of_a_unit_with_inputs(tmp_path):
     system = switched()
@@ -629,6 +630,7 @@ def test_the_time_is_that_of_the_importer(tmp_path, kind, inputs):
         assert (result["q"][-1], result["s"][-1]) == pytest.approx(ends, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 def test_a_guard_waits_in_a_system_without_parameters(tmp_path):
     """Below its margin from the start of its mode on, which rises."""

@@ -70,6 +70,7 @@ def test_time_does_not_lose_digits():
     assert counts.max() <= 2
 
 
+@pytest.mark.slow
 def test_a_forced_motion_is_steady_for_ever():
     """With damping nothing accumulates: the state after 10,000 periods is that of the first."""
     omega = 0.8

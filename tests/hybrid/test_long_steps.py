@@ -70,6 +70,7 @@ def test_all_closest_approaches_are_recorded(method):
     assert len(approaches) == round((1000.0 - math.pi / 2) // (2.0 * math.pi)) + 1
 
 
+@pytest.mark.slow
 def test_a_slow_capacitor_reaches_its_relay():
     def charge(mode, t, y, p):
         return ((p.volts - y.u) / p.tau,)

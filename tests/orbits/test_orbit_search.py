@@ -107,6 +107,7 @@ def test_unstable_orbit_inside_a_chaotic_attractor():
 # Rest and chatter.
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("amplitude", "omega", "e"), [(1.5, 1.0, 0.5), (1.5, 1.0, 0.3), (1.5, 2.0, 0.5)], ids=str
 )

@@ -308,6 +308,7 @@ def cooled(mode, t, y, p):
     return (1.0 - y.T - (0.5 if mode.valve == 1 else 0.0),)
 
 
+@pytest.mark.slow
 def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
     resting = mi.System(
         states=("x", "v"),

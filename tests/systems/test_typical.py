@@ -80,6 +80,7 @@ def same_tables(one, other):
         pd.testing.assert_series_equal(wanted, other[name], check_exact=True)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", ["dop853", "adams", pytest.param("bdf", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "arrays",
@@ -255,6 +256,7 @@ def relief(unit_of_time, unit_of_length, unit_of_pressure, **changes):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_valve_at_250_hertz_in_si_that_slides_sticks_and_stops():
     one = mi.simulate(relief(1.0, 1.0, 1.0), 6, options=PLAIN)
     second, metre, pascal = 1.0 / 250.0 / 8.0, 1e-4, 2e4

@@ -83,6 +83,7 @@ def test_a_bifurcation_diagram():
     assert list(full.special_table)[-1] == "branch"
 
 
+@pytest.mark.slow
 def test_a_bifurcation_diagram_without_branches(orbit):
     full = mi.bifurcation_diagram(
         orbit.system, "A", (0.1, 0.25), values=2, starts=0, recurrence=SHORT, options=FAST, depth=0

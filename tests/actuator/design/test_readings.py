@@ -110,6 +110,7 @@ def test_ring_down_in_closed_form():
     assert found.table["t"].iloc[0] == pytest.approx(2.0 * math.pi / root, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_ring_down_between_stoppers_that_yield():
     device = ZHAO.adding(mi.CompliantStopper(stiffness=1e4, damping=0.3))
     found = mi.ring_down(device, DRIVE, options=FINE)

@@ -70,6 +70,7 @@ def test_values(found, tmp_path):
     assert "width [s]" in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_damping_and_flanks():
     """The largest impact speed vanishes with damping, and with flanks of 2 us."""
     bounds = {"width": ("5 us", "20 us"), "pause": ("2 us", "20 us")}

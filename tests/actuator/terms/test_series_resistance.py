@@ -166,6 +166,7 @@ def limited_arc(resistance, limit, parasitic, volts, span, y, stops=()):
         sign = 0.0 if sign else math.copysign(1.0, demand(t, y))
 
 
+@pytest.mark.slow
 def test_orbit_with_a_limited_current_is_that_of_scipy():
     omega, turn = 0.9, 2.0 * math.pi / 0.9
     term = mi.SeriesResistance(resistance=0.4, parasitic_capacitance=0.2, current_limit=0.25)

@@ -204,6 +204,7 @@ modes = 2
 """
 
 
+@pytest.mark.slow
 def test_a_device_in_si_and_its_dimensionless_form_are_one(tmp_path):
     path = tmp_path / "device.toml"
     path.write_text(SI)
