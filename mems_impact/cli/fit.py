@@ -40,7 +40,7 @@ TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
     "'pull-in voltage' [V], 'resonance' [rad/s]; '1.2 kHz' is a resonance, too. May be repeated.",
 )  # fmt: skip
 @click.option(
-    "--over", multiple=True, required=True, metavar="NAME",
+    "--free", multiple=True, required=True, metavar="NAME",
     help="A parameter of the device to fit, such as k or stiffness. May be repeated.",
 )  # fmt: skip
 @ranges_option(
@@ -60,7 +60,7 @@ def command(
     device: str,
     changes: dict[str, float],
     targets: tuple[str, ...],
-    over: tuple[str, ...],
+    free: tuple[str, ...],
     bounds: dict[str, tuple[float, float]],
     transient: int,
     periods: int,
@@ -72,7 +72,7 @@ def command(
 
     \b
     Example:
-      mems-impact fit mita2003 --over k --amplitude 100 --frequency 1 \\
+      mems-impact fit mita2003 --free k --amplitude 100 --frequency 1 \\
         --target "displacement per blow=15e-9+-1e-9"
 
     \b
@@ -100,7 +100,7 @@ def command(
         result = mi.fit(
             actuator,
             measured,
-            over,
+            free,
             bounds=bounds,
             transient=transient,
             periods=periods,
@@ -115,7 +115,7 @@ def command(
             show(filled(f"{result.verdict}: {result.note}") + "\n")
         show_table("parameters", result.parameters, digits=6)
         show_table("residuals", result.residuals, digits=6)
-        names = map(parameter_named, over)
+        names = map(parameter_named, free)
         fitted = {**changes, **{name: getattr(result.actuator, name) for name in names}}
         device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {device_options}\n")

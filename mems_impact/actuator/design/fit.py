@@ -237,7 +237,7 @@ class Fit(SummaryRepr):
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
-    >>> found = mi.fit(mita, [pull_in], over=["k"])
+    >>> found = mi.fit(mita, [pull_in], free=["k"])
     >>> found.converged, found.misfit < 1e-6
     (True, True)
     """
@@ -266,7 +266,7 @@ class Fit(SummaryRepr):
 def fit(
     actuator: Actuator,
     targets: Sequence[Target],
-    over: Sequence[str],
+    free: Sequence[str],
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     transient: int = 2,
@@ -284,7 +284,7 @@ def fit(
     actuator : Actuator
         Start of the search; parameters that are not free keep their values.
     targets : sequence of Target
-    over : sequence of str
+    free : sequence of str
         Names of the parameters to fit, whose values are above 0: ``"k"``, or ``"stiffness"`` as in
         a data sheet.
     bounds : mapping of str to tuple of float, optional
@@ -322,13 +322,13 @@ def fit(
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
-    >>> found = mi.fit(mita, [pull_in], over=["k"])
+    >>> found = mi.fit(mita, [pull_in], free=["k"])
     >>> found.verdict, round(found.actuator.k, 3)
     ('good', 5.857)
     """
     from scipy.optimize import least_squares
 
-    free = _checked_free(actuator, over)
+    free = _checked_free(actuator, free)
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
     for target in targets:
@@ -468,14 +468,14 @@ def fit(
 
 def _checked_free(actuator: Actuator, free: Sequence[str]) -> list[str]:
     names = [free] if isinstance(free, str) else list(free)
-    names = [parameter_named(name, "over") if isinstance(name, str) else name for name in names]
+    names = [parameter_named(name, "free") if isinstance(name, str) else name for name in names]
     for name in names:
         if name not in PARAMETER_NAMES:
-            raise InvalidParameter("over", name, f"one of {', '.join(PARAMETER_NAMES)}")
+            raise InvalidParameter("free", name, f"one of {', '.join(PARAMETER_NAMES)}")
         if getattr(actuator, name) <= 0.0:
             raise InvalidParameter(name, getattr(actuator, name), "> 0 to be fitted")
     if not names or len(set(names)) != len(names):
-        raise InvalidParameter("over", free, "one or more different names of parameters")
+        raise InvalidParameter("free", free, "one or more different names of parameters")
     return names
 
 
