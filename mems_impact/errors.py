@@ -137,6 +137,13 @@ class InvalidParameter(MemsImpactError, ValueError):
             message += f" [in {label(self.source)}]"
         super().__init__(message)
 
+    def renamed(self, field: str) -> InvalidParameter:
+        """Return the same error for a parameter of another name."""
+        error = InvalidParameter(field, self.value, self.allowed, self.source, problem=self.problem)
+        for note in getattr(self, "__notes__", ()):
+            error.add_note(note)
+        return error
+
     def located(self, source: str | PathLike[str] = "", *, owner: str = "") -> InvalidParameter:
         """Return the same error for a parameter of `owner` and a value from the file `source`."""
         field = f"{owner}.{self.field}" if owner else self.field
@@ -469,9 +476,7 @@ class WorkersLost(MemsImpactError, RuntimeError):
         self.reason, self.remedy = " ".join(reason.split()).rstrip("."), remedy
         self.after = after
         self.partial: Any = partial
-        super().__init__(
-            f"the workers died after {after}, which are in .partial ({self.reason}); {remedy}"
-        )
+        super().__init__(f"the workers died after {after} ({self.reason}); {remedy}")
 
 
 class OrbitError(MemsImpactError, RuntimeError):

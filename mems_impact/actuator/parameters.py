@@ -150,16 +150,16 @@ class Actuator(Checked):
             if self.units == "dimensionless":
                 term.check_without_units()
             for other in self.terms[:i]:
-                names = f"{type(other).__name__} and {type(term).__name__}"
+                names = f"{other.name()} and {term.name()}"
                 if term.name() == other.name():
-                    problem = f"{names} have the same class; give one of them"
+                    problem = f"{term.name()} is given twice; give one of them"
                 elif shared := [
                     rule for rule in term.replaced_rules if rule in other.replaced_rules
                 ]:
                     problem = f"{names} both determine the {shared[0]}; give one of them"
                 else:
                     continue
-                raise InvalidParameter("terms", self.terms, "", problem=problem)
+                raise InvalidParameter("terms", None, "", problem=problem)
         return self
 
     @model_validator(mode="after")

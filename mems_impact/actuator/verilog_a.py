@@ -441,12 +441,12 @@ def electrode_states(layout: Layout, side: Side) -> list[ModuleState]:
 def layout_of(actuator: Actuator, electrodes: int) -> Layout:
     """Return the layout; refuse terms without a Verilog-A form by name."""
     kinds = {type(term) for term in actuator.terms}
-    missing = [kind.__name__ for kind in SMOOTH_TERMS if kind not in kinds]
+    missing = [kind.name() for kind in SMOOTH_TERMS if kind not in kinds]
     if missing:
         names = ", ".join(term.name() for term in actuator.terms)
         problem = (
             f"without {' and '.join(missing)} a device has events, and these no Verilog-A form; "
-            "add these terms, or export an FMU by to_fmu"
+            "add these terms, or export an FMU"
         )
         raise InvalidParameter("terms", names or None, "", problem=problem)
     refuse([term.name() for term in actuator.terms if type(term) not in TERM_CODES])
@@ -750,10 +750,7 @@ MEANINGS = {
 def verilog_a(actuator: Actuator, name: str, electrodes: int = 1) -> str:
     """Return the module of a device."""
     if actuator.units != "SI":
-        problem = (
-            "the ports of a circuit are in V, A, m and N; export a device in SI, such as "
-            "actuator.to_si(scales)"
-        )
+        problem = "the ports of a circuit are in V, A, m and N; export a device in SI"
         raise InvalidParameter("units", actuator.units, "", problem=problem)
     if isinstance(electrodes, bool) or electrodes not in (1, 2):
         raise InvalidParameter("electrodes", electrodes, "1, or 2 with the left electrode")

@@ -69,18 +69,19 @@ class RecurrenceOptions:
 
     Parameters
     ----------
-    transient, periods : int
-        Forcing periods in which a motion may become periodic, and further periods over which a
-        motion that has not is measured. For an autonomous system in its ``time_scale`` (1 by
-        default).
+    transient : int
+        Forcing periods within which a motion may become periodic. For an autonomous system in its
+        ``time_scale`` (1 by default), as `periods`.
+    periods : int
+        Forcing periods over which a motion that has not become periodic is then measured.
     longest : int
         Longest period in returns: the largest n of a period-n motion. A motion that the exponent
         does not classify is followed once more with four times as many.
     tolerance : float
         Relative tolerance for recognizing a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
-        Motions for which the largest Lyapunov exponent is computed. The exponent classifies a
-        motion that has not repeated itself as chaotic or quasi-periodic.
+        Motions whose largest Lyapunov exponent is computed, which classifies a motion that has not
+        repeated itself as chaotic or quasi-periodic.
     chaos_persistence : float
         Multiple (>= 1) of `transient` + `periods` after which a motion must still be chaotic to
         count as chaotic. A motion whose exponent has no sign yet is followed for as long.

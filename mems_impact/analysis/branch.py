@@ -259,7 +259,7 @@ def continue_orbit(
     parameter: str,
     stop: float,
     *,
-    back: float | None = None,
+    back: float | str | None = None,
     steps: StepControl = BRANCH_STEPS,
     through_grazing: bool = True,
     events: Events | None = None,
@@ -739,7 +739,7 @@ def _ends(system: HybridSystem, parameter: str, stop: Any, back: Any) -> tuple[A
 
 
 def check_bounds(
-    system: HybridSystem, parameter: str, stop: float, back: float | None
+    system: HybridSystem, parameter: str, stop: float, back: Any
 ) -> tuple[float, float]:
     """Return the bounds of continuation; InvalidParameter if they leave no interval."""
     system.check_continued(parameter)

@@ -490,7 +490,7 @@ def find_orbit(
     periods: int | None = None,
     period: float | None = None,
     transient: float = 0,
-    options: Options | None = None,
+    options: Options = ORBIT_OPTIONS,
 ) -> Orbit:
     """Find a periodic orbit near a state.
 
@@ -562,9 +562,9 @@ def find_orbit(
         refusal = "the system has no forcing period to count"
         raise InvalidParameter("periods", periods, "", problem=refusal)
     if system.forced and period is not None:
-        refusal = "an orbit of this system closes after whole forcing periods: give periods="
+        refusal = "an orbit of this system closes after whole forcing periods: give periods"
         raise InvalidParameter("period", period, "", problem=refusal)
-    chosen = ORBIT_OPTIONS if options is None else options
+    chosen = options
     problem = system.problem(chosen)
     start = system.hybrid_state(guess, problem, field="guess")
     check_start_side(system, problem, start)
@@ -611,8 +611,7 @@ def find_orbit(
     if not orbit.admissible:
         raise OrbitError(
             f"the converged solution is inadmissible: {'; '.join(orbit.defects[:DEFECTS])}",
-            "give a longer transient=, or a guess with the events of an orbit; "
-            "the solution is in .partial",
+            "give a longer transient, or a guess with the events of an orbit",
             orbit,
         )
     if not system.is_scaled:

@@ -79,7 +79,7 @@ def simulate(
     system: HybridSystem,
     periods: float | None = None,
     *,
-    duration: float | None = None,
+    duration: float | str | None = None,
     until: Callable[..., float] | Literal["still"] | None = None,
     initial: State | Mapping[str, float] | None = None,
     start: float | None = None,
@@ -256,7 +256,7 @@ def simulate(
 def _length(
     system: HybridSystem,
     periods: float | None,
-    duration: float | None,
+    duration: Any,
     until: Any,
     period: float,
 ) -> float:
@@ -272,10 +272,10 @@ def _length(
     if system.forced:
         return float(DEFAULT_PERIODS_FORCED if periods is None else periods)
     if periods is not None:
-        problem = "the system has no forcing period: give duration="
+        problem = "the system has no forcing period: give the duration"
         raise InvalidParameter("periods", periods, "", problem=problem)
     if until is None:
-        problem = "the system has no forcing period: give duration= or until="
+        problem = "the system has no forcing period: give the duration"
         raise InvalidParameter("duration", None, "", problem=problem)
     return float(DEFAULT_TIME_SCALES)
 

@@ -8,36 +8,27 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.options import (
-    QuantityType,
-    actuator_from,
-    device_options,
-    orbit_integrator_options,
-    output_options,
-    periods_option,
-    progress_option,
-    range_options,
-    workers_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for
+from mems_impact.cli.options import actuator_from, device_options, output_options
 from mems_impact.cli.output import Output, show_table
 from mems_impact.cli.runtime import warn, write_message
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import QuantityType
 
 if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
 
+CRISES = 7  # default of `operating_chart`
 MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 
+FUNCTION = "mems_impact.actuator.design.operating_chart:operating_chart"
 
-@click.command(short_help="Chart the switching voltages over the frequency.")
+
+@click.command(cls=Command, short_help="Chart the switching voltages over the frequency.")
 @device_options
-@range_options(
-    "Lowest frequency [Hz]; omega of a dimensionless device.",
-    "Highest frequency.",
-    defaults=("0.88 of half the resonance, or of the resonance with a bias", "1.02 of the same"),
-)
+@function_options(FUNCTION)
 @click.option(
     "--bias",
     type=QuantityType("V"),
@@ -45,32 +36,9 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
     show_default=True,
     help="Constant part of the voltage [V].",
 )
-@click.option(
-    "--crises",
-    type=int,
-    default=7,
-    show_default=True,
-    help="Number of frequencies at which a crisis is simulated, or, without types, all voltages "
-    "are found.",
-)
-@periods_option("Forcing periods for which an attractor must persist there.", 2000)
-@orbit_integrator_options
-@workers_option("Number of threads.", show_default="one per crisis, at most 4")
-@progress_option
 @output_options
 def command(
-    *,
-    device: str,
-    changes: dict[str, float],
-    start: float | None,
-    stop: float | None,
-    bias: float,
-    crises: int,
-    periods: int,
-    options: Options,
-    workers: int | None,
-    progress: bool,
-    output: Callable[[str], Output],
+    *, device: str, changes: dict[str, float], bias: float, output: Callable[[str], Output]
 ) -> None:
     """Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
 
@@ -88,21 +56,15 @@ def command(
     import mems_impact as mi
 
     actuator = actuator_from(device, changes)
-    in_units = actuator.scales.named
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
+    arguments = arguments_for(FUNCTION)
+    if arguments["progress"]:
+        arguments["progress"] = write_message
+    if actuator.scales.named and "omega" not in arguments:
+        arguments.setdefault("frequency", (None, None))
     with output("chart") as files:
         try:
-            chart = mi.operating_chart(
-                actuator,
-                drive,
-                omega=None if in_units else (start, stop),
-                frequency=(start, stop) if in_units else None,
-                crises=crises,
-                periods=periods,
-                options=options,
-                workers=workers,
-                progress=write_message if progress else False,
-            )
+            chart = mi.operating_chart(actuator, drive, **arguments)
         except mi.Interrupted as interruption:
             if interruption.partial.pieces:
                 files.tables(_tables(interruption.partial))
@@ -111,7 +73,11 @@ def command(
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
             warn(note)
-        show_table("voltages", _voltages(chart, crises), digits=6)
+        show_table(
+            "voltages",
+            _voltages(chart, arguments.get("columns", arguments.get("crises", CRISES))),
+            digits=6,
+        )
         show_table("types", chart.types, digits=9)
         show_table("points", chart.special_table, digits=12)
         files.show()

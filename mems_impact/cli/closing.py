@@ -8,46 +8,30 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for
 from mems_impact.cli.options import (
-    Initial,
-    QuantityType,
     actuator_from,
     device_options,
     drive_from,
-    initial_option,
-    integrator_options,
     output_options,
-    state_from,
     step_options,
 )
 from mems_impact.cli.output import Output, OutputValue, show, show_table, show_values
 from mems_impact.cli.runtime import FAILED, write_message
-from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
 FIRST_ROWS = 6
 
+FUNCTION = "mems_impact.actuator.design.closing:closing"
 
-@click.command(short_help="Compute closing time and bounces of a contact.")
+
+@click.command(cls=Command, short_help="Compute closing time and bounces of a contact.")
 @device_options
+@function_options(FUNCTION)
 @step_options
-@click.option(
-    "--duration",
-    type=QuantityType("s"),
-    show_default="until the contact stays closed",
-    help="Length of the run [s].",
-)
-@initial_option
-@click.option(
-    "--smallest-bounce",
-    type=float,
-    default=0.01,
-    show_default=True,
-    help="Least height of a bounce that counts, relative to the travel.",
-)
-@integrator_options
 @output_options
 @click.pass_context
 def command(
@@ -55,10 +39,6 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    duration: float | None,
-    initial: Initial,
-    smallest_bounce: float,
-    options: Options,
     output: Callable[[str], Output],
 ) -> None:
     """Compute closing time, bounces, impact speeds and settling of the contact of DEVICE.
@@ -75,15 +55,9 @@ def command(
 
     actuator = actuator_from(device, changes)
     drive = drive_from(default_kind="voltage-step")
+    arguments = arguments_for(FUNCTION, actuator)
     with output("closing") as files:
-        closing = mi.closing(
-            actuator,
-            drive,
-            duration=duration,
-            initial=state_from(initial, actuator),
-            smallest_bounce=smallest_bounce,
-            options=options,
-        )
+        closing = mi.closing(actuator, drive, **arguments)
         files.tables({"impacts": closing.table})
         files.draw(lambda: mi.plot_closing(closing)[0].figure)
         show_closing(closing)

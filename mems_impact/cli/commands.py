@@ -15,8 +15,10 @@ from typing import Any
 
 import click
 
+from mems_impact.cli.arguments import option_of_field
 from mems_impact.cli.output import finish
 from mems_impact.cli.runtime import (
+    FROM_FILE,
     PROGRAM,
     STORE,
     past_click,
@@ -24,8 +26,7 @@ from mems_impact.cli.runtime import (
     show_warnings_briefly,
     with_options,
 )
-from mems_impact.cli.wording import shell_wording
-from mems_impact.errors import MemsImpactError
+from mems_impact.errors import InvalidParameter
 
 __all__ = ["COMMAND_NAMES", "main_group", "run"]
 
@@ -90,10 +91,11 @@ class _Commands(click.Group):
                 if store is not None and Path(store).exists():
                     error.add_note(f"the same command resumes from {store}")
                 raise
-            except MemsImpactError as error:
+            except InvalidParameter as error:
                 command = self.get_command(ctx, ctx.invoked_subcommand or "")
-                error.args = (shell_wording(str(error), command),)
-                raise
+                if command is None or ctx.meta.get(FROM_FILE) or error.source is not None:
+                    raise
+                raise error.renamed(option_of_field(command, error.field)) from None
             finish(ctx)
             return result
 

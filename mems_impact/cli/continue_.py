@@ -7,115 +7,58 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.options import (
-    Initial,
-    QuantityType,
-    actuator_from,
-    device_options,
-    drive_from,
-    drive_options,
-    guess_options,
-    orbit_integrator_options,
-    output_options,
-    parameter_option,
-    progress_option,
-    range_options,
-    refuse_system,
-    state_from,
-    symbol_of,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, device_system
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, filled, show, unit_of
 from mems_impact.cli.runtime import warn
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import RangeType
 
 if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
 
+ORBIT = "mems_impact.studies.engine.config:orbit_from"
+BRANCH = "mems_impact.analysis.branch:continue_orbit"
 
-@click.command(short_help="Continue a periodic orbit over a parameter.")
+
+@click.command(cls=Command, short_help="Continue a periodic orbit over a parameter.")
 @device_options
-@parameter_option
-@range_options(
-    "Value at which the orbit is found, in the parameter's unit.", "Value at which the branch ends."
-)
-@click.option(
-    "--back",
-    type=QuantityType(),
-    show_default="that of --start",
-    help="Opposite bound, used if the branch folds back, in the parameter's unit.",
-)
-@drive_options
-@guess_options
-@click.option(
-    "--through-grazing/--past-grazing",
-    default=True,
-    show_default=True,
-    help="At a grazing, continue with one impact more or less, or continue past it with "
-    "inadmissible orbits.",
-)
-@click.option(
-    "--stop-at",
-    multiple=True,
-    metavar="LABEL",
-    help="End the branch at its first special point with this label, such as G; repeatable.",
-)
+@click.argument("axis", metavar="NAME=START:STOP", type=RangeType(ends="START:STOP"))
+@function_options(ORBIT)
+@function_options(BRANCH, omit=("parameter", "stop"))
 @click.option("--doubled", is_flag=True, help="Also continue the period-doubled orbits.")
-@orbit_integrator_options
-@progress_option
+@drive_options
 @output_options
 def command(
     *,
     device: str,
     changes: dict[str, float],
-    parameter: str,
-    start: float,
-    stop: float,
-    back: float | None,
-    initial: Initial,
-    transient: float,
-    periods: int | None,
-    through_grazing: bool,
-    stop_at: tuple[str, ...],
+    axis: tuple[str, float, float],
     doubled: bool,
-    options: Options,
-    progress: bool,
     output: Callable[[str], Output],
 ) -> None:
     """Continue a periodic orbit of DEVICE, stable or unstable, over a parameter.
 
     \b
     Example:
-      mems-impact continue zhao2004 --parameter amplitude --start 0.24 \\
-        --stop 0.16 --omega 0.5
+      mems-impact continue zhao2004 amplitude=0.24:0.16 --omega 0.5
 
     A run from the initial state leads to the first orbit. The command shows the grazings (G),
     cyclic folds (CF) and period doublings (PD) on the branch, and writes branch and special points
     as CSV tables and a bifurcation diagram.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.studies.engine.config import orbit_from
 
-    refuse_system(device)
-    parameter = symbol_of(parameter)
-    drive = drive_from({parameter: start})
-    if parameter not in drive.names:
-        changes = {**changes, parameter: start}
-    actuator = actuator_from(device, changes)
-    guess = state_from(initial, actuator)
+    parameter, start, stop = axis
+    system = device_system(device, changes, {parameter: start})
+    of_orbit = arguments_for(ORBIT, system)
+    arguments = arguments_for(BRANCH, system)
     with output("continue") as files:
-        orbit = mi.find_orbit(
-            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-        )
-        branch = mi.continue_orbit(
-            orbit,
-            parameter,
-            stop,
-            back=back,
-            through_grazing=through_grazing,
-            stop_at=stop_at,
-            progress=progress,
-        )
+        orbit = orbit_from(system, **of_orbit)
+        branch = mi.continue_orbit(orbit, parameter, stop, **arguments)
         files.tables(_tables(branch))
         branches = [branch]
         unit = unit_of(branch.table, branch.table.columns[0])
@@ -123,7 +66,7 @@ def command(
             for special in branch.special_points:
                 if special.label == "PD":
                     try:
-                        part = mi.switch_branch(special, progress=progress)
+                        part = mi.switch_branch(special, progress=arguments["progress"])
                     except mi.OrbitError as error:
                         warn(f"period doubling at {special.value:.9g}{unit}: {error}")
                         continue

@@ -7,21 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.inputs import load_subject
-from mems_impact.cli.options import (
-    Initial,
-    QuantityType,
-    device_options,
-    drive_options,
-    initial_option,
-    orbit_integrator_options,
-    output_options,
-    progress_option,
-    store_option,
-    symbol_of,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, load_subject
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import RangeType
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,69 +20,31 @@ if TYPE_CHECKING:
 
 SHOWN_SPECIAL_POINTS = 10
 
+FUNCTION = "mems_impact.studies.bifurcation_diagram:bifurcation_diagram"
 
-@click.command(short_help="Compute a bifurcation diagram.")
+
+@click.command(cls=Command, short_help="Compute a bifurcation diagram.")
 @device_options
-@click.argument("parameter")
-@click.argument("low", type=QuantityType())
-@click.argument("high", type=QuantityType())
+@click.argument("axis", metavar="NAME=LOW:HIGH", type=RangeType())
+@function_options(
+    FUNCTION,
+    omit=("parameter", "bounds", "recurrence"),
+)
 @drive_options
-@initial_option
-@click.option(
-    "--depth",
-    type=click.IntRange(0),
-    default=4,
-    show_default=True,
-    help="Number of successive switches to emanating branches.",
-)
-@click.option(
-    "--points",
-    type=click.IntRange(2, 100_000),
-    default=61,
-    show_default=True,
-    help="Number of values at which attractors are sought.",
-)
-@click.option(
-    "--starts",
-    type=click.IntRange(0, 100_000),
-    default=4,
-    show_default=True,
-    help="Number of initial states at each value, besides the default ones.",
-)
-@click.option(
-    "--longest",
-    type=click.IntRange(1),
-    default=16,
-    show_default=True,
-    help="Longest period of a branch, in forcing periods.",
-)
-@store_option("FILE", "File in which finished branches are kept; the same command resumes from it.")
-@orbit_integrator_options
-@progress_option
 @output_options
 def command(
     *,
     device: str,
     changes: dict[str, float],
-    parameter: str,
-    low: float,
-    high: float,
-    initial: Initial,
-    depth: int,
-    points: int,
-    starts: int,
-    longest: int,
-    store: str | None,
-    options: Options,
-    progress: bool,
+    axis: tuple[str, float, float],
     output: Callable[[str], Output],
 ) -> None:
-    """Compute the bifurcation diagram of DEVICE over PARAMETER from LOW to HIGH.
+    """Compute the bifurcation diagram of DEVICE over a parameter.
 
     \b
     Examples:
-      mems-impact diagram zhao2004 amplitude 0.16 0.30 --omega 0.5
-      mems-impact diagram system.py:oscillator A 0.1 1.5 --depth 2
+      mems-impact diagram zhao2004 amplitude=0.16:0.30 --omega 0.5
+      mems-impact diagram system.py:oscillator A=0.1:1.5 --depth 2
 
     Runs find the attractors, their orbits are continued both ways, and branches that emanate from
     period doublings, branch points and Hopf points in turn. The command shows the tree of the
@@ -102,26 +54,13 @@ def command(
     A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.system import ActuatorSystem
 
-    system, state = load_subject(device, changes, initial, {parameter: low})
-    if isinstance(system, ActuatorSystem):
-        parameter = symbol_of(parameter)
+    parameter, low, high = axis
+    system = load_subject(device, changes, {parameter: low})
+    arguments = arguments_for(FUNCTION, system)
     with output("diagram") as files:
         try:
-            diagram = mi.bifurcation_diagram(
-                system,
-                parameter,
-                (low, high),
-                depth=depth,
-                values=points,
-                starts=starts,
-                longest=longest,
-                store=store,
-                initial=state,
-                options=options,
-                progress=progress,
-            )
+            diagram = mi.bifurcation_diagram(system, parameter, (low, high), **arguments)
         except mi.Interrupted as interruption:
             if interruption.partial.branches:
                 files.tables(_tables(interruption.partial))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.inputs import refuse_drive
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, refuse_drive
 from mems_impact.cli.options import (
     EQUIVALENT,
     KEY,
@@ -20,25 +21,24 @@ from mems_impact.cli.options import (
     drive_from,
     drive_options,
     drive_source,
-    study_integrator_options,
 )
 from mems_impact.cli.output import OutputValue, add_json_values, show
 from mems_impact.cli.runtime import write_message
-from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.explorer.session import Subject
-    from mems_impact.integrators.options import Options
 
 DEFAULT_DEVICE, DEFAULT_PORT = "zhao2004", 5006
 
+FUNCTION = "mems_impact.explorer.session:subject_of_device"
 
-@click.command(short_help="Explore a device or a system in the browser.")
+
+@click.command(cls=Command, short_help="Explore a device or a system in the browser.")
 @device_argument(default=DEFAULT_DEVICE)
 @changes_option
 @drive_options
-@study_integrator_options
+@function_options(FUNCTION, omit=("name", "drive_source"))
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -53,7 +53,6 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    options: Options,
     port: int,
     browser: bool,
 ) -> None:
@@ -80,7 +79,7 @@ def command(
     from mems_impact.explorer.session import first_setting
     from mems_impact.explorer.snapshot import take_snapshot
 
-    subject = _subject(device, changes, options)
+    subject = _subject(device, changes)
     # This thread receives Ctrl-C while functions are compiled, and reports a failing run at once.
     take_snapshot(subject, first_setting(subject))
 
@@ -93,17 +92,18 @@ def command(
     serve(subject, port, ready)
 
 
-def _subject(device: str, changes: dict[str, float], options: Options) -> Subject:
+def _subject(device: str, changes: dict[str, float]) -> Subject:
     from mems_impact.actuator.system_files import is_system_name
     from mems_impact.explorer.session import subject_of_code, subject_of_device
 
+    arguments = arguments_for(FUNCTION)
     if is_system_name(device) and not Path(device).exists():
         refuse_drive(device)
-        return subject_of_code(device, changes, options)
+        return subject_of_code(device, changes, **arguments)
     actuator = actuator_from(device, changes)
     drive_options = click.get_current_context().meta.setdefault(KEY, {})
     drive = drive_from(_usual(drive_options, actuator))
-    return subject_of_device(device, actuator, drive, drive_source=drive_source(), options=options)
+    return subject_of_device(device, actuator, drive, drive_source=drive_source(), **arguments)
 
 
 def _usual(options: dict[str, Any], actuator: Actuator) -> dict[str, float]:

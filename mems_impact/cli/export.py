@@ -2,51 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 from click.core import ParameterSource
 
-from mems_impact.cli.inputs import load_subject
-from mems_impact.cli.options import (
-    Initial,
-    actuator_from,
-    device_options,
-    drive_options,
-    initial_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, load_subject
+from mems_impact.cli.options import actuator_from, device_options, drive_options
 from mems_impact.cli.output import add_json_files, show
+
+FMU = "mems_impact.systems.base:HybridSystem.to_fmu"
+VERILOG_A = "mems_impact.actuator.parameters:Actuator.to_verilog_a"
 
 
 class Format(NamedTuple):
-    """A format: its name, a function of DEVICE, ``--set``, FILE and the other options, and these.
+    """A format: its name, a function of DEVICE, ``--set`` and FILE, and the options of it alone.
 
-    `options` are taken by this format only; `driven` formats take a drive and a state.
+    `driven` formats take a drive and a state.
     """
 
     name: str
-    write: Callable[[str, dict[str, float], str, Mapping[str, Any]], object]
+    write: Callable[[str, dict[str, float], str], object]
     options: tuple[str, ...]
     driven: bool
 
 
-def _write_fmu(
-    device: str, changes: dict[str, float], file: str, options: Mapping[str, Any]
-) -> None:
-    system, state = load_subject(device, changes, options["initial"])
-    system.to_fmu(file, fmi=options["fmi"], inputs=options["inputs"], initial=state)
+def _write_fmu(device: str, changes: dict[str, float], file: str) -> None:
+    system = load_subject(device, changes)
+    system.to_fmu(file, **arguments_for(FMU, system))
 
 
-def _write_verilog_a(
-    device: str, changes: dict[str, float], file: str, options: Mapping[str, Any]
-) -> None:
-    actuator_from(device, changes).to_verilog_a(file, electrodes=options["electrodes"])
+def _write_verilog_a(device: str, changes: dict[str, float], file: str) -> None:
+    actuator_from(device, changes).to_verilog_a(file, **arguments_for(VERILOG_A))
 
 
 FORMATS = {
-    ".fmu": Format("a functional mock-up unit", _write_fmu, ("fmi", "inputs"), driven=True),
+    ".fmu": Format("a functional mock-up unit", _write_fmu, ("fmi", "input"), driven=True),
     ".va": Format("a Verilog-A module", _write_verilog_a, ("electrodes",), driven=False),
 }
 """Formats by the extension of the file."""
@@ -56,51 +50,21 @@ def _refuse_options(ctx: click.Context, file: str, chosen: Format) -> None:
     """Refuse options of other formats."""
     allowed = {"device", "changes", "file", *chosen.options}
     others = {name for each in FORMATS.values() for name in each.options}
-    for option in ctx.command.params:
+    for option in ctx.command.get_params(ctx):
         name = option.name or ""
         from_command_line = ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
         if from_command_line and name not in allowed and (name in others or not chosen.driven):
             raise click.UsageError(f"{file}: {chosen.name} takes no {option.opts[0]}")
 
 
-@click.command(short_help="Write a device as a model of another tool.")
+@click.command(cls=Command, short_help="Write a device as a model of another tool.")
 @device_options
 @click.argument("file", type=click.Path(dir_okay=False))
+@function_options(FMU, omit=("path", "options"))
+@function_options(VERILOG_A, omit=("path",))
 @drive_options
-@initial_option
-@click.option(
-    "--fmi",
-    type=click.Choice(("2.0", "3.0")),
-    default="3.0",
-    show_default=True,
-    help="Version of the FMI standard.",
-)
-@click.option(
-    "--input",
-    "inputs",
-    multiple=True,
-    metavar="NAME",
-    help="A parameter that becomes an input of the FMU; of a device also voltage, in place of the "
-    "drive. May be repeated.",
-)
-@click.option(
-    "--electrodes",
-    type=click.Choice((1, 2)),
-    default=1,
-    show_default=True,
-    help="2 for a Verilog-A module with a port of the left electrode.",
-)
 @click.pass_context
-def command(
-    ctx: click.Context,
-    /,
-    *,
-    device: str,
-    changes: dict[str, float],
-    file: str,
-    initial: Initial,
-    **options: Any,
-) -> None:
+def command(ctx: click.Context, /, *, device: str, changes: dict[str, float], file: str) -> None:
     """Write DEVICE under a voltage to FILE, whose extension determines the format.
 
     \b
@@ -119,6 +83,6 @@ def command(
         formats = ", ".join(f"{name} ({each.name})" for name, each in FORMATS.items())
         raise click.UsageError(f"{file}: no format has the extension {suffix!r}; known: {formats}")
     _refuse_options(ctx, file, FORMATS[suffix])
-    FORMATS[suffix].write(device, changes, file, {**options, "initial": initial})
+    FORMATS[suffix].write(device, changes, file)
     add_json_files([file])
     show(f"written: {file}, {FORMATS[suffix].name}")

@@ -7,51 +7,36 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact._util.quantities import has_unit
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for
 from mems_impact.cli.options import (
-    Initial,
     actuator_from,
-    assignment,
     device_options,
     directory_option,
     drive_from,
     drive_options,
-    initial_option,
-    integrator_options,
-    periods_option,
-    ranges_option,
-    state_from,
-    transient_option,
 )
 from mems_impact.cli.output import OutputValue, add_json_values, filled, show, show_table
 from mems_impact.cli.runtime import FAILED
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import assignment
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
 TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
 
+FUNCTION = "mems_impact.actuator.design.fit:fit"
 
-@click.command(short_help="Fit parameters of a device to measurements.")
+
+@click.command(cls=Command, short_help="Fit parameters of a device to measurements.")
 @device_options
 @click.option(
     "--target", "targets", multiple=True, required=True, metavar=TARGET,
     help="A measured value, such as 'displacement per blow=20 nm+-5%', 'mean speed' [m/s], "
     "'pull-in voltage' [V], 'resonance' [rad/s]; '1.2 kHz' is a resonance, too. May be repeated.",
 )  # fmt: skip
-@click.option(
-    "--free", multiple=True, required=True, metavar="NAME",
-    help="A parameter of the device to fit, such as k or stiffness. May be repeated.",
-)  # fmt: skip
-@ranges_option(
-    "--bounds", "k=1:10", "Bounds of a fitted parameter.",
-    show_default="a tenth to ten times the value of DEVICE",
-)  # fmt: skip
+@function_options(FUNCTION)
 @drive_options
-@transient_option("Forcing periods discarded in each run.", 2)
-@periods_option("Forcing periods measured after them.", 2)
-@initial_option
-@integrator_options
 @directory_option
 @click.pass_context
 def command(
@@ -60,12 +45,6 @@ def command(
     device: str,
     changes: dict[str, float],
     targets: tuple[str, ...],
-    free: tuple[str, ...],
-    bounds: dict[str, tuple[float, float]],
-    transient: int,
-    periods: int,
-    initial: Initial,
-    options: Options,
     output: str,
 ) -> None:
     """Fit parameters of DEVICE to measurements.
@@ -95,18 +74,10 @@ def command(
     from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
+    arguments = arguments_for(FUNCTION, actuator)
     measured = [_target(text) for text in targets]
     with Output(output, None, True, "fit") as files:
-        result = mi.fit(
-            actuator,
-            measured,
-            free,
-            bounds=bounds,
-            transient=transient,
-            periods=periods,
-            initial=state_from(initial, actuator),
-            options=options,
-        )
+        result = mi.fit(actuator, measured, **arguments)
         files.tables({"parameters": result.parameters, "residuals": result.residuals})
         add_json_values(
             {name: OutputValue(getattr(result, name)) for name in ("verdict", "note", "misfit")}
@@ -115,7 +86,7 @@ def command(
             show(filled(f"{result.verdict}: {result.note}") + "\n")
         show_table("parameters", result.parameters, digits=6)
         show_table("residuals", result.residuals, digits=6)
-        names = map(parameter_named, free)
+        names = map(parameter_named, arguments["free"])
         fitted = {**changes, **{name: getattr(result.actuator, name) for name in names}}
         device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {device_options}\n")

@@ -1,125 +1,126 @@
-"""Inputs of a command: a device, a system, or a study file."""
+"""Inputs of a command: a device, a system, or a study file, and the arguments of a function."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mems_impact.cli.arguments import given_arguments
 from mems_impact.cli.options import (
     KEY,
-    KICKED,
-    Initial,
     actuator_from,
     code_is_allowed,
     drive_from,
     option_of,
     state_from,
 )
-from mems_impact.cli.runtime import STORE, warn
-from mems_impact.cli.wording import FROM_FILE
+from mems_impact.cli.runtime import FROM_FILE, STORE, warn
+from mems_impact.cli.value_types import KICKED, Initial
 
 if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
+    from mems_impact.actuator.system import ActuatorSystem
 
-# --- Study files and options of studies
+# --- Arguments of functions
+
+RUNNING_ARGUMENTS = ("store", "executor", "workers", "progress")
 
 # Options allowed beside a study file; all others describe the study.
 EXCLUSIVE_OPTIONS = (
-    *("device", "drive_allow_code", "store", "executor", "workers"),
-    *("progress", "output", "figure", "no_figure"),
+    *("device", "drive_allow_code", *RUNNING_ARGUMENTS),
+    *("output", "figure", "no_figure"),
 )
 
 
-def from_file(
-    ctx: click.Context, path: str, kind: str, allowed_options: Collection[str] = ()
-) -> tuple[mi.HybridSystem, dict[str, Any]]:
-    """Return system and arguments of a study file of a kind, with `allowed_options` beside it."""
-    import mems_impact as mi
+def arguments_for(path: str, owner: mi.HybridSystem | mi.Actuator | None = None) -> dict[str, Any]:
+    """Return the arguments that the options of the running command give to a function.
 
-    ctx.meta[FROM_FILE] = True
-    allowed = {*EXCLUSIVE_OPTIONS, *allowed_options}
-    for parameter in ctx.command.params:
-        source = ctx.get_parameter_source(parameter.name or "")
-        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
-            option = parameter.opts[0]
-            raise click.UsageError(f"{option}: {path} describes the study; omit the option")
-    study = mi.load(path, allow_code=code_is_allowed())
-    if study.kind != kind:
-        raise click.UsageError(
-            f"{path} describes a study of another kind; run it by mems-impact {study.kind}"
-        )
-    if ctx.meta.get(STORE) is None:
-        ctx.meta[STORE] = study.arguments.get("store")
-    return study.system, study.arguments
+    Parameters
+    ----------
+    path : str
+        The function, ``"package.module:name"``.
+    owner : HybridSystem or Actuator, optional
+        The system or device to which the initial state belongs.
+    """
+    from mems_impact.studies.engine.config import arguments_from
+
+    table = given_arguments(path)
+    initial = table.pop("initial", None)
+    arguments = arguments_from(resolve_name(path), table, Path())
+    _note_store(click.get_current_context(), arguments)
+    if initial is not None and owner is not None:
+        arguments["initial"] = start_from(initial, owner)
+    return arguments
 
 
 def study_of(
     ctx: click.Context,
-    options: Mapping[str, Any],
     kind: str,
-    own_arguments: Callable[[], Mapping[str, Any]],
-    *,
-    varied: Mapping[str, float] | None = None,
-    allowed_options: Collection[str] = (),
+    path: str,
+    options: Mapping[str, Any],
+    own_options: Collection[str] = (),
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
-    """Return system and arguments of the study that the options of a command describe.
+    """Return system and arguments of the study that a file or the options of a command describe.
 
     Parameters
     ----------
     ctx : click.Context
-    options : mapping of str to object
-        `device_options`, `initial_option`, `recurrence_options`, `study_integrator_options` and
-        `study_options`, with their values.
     kind : str
         Kind of the study.
-    own_arguments : callable
-        Returns the arguments specific to this kind; not called for a study file.
-    varied : mapping of str to float, optional
-        Varied parameters and their first values.
-    allowed_options : collection of str, optional
+    path : str
+        The function that runs it, ``"package.module:name"``.
+    options : mapping of str to object
+        Values of DEVICE and ``--set``.
+    own_options : collection of str, optional
         Options of the command that are allowed beside a study file.
     """
     from mems_impact.actuator.parameters import names_in_file
 
-    device, varied = options["device"], varied or {}
+    device = options["device"]
     if "study" in names_in_file(device):
-        system, arguments = from_file(ctx, device, kind, allowed_options)
-    else:
-        # The device may lack the term whose parameter is varied.
-        terms = {name: value for name, value in varied.items() if "." in name}
-        actuator = actuator_from(device, {**terms, **options["changes"]})
-        arguments = {**own_arguments(), **_recurrence_and_integrator(options)}
-        system = actuator.under(drive_from(varied))
-        if options["initial"]:
-            arguments["initial"] = state_from(options["initial"], actuator)
-    add_running(arguments, options)
-    return system, arguments
+        return _from_file(ctx, device, kind, path, {*EXCLUSIVE_OPTIONS, *own_options})
+    axes = map(given_arguments(path, complete=False).get, ("x", "y"))
+    varied = {axis[0]: axis[1] for axis in axes if axis is not None}
+    actuator = _device(device, options["changes"], varied)
+    given_arguments(path)  # before the drive is missed
+    system = actuator.under(drive_from(varied))
+    return system, arguments_for(path, system)
 
 
-def _recurrence_and_integrator(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments from `recurrence_options` and the options of the integrator."""
+def _from_file(
+    ctx: click.Context, file: str, kind: str, path: str, allowed: Collection[str]
+) -> tuple[mi.HybridSystem, dict[str, Any]]:
+    """Return system and arguments of a study file of a kind, with `allowed` options beside it."""
     import mems_impact as mi
-
-    names = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
-    return {
-        "recurrence": mi.RecurrenceOptions(**{name: values[name] for name in names}),
-        "options": values["options"],
-    }
-
-
-def add_running(arguments: dict[str, Any], options: Mapping[str, Any]) -> None:
-    """Add the values of `study_options` to the arguments of a study."""
     from mems_impact.studies.engine.config import executor_named
 
-    for name in ("store", "workers"):
-        if options[name] is not None:
-            arguments[name] = options[name]
-    if options["executor"] is not None:
-        arguments["executor"] = executor_named(options["executor"], arguments.get("workers"))
+    ctx.meta[FROM_FILE] = True
+    for parameter in ctx.command.get_params(ctx):
+        source = ctx.get_parameter_source(parameter.name or "")
+        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
+            option = parameter.opts[0]
+            raise click.UsageError(f"{option}: {file} describes the study; omit the option")
+    study = mi.load(file, allow_code=code_is_allowed())
+    if study.kind != kind:
+        raise click.UsageError(
+            f"{file} describes a study of another kind; run it by mems-impact {study.kind}"
+        )
+    given = given_arguments(path, complete=False)
+    arguments = study.arguments | {n: given[n] for n in RUNNING_ARGUMENTS if n in given}
+    if "executor" in given:
+        arguments["executor"] = executor_named(given["executor"], arguments.get("workers"))
+    _note_store(ctx, arguments)
+    return study.system, arguments
+
+
+def _note_store(ctx: click.Context, arguments: Mapping[str, Any]) -> None:
+    ctx.meta[STORE] = arguments.get("store")
 
 
 def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
@@ -144,45 +145,63 @@ def warn_of_failures(points: pd.DataFrame) -> None:
 # --- Systems
 
 
-def load_subject(
-    name: str,
-    changes: Mapping[str, float],
-    initial: Initial,
-    varied: Mapping[str, float] | None = None,
-) -> tuple[mi.HybridSystem, mi.State | None]:
-    """Return the system of a name or path, and its initial state; None for the default state.
+def device_system(
+    device: str, changes: Mapping[str, float], varied: Mapping[str, float] | None = None
+) -> ActuatorSystem:
+    """Return a device under the drive of the options.
 
     Parameters
     ----------
-    name : str
-        Name of a device, or of a system as `mems_impact.load` takes it.
+    device : str
+        Name or file.
     changes : mapping of str to float
         Values of ``--set``.
-    initial : mapping of str to float or "kicked"
-        Value of ``--initial``.
     varied : mapping of str to float, optional
-        A value of the parameter that a command varies, which replaces its option.
+        A value of each varied parameter, which replaces its option. The device may lack the term of
+        the parameter.
     """
-    from pathlib import Path
+    return _device(device, changes, varied or {}).under(drive_from(varied))
 
+
+def _device(device: str, changes: Mapping[str, float], varied: Mapping[str, float]) -> mi.Actuator:
+    """Return a device with the terms whose parameters are varied."""
+    terms = {name: value for name, value in varied.items() if "." in name}
+    return actuator_from(device, {**terms, **changes})
+
+
+def load_subject(
+    name: str, changes: Mapping[str, float], varied: Mapping[str, float] | None = None
+) -> mi.HybridSystem:
+    """Return the system of a name or path: a device, or what `mems_impact.load` takes.
+
+    Parameters are those of `device_system`.
+    """
     from mems_impact.actuator.system_files import is_system_name, load_system
 
     if not is_system_name(name) or Path(name).exists():
-        actuator = actuator_from(name, dict(changes))
-        return actuator.under(drive_from(varied)), state_from(initial, actuator)
+        return device_system(name, changes, varied)
     refuse_drive(name)
+    return load_system(name).changed(**changes) if changes else load_system(name)
+
+
+def start_from(initial: Initial, owner: mi.HybridSystem | mi.Actuator) -> mi.State:
+    """Return the initial state that ``--initial`` describes."""
+    import mems_impact as mi
+    from mems_impact.actuator.system import ActuatorSystem
+
+    if isinstance(owner, ActuatorSystem):
+        owner = owner.actuator
+    if isinstance(owner, mi.Actuator):
+        return state_from(initial, owner)
     if initial == KICKED:
-        raise click.UsageError(f"--initial {KICKED}: for devices only; {name} takes NAME=NUMBER")
+        raise click.UsageError(f"--initial {KICKED}: for devices only; give NAME=NUMBER")
     assert isinstance(initial, dict)
-    system = load_system(name).changed(**changes) if changes else load_system(name)
-    if not initial:
-        return system, None
     for component in initial:
-        allowed = (*system.states, "time")
+        allowed = (*owner.states, "time")
         if component not in allowed:
             raise click.UsageError(f"--initial {component}: must be one of {', '.join(allowed)}")
-    start: mi.State = system.initial.replace(**initial)
-    return system, start
+    start: mi.State = owner.initial.replace(**initial)
+    return start
 
 
 def refuse_drive(name: str) -> None:

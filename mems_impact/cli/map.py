@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mems_impact.cli.arguments import Command, function_options
 from mems_impact.cli.inputs import run_saving_partial, study_of
-from mems_impact.cli.options import (
-    axis_options,
-    device_options,
-    drive_options,
-    initial_option,
-    output_options,
-    progress_option,
-    recurrence_options,
-    study_integrator_options,
-    study_options,
-)
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import show, show_table, unit_of
 from mems_impact.cli.runtime import warn, write_message
-from mems_impact.cli.wording import shell_wording
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,21 +19,14 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "map"
+FUNCTION = "mems_impact.studies.operating_map:operating_map"
 SHOWN_FAILURES = 3
 CURVES = "amplitude", "omega or frequency"
-Axis = tuple[str, float, float, int]
 
 
-@click.command(short_help="Compute attractors on a two-parameter grid.")
+@click.command(cls=Command, short_help="Compute attractors on a two-parameter grid.")
 @device_options
-@axis_options(
-    "Parameter on the horizontal axis, of drive, device or term.",
-    "Parameter on the vertical axis.",
-)
-@drive_options
-@initial_option
-@recurrence_options
-@study_integrator_options
+@function_options(FUNCTION)
 @click.option(
     "--column",
     metavar="NAME",
@@ -60,8 +42,7 @@ Axis = tuple[str, float, float, int]
 @click.option(
     "--energy", is_flag=True, help="Compute the work of the drive per period and per impact."
 )
-@study_options
-@progress_option
+@drive_options
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
@@ -69,8 +50,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
     \b
     Examples:
-      mems-impact map zhao2004 --x amplitude 0.16 0.30 15 --y omega 0.44 0.51 15 \\
-        --store out/map
+      mems-impact map zhao2004 --x amplitude=0.16:0.30:15 \\
+        --y omega=0.44:0.51:15 --store out/map
       mems-impact map study.toml
 
     Every point starts from the initial state, not from its neighbour. Its row has the kind of
@@ -83,12 +64,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
 
-    column, progress = options["column"], options["progress"]
-    axes = {name: options[name] for name in ("x", "y")}
-    varied = {axis[0]: axis[1] for axis in axes.values() if axis is not None}
-    allowed_options = ("column", "curves", "energy")
+    column = options["column"]
     system, arguments = study_of(
-        ctx, options, KIND, lambda: _axes(axes), varied=varied, allowed_options=allowed_options
+        ctx, KIND, FUNCTION, options, own_options=("column", "curves", "energy")
     )
     if options["energy"]:
         if not isinstance(system, ActuatorSystem):
@@ -96,9 +74,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         system = system.with_energy()
     _check_column(column, system, arguments)
     with options["output"](KIND) as files:
-        chart = _chart(system, arguments, progress) if options["curves"] else None
+        chart = _chart(system, arguments) if options["curves"] else None
         operating_map = run_saving_partial(
-            lambda: mi.operating_map(system, **arguments, progress=progress),
+            lambda: mi.operating_map(system, **arguments),
             lambda table: files.tables(_tables(table)),
         )
         files.tables({**_tables(operating_map.table), **({"curves": chart.table} if chart else {})})
@@ -106,17 +84,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.draw(lambda: mi.plot_map(operating_map, column, boundaries=boundaries).figure)
         _show(operating_map.table)
         files.show()
-
-
-def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
-    from mems_impact.studies.engine.config import range_axis
-
-    arguments = {}
-    for name, axis in axes.items():
-        if axis is None:
-            raise click.UsageError(f"missing option '--{name}'")
-        arguments[name] = range_axis(*axis)
-    return arguments
 
 
 def _check_column(column: str | None, system: mi.HybridSystem, arguments: dict[str, Any]) -> None:
@@ -130,7 +97,7 @@ def _check_column(column: str | None, system: mi.HybridSystem, arguments: dict[s
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")
 
 
-def _chart(system: mi.HybridSystem, arguments: dict[str, Any], progress: bool) -> mi.OperatingChart:
+def _chart(system: mi.HybridSystem, arguments: dict[str, Any]) -> mi.OperatingChart:
     """Return the switching curves of the device, in the range of the map."""
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
@@ -147,7 +114,7 @@ def _chart(system: mi.HybridSystem, arguments: dict[str, Any], progress: bool) -
         omega=ends if name == "omega" else None,
         frequency=ends if name == "frequency" else None,
         crises=0,  # the map itself shows them
-        progress=write_message if progress else False,
+        progress=write_message if arguments["progress"] else False,
     )
     for note in chart.notes:
         warn(note)
@@ -170,6 +137,6 @@ def _show(table: pd.DataFrame) -> None:
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
         point = f"{x} = {a:.9g}{unit_of(table, x)}, {y} = {b:.9g}{unit_of(table, y)}"
-        show(f"  failed at {point}: {shell_wording(reason)}")
+        show(f"  failed at {point}: {reason}")
     if len(failed):
         show("")

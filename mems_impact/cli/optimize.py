@@ -7,21 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.inputs import from_file
-from mems_impact.cli.options import (
-    actuator_from,
-    device_options,
-    drive_from,
-    drive_options,
-    guess_options,
-    orbit_integrator_options,
-    output_options,
-    progress_option,
-    ranges_option,
-    state_from,
-    symbol_of,
-    tolerance_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import study_of
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import (
     Output,
     OutputValue,
@@ -32,7 +20,6 @@ from mems_impact.cli.output import (
     with_units_in,
 )
 from mems_impact.cli.runtime import FAILED, warn, write_message
-from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,60 +27,16 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "optimize"
+FUNCTION = "mems_impact.studies.engine.config:optimize_from"
 
 
-@click.command(short_help="Optimize parameters of a periodic orbit.")
+@click.command(cls=Command, short_help="Optimize parameters of a periodic orbit.")
 @device_options
-@click.option(
-    "--maximize", multiple=True, metavar="QUANTITY", help="Quantity to maximize: 'mean speed'."
-)
-@click.option(
-    "--minimize",
-    multiple=True,
-    metavar="QUANTITY",
-    help="Quantity to minimize: 'energy lost per period', 'standard deviation of mean speed'. "
-    "Two quantities in all give a Pareto front.",
-)
-@ranges_option("--over", "omega=0.45:0.55", "A parameter to vary and its bounds.")
-@ranges_option(
-    "--subject-to",
-    "'largest multiplier=:0.9'",
-    "Bounds of a quantity (a constraint); one bound may be omitted.",
-    half_open=True,
-)
-@tolerance_option
-@click.option(
-    "--points",
-    type=click.IntRange(2, 1000),
-    default=9,
-    show_default=True,
-    help="Number of points on a Pareto front.",
-)
+@function_options(FUNCTION)
 @drive_options
-@guess_options
-@orbit_integrator_options
-@progress_option
 @output_options
 @click.pass_context
-def command(
-    ctx: click.Context,
-    /,
-    *,
-    device: str,
-    changes: dict[str, float],
-    maximize: tuple[str, ...],
-    minimize: tuple[str, ...],
-    over: dict[str, tuple[float, float]],
-    subject_to: dict[str, tuple[float | None, float | None]],
-    tolerances: dict[str, float | str],
-    points: int,
-    initial: dict[str, float],
-    transient: float,
-    periods: int | None,
-    options: Options,
-    progress: bool,
-    output: Callable[[str], Output],
-) -> None:
+def command(ctx: click.Context, /, output: Callable[[str], Output], **options: Any) -> None:
     """Optimize a quantity of a periodic orbit of DEVICE over some parameters.
 
     \b
@@ -107,35 +50,12 @@ def command(
     study file can replace DEVICE. The exit status is 1 if the search ends before a local optimum.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.parameters import names_in_file
     from mems_impact.studies.engine.config import optimize_from
 
-    arguments: dict[str, Any]
-    if "study" in names_in_file(device):
-        system, arguments = from_file(ctx, device, KIND)
-    else:
-        if not over:
-            raise click.UsageError("missing option '--over'")
-        several = len(set(maximize + minimize))
-        if not 1 <= several <= 2 or several != len(maximize) + len(minimize):
-            problem = "give --maximize or --minimize: one quantity, or two for a front"
-            raise click.UsageError(problem)
-        actuator = actuator_from(device, changes)
-        system = actuator.under(drive_from())
-        arguments = {
-            "over": {symbol_of(name): bounds for name, bounds in over.items()},
-            "subject_to": subject_to,
-            "tolerances": {symbol_of(name): each for name, each in tolerances.items()},
-            "points": points,
-            "initial": state_from(initial, actuator),
-            "transient": transient,
-            "periods": periods,
-            "options": options,
-        }
-        arguments |= {"maximize": maximize, "minimize": minimize}
+    system, arguments = study_of(ctx, KIND, FUNCTION, options)
     with output(KIND) as files:
         try:
-            result: Any = optimize_from(system, progress=progress, **arguments)
+            result: Any = optimize_from(system, **arguments)
         except mi.Interrupted as interruption:
             files.tables(_result_tables(interruption.partial))
             raise

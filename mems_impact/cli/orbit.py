@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mems_impact._util.formatting import stability_name
-from mems_impact.cli.options import (
-    Initial,
-    actuator_from,
-    device_options,
-    drive_from,
-    drive_options,
-    guess_options,
-    orbit_integrator_options,
-    output_options,
-    state_from,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, device_system
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import (
     Output,
     OutputValue,
@@ -28,30 +20,21 @@ from mems_impact.cli.output import (
     show_table,
     show_values,
 )
-from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
 
 MAX_TABLE_ROWS = 20  # per table: a chatter sequence has dozens of impacts
 
+FUNCTION = "mems_impact.studies.engine.config:orbit_from"
 
-@click.command(short_help="Find a periodic orbit and its stability.")
+
+@click.command(cls=Command, short_help="Find a periodic orbit and its stability.")
 @device_options
+@function_options(FUNCTION)
 @drive_options
-@guess_options
-@orbit_integrator_options
 @output_options
-def command(
-    *,
-    device: str,
-    changes: dict[str, float],
-    initial: Initial,
-    transient: float,
-    periods: int | None,
-    options: Options,
-    output: Callable[[str], Output],
-) -> None:
+def command(*, device: str, changes: dict[str, float], output: Callable[[str], Output]) -> None:
     """Find a periodic orbit of DEVICE and its stability.
 
     \b
@@ -63,14 +46,12 @@ def command(
     samples as CSV tables and the motion as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.studies.engine.config import orbit_from
 
-    actuator = actuator_from(device, changes)
-    drive = drive_from()
-    guess = state_from(initial, actuator)
+    system = device_system(device, changes)
+    arguments = arguments_for(FUNCTION, system)
     with output("orbit") as files:
-        orbit = mi.find_orbit(
-            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-        )
+        orbit: Any = orbit_from(system, **arguments)
         samples = orbit.samples(400)
         files.tables({"impacts": orbit.impacts, "segments": orbit.segments, "samples": samples})
         files.draw(lambda: mi.plot_orbit(orbit).figure)

@@ -7,29 +7,27 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for
 from mems_impact.cli.options import (
     KEY,
-    Initial,
-    QuantityType,
     actuator_from,
     device_options,
-    distribution_option,
     drive_choice,
     drive_from,
     drive_options,
-    initial_option,
-    progress_option,
-    specification_option,
-    state_from,
 )
 from mems_impact.cli.output import OutputValue, add_json_files, add_json_values, show, show_values
 from mems_impact.cli.runtime import PROGRAM, warn
+from mems_impact.cli.value_types import RangeType
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
+FUNCTION = "mems_impact.actuator.report:report"
 
-@click.command(short_help="Make a report on a device: one HTML page.")
+
+@click.command(cls=Command, short_help="Make a report on a device: one HTML page.")
 @device_options
 @click.option(
     "--output",
@@ -39,63 +37,14 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="File of the page; it is written after each section.",
 )
-@click.option("--title", default="", show_default="the name of the device", help="Title.")
-@click.option("--quick", is_flag=True, help="Use fewer voltages and samples.")
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="TITLE",
-    show_default="all",
-    help="Title of a section to compute, such as 'Energy'. May be repeated.",
-)
+@function_options(FUNCTION, omit=("path", "description", "command"))
 @click.option(
     "--voltages",
-    type=click.Tuple([QuantityType("V"), QuantityType("V"), click.IntRange(2, 10_000)]),
-    metavar="START STOP POINTS",
+    type=RangeType(named=False, points=True),
     show_default="0.4 to 1.3 times the amplitude",
     help="Amplitudes of the sweep.",
 )
-@distribution_option(
-    "--tolerance", "tolerances", "A parameter and its distribution", "assumed tolerances"
-)
-@specification_option("a step per cycle within 20 %")
-@click.option(
-    "--samples",
-    type=click.IntRange(1, 1_000_000),
-    show_default="64; 16 with --quick",
-    help="Number of devices of the tolerance study.",
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the samples.")
-@click.option(
-    "--wear",
-    type=QuantityType("m^2/N"),
-    show_default="1e-13",
-    help="Specific wear rate [m^3/(N m)].",
-)
-@click.option(
-    "--area",
-    type=QuantityType("m^2"),
-    show_default="1e-8",
-    help="Contact area of the frame [m^2].",
-)
-@click.option(
-    "--depth", type=QuantityType("m"), show_default="0.1 um", help="Allowed wear depth [m]."
-)
-@click.option(
-    "--transient",
-    type=click.IntRange(1),
-    show_default="from the resonance",
-    help="Forcing periods discarded.",
-)
-@click.option(
-    "--periods",
-    type=click.IntRange(1),
-    show_default="from the resonance",
-    help="Forcing periods measured after them.",
-)
 @drive_options
-@initial_option
-@progress_option
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -104,10 +53,7 @@ def command(
     device: str,
     changes: dict[str, float],
     output: str,
-    title: str,
-    voltages: tuple[float, float, int] | None,
-    initial: Initial,
-    **options: Any,
+    voltages: tuple[float | str, float | str, int] | None,
 ) -> None:
     """Make a report on DEVICE under a voltage: one HTML page that can be sent.
 
@@ -130,17 +76,13 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from() if _has_drive() else None
     name, description = device_text(device)
-    arguments: dict[str, Any] = {**options, "title": title or name, "description": description}
+    arguments: dict[str, Any] = {"title": name, "description": description}
+    arguments |= arguments_for(FUNCTION, actuator)
     if voltages is not None:
         low, high, count = voltages
         unit = drive_unit(actuator.terms)
         start, stop = numbers_for(actuator, "voltages", [low, high], unit)
         arguments["voltages"] = np.linspace(start, stop, count)
-    if initial:
-        arguments["initial"] = state_from(initial, actuator)
-    arguments["tolerances"] = options["tolerances"] or None
-    arguments["specification"] = options["specification"] or None
-    arguments["only"] = options["only"] or None
     arguments["command"] = shlex.join([PROGRAM, *(ctx.obj or ())])
     try:
         page = mi.report(actuator, drive, output, **arguments)

@@ -13,7 +13,6 @@ from typing import Any
 import click
 
 from mems_impact.cli.interrupts import INTERRUPTED
-from mems_impact.cli.wording import shell_wording
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
 
 __all__ = ["as_json", "quiet", "with_options"]
@@ -21,7 +20,9 @@ __all__ = ["as_json", "quiet", "with_options"]
 # --- Options of every command
 
 _JSON, _QUIET = "mems_impact.json", "mems_impact.quiet"
-STORE = "mems_impact.store"  # of the running study, in the context of click
+# In the context of click:
+STORE = "mems_impact.store"  # of the running study
+FROM_FILE = "mems_impact.from_file"  # a file holds the arguments of the study
 
 
 def as_json() -> bool:
@@ -80,6 +81,8 @@ def with_options(command: click.Command) -> click.Command:
     return command
 
 
+DRIVE_PREFIX = "drive_"  # of drive options, apart from the command's own options
+
 # --- Failures
 
 PROGRAM = "mems-impact"
@@ -114,7 +117,7 @@ def write_message(text: str) -> None:
 def warn(text: str) -> None:
     """Print a warning, unless only errors are wanted."""
     if not quiet():
-        write_message(f"warning: {shell_wording(text)}")
+        write_message(f"warning: {text}")
 
 
 def show_warnings_briefly() -> None:

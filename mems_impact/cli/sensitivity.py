@@ -7,19 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.inputs import from_file
-from mems_impact.cli.options import (
-    actuator_from,
-    device_options,
-    drive_from,
-    drive_options,
-    guess_options,
-    orbit_integrator_options,
-    output_options,
-    state_from,
-    symbol_of,
-    tolerance_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import study_of
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import (
     Output,
     OutputValue,
@@ -29,41 +19,45 @@ from mems_impact.cli.output import (
     with_unit_column,
     with_units_in,
 )
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import ToleranceType
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "sensitivity"
+FUNCTION = "mems_impact.studies.engine.config:orbit_sensitivity_study"
 
 
-@click.command(short_help="Compute sensitivities of a periodic orbit to its parameters.")
+@click.command(
+    cls=Command, short_help="Compute sensitivities of a periodic orbit to its parameters."
+)
 @device_options
-@drive_options
+@function_options(FUNCTION, omit=("quantities",))
 @click.option(
     "--quantity",
     default="mean speed",
     show_default=True,
     help="Quantity in the figure, such as 'displacement per period' or 'impact speed'.",
 )
-@tolerance_option
-@guess_options
-@orbit_integrator_options
+@click.option(
+    "--tolerance",
+    "tolerances",
+    multiple=True,
+    type=ToleranceType(),
+    help="Standard deviation of a parameter, such as delta=0.005, or relative to its value, such "
+    "as delta=2%. May be repeated.",
+)
+@drive_options
 @output_options
 @click.pass_context
 def command(
     ctx: click.Context,
     /,
     *,
-    device: str,
-    changes: dict[str, float],
     quantity: str,
-    tolerances: dict[str, float | str],
-    initial: dict[str, float],
-    transient: float,
-    periods: int | None,
-    options: Options,
+    tolerances: tuple[tuple[str, float | str], ...],
     output: Callable[[str], Output],
+    **options: Any,
 ) -> None:
     """Compute sensitivities of a periodic orbit of DEVICE to all parameters.
 
@@ -77,40 +71,30 @@ def command(
     tornado chart of one quantity. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.parameters import names_in_file
     from mems_impact.studies.engine.config import orbit_sensitivity_study
     from mems_impact.studies.sampling import deviations
     from mems_impact.studies.sensitivity import chosen_quantities
 
-    arguments: dict[str, Any]
-    if "study" in names_in_file(device):
-        system, arguments = from_file(ctx, device, KIND, allowed_options=("quantity", "tolerances"))
-        names = arguments.pop("quantities", None)
-    else:
-        actuator = actuator_from(device, changes)
-        system, names = actuator.under(drive_from()), None
-        tolerances = {symbol_of(name): each for name, each in tolerances.items()}
-        arguments = {
-            "initial": state_from(initial, actuator),
-            "transient": transient,
-            "periods": periods,
-            "options": options,
-        }
+    system, arguments = study_of(
+        ctx, KIND, FUNCTION, options, own_options=("quantity", "tolerances")
+    )
+    names = arguments.pop("quantities", None)
     quantities = {each.name: each for each in chosen_quantities(system, names)}
     quantities |= {each.name: each for each in chosen_quantities(system, [quantity])}
-    deviations(tolerances, system)
+    scatter = dict(tolerances)
+    deviations(scatter, system)
     with output(KIND) as files:
         result = orbit_sensitivity_study(system, quantities=tuple(quantities.values()), **arguments)
         tables = {"table": result.table}
-        if tolerances:
+        if scatter:
             tables["deviations"] = with_unit_column(
-                result.standard_deviations(tolerances), "quantity", _units(result)
+                result.standard_deviations(scatter), "quantity", _units(result)
             )
         files.tables(tables)
-        chosen = tolerances or None
+        chosen = scatter or None
         files.draw(lambda: mi.plot_sensitivity(result, quantity, tolerances=chosen).figure)
         _show(result, quantity)
-        if tolerances:
+        if scatter:
             deviations = tables["deviations"].iloc[:, :4]
             show_table(
                 "deviations", with_units_in(deviations, "quantity", _units(result)), digits=6

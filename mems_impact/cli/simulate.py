@@ -8,18 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact._util.warning_scopes import collected_warnings
-from mems_impact.cli.inputs import load_subject
-from mems_impact.cli.options import (
-    Initial,
-    QuantityType,
-    device_options,
-    drive_options,
-    initial_option,
-    integrator_options,
-    output_options,
-    periods_option,
-    progress_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, load_subject
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import (
     Output,
     OutputValue,
@@ -30,7 +21,6 @@ from mems_impact.cli.output import (
     show_values,
 )
 from mems_impact.cli.runtime import FAILED
-from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,25 +29,12 @@ if TYPE_CHECKING:
 
 FIRST_ROWS = 6
 
+FUNCTION = "mems_impact.analysis.simulate:simulate"
 
-@click.command(short_help="Simulate a device under a voltage.")
+
+@click.command(cls=Command, short_help="Simulate a device under a voltage.")
 @device_options
-@drive_options
-@periods_option("Forcing periods to simulate.", 300, float)
-@click.option(
-    "--duration",
-    type=QuantityType(),
-    help="Time to simulate [s], instead of --periods, for an autonomous system.",
-)
-@initial_option
-@click.option(
-    "--window",
-    type=(float, float),
-    metavar="FIRST LAST",
-    show_default="second half of the run",
-    help="First and last forcing period of the statistics.",
-)
-@integrator_options
+@function_options(FUNCTION, omit=("until", "keep"))
 @click.option(
     "--verify",
     is_flag=True,
@@ -69,7 +46,7 @@ FIRST_ROWS = 6
     metavar="FILE",
     help="Write an animation of the last 6 forcing periods: .mp4, .gif or .html.",
 )
-@progress_option
+@drive_options
 @output_options
 @click.pass_context
 def command(
@@ -77,14 +54,8 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    periods: float,
-    duration: float | None,
-    initial: Initial,
-    window: tuple[float, float] | None,
-    options: Options,
     verify: bool,
     animate: str | None,
-    progress: bool,
     output: Callable[[str], Output],
 ) -> None:
     """Simulate DEVICE under a voltage.
@@ -106,19 +77,12 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
-    system, state = load_subject(device, changes, initial)
+    system = load_subject(device, changes)
+    arguments = arguments_for(FUNCTION, system)
     with output("simulate") as files:
         files.moving(animate)
         try:
-            run = mi.simulate(
-                system,
-                periods if system.forced and duration is None else None,
-                duration=duration,
-                initial=state,
-                window=window,
-                options=options,
-                progress=progress,
-            )
+            run = mi.simulate(system, **arguments)
         except (mi.RunError, mi.Interrupted) as error:
             if isinstance(error.partial, mi.Run):
                 with collected_warnings():  # the error says more
@@ -129,7 +93,7 @@ def command(
         if verification is not None:
             files.tables({"verification": verification.table})
         files.draw(lambda: mi.plot_run(run).figure)
-        files.animate(animate, lambda: mi.animate(run), progress)
+        files.animate(animate, lambda: mi.animate(run), arguments["progress"])
         _show(run)
         if verification is not None:
             add_json_values({"agrees": OutputValue(verification.agrees)})

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import click
 
+from mems_impact.cli.arguments import Command, function_options
 from mems_impact.cli.closing import show_closing
+from mems_impact.cli.inputs import arguments_for
 from mems_impact.cli.options import (
     KEY,
     actuator_from,
     device_options,
     drive_choice,
     drive_from,
-    orbit_integrator_options,
     output_options,
     pulse_and_hold_options,
-    ranges_option,
 )
 from mems_impact.cli.output import Output, OutputValue, show, show_values
 from mems_impact.cli.runtime import FAILED, write_message
-from mems_impact.integrators.options import Options
 
 KIND = "pulse-and-hold"  # the drive
 
+FUNCTION = "mems_impact.actuator.design.soft_landing:soft_landing"
 
-@click.command("soft-landing", short_help="Find the voltage that closes a contact softly.")
+
+@click.command(
+    "soft-landing", cls=Command, short_help="Find the voltage that closes a contact softly."
+)
 @device_options
+@function_options(FUNCTION)
 @pulse_and_hold_options
-@ranges_option(
-    "--over", "width=5e-6:2e-5", "A parameter of the voltage to vary and its bounds.",
-    show_default="width and pause, up to half a natural period",
-)  # fmt: skip
-@orbit_integrator_options
 @output_options
 @click.pass_context
 def command(
@@ -41,8 +39,6 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    over: dict[str, tuple[Any, Any]],
-    options: Options,
     output: Callable[[str], Output],
 ) -> None:
     """Find pulse and pause that close the contact of DEVICE at the least impact speed.
@@ -60,7 +56,8 @@ def command(
 
     actuator = actuator_from(device, changes)
     drive_options = ctx.meta.get(KEY, {})
-    low = {name: bounds[0] for name, bounds in over.items()}
+    arguments = arguments_for(FUNCTION)
+    low = {name: bounds[0] for name, bounds in arguments.get("over", {}).items()}
     drive = drive_from(low, default_kind=KIND) if any(drive_options.values()) else None
     if drive is not None and not isinstance(drive, mi.PulseAndHold):
         chosen = drive_choice(KIND)
@@ -69,7 +66,7 @@ def command(
             raise click.UsageError(f"{device} {problem}")
         raise click.UsageError(f"--drive {chosen}: must be {KIND}, or a file with one")
     with output("soft-landing") as files:
-        result = mi.soft_landing(actuator, drive, over=over or None, options=options)
+        result = mi.soft_landing(actuator, drive, **arguments)
         files.tables({"history": result.history, "impacts": result.closing.table})
         files.draw(lambda: mi.plot_closing(result)[0].figure)
         values = {

@@ -5,91 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.options import (
-    actuator_from,
-    device_options,
-    drive_from,
-    drive_options,
-    integrator_options,
-    output_options,
-    parameter_option,
-    periods_option,
-    progress_option,
-    range_options,
-    study_options,
-    symbol_of,
-    transient_option,
-)
+from mems_impact.cli.arguments import Command, function_options
+from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
-from mems_impact.cli.wording import shell_wording
-from mems_impact.integrators.options import Options
+from mems_impact.cli.value_types import RangeType
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from mems_impact.tables import ImpactChange
 
-DIRECTIONS = ("up", "down", "both")
 DIRECTION_WORDS = {"up": "increasing", "down": "decreasing"}
 SHOWN_FAILURES = 3
 SHOWN_ROWS = 5  # of each direction
 # The screen leaves out the other statistics.
 SHOWN_COLUMNS = ("impacts per period", "displacement per period", "mean speed")
 
+FUNCTION = "mems_impact.studies.sweep:sweep"
 
-@click.command(short_help="Sweep a parameter slowly, up and down.")
+
+@click.command(cls=Command, short_help="Sweep a parameter slowly, up and down.")
 @device_options
-@parameter_option
-@range_options("Lower end of the sweep, in the parameter's unit.", "Upper end of the sweep.")
-@click.option(
-    "--points",
-    type=click.IntRange(2, 1_000_000),
-    default=101,
-    show_default=True,
-    help="Number of values.",
-)
+@click.argument("axis", metavar="NAME=START:STOP:POINTS", type=RangeType(points=True))
+@function_options(FUNCTION, omit=("parameter",), defaults={"direction": "both"})
 @drive_options
-@click.option(
-    "--direction",
-    type=click.Choice(DIRECTIONS),
-    default="both",
-    show_default=True,
-    help="Direction of the sweep.",
-)
-@transient_option("Forcing periods discarded at each value.", 300)
-@periods_option("Forcing periods measured after them.", 60)
-@integrator_options
-@study_options
-@progress_option
 @output_options
 def command(
     *,
     device: str,
     changes: dict[str, float],
-    parameter: str,
-    start: float,
-    stop: float,
-    points: int,
-    direction: Literal["up", "down", "both"],
-    transient: int,
-    periods: int,
-    options: Options,
-    store: str | None,
-    executor: str | None,
-    workers: int | None,
-    progress: bool,
+    axis: tuple[str, float, float, int],
     output: Callable[[str], Output],
 ) -> None:
     """Sweep a parameter of DEVICE or its voltage slowly, up and down.
 
     \b
     Example:
-      mems-impact sweep zhao2004 --parameter amplitude --start 0.16 --stop 0.24 \\
-        --omega 0.5
+      mems-impact sweep zhao2004 amplitude=0.16:0.24:101 --omega 0.5
 
     Each value starts from the final state of the previous one. The sweep starts at rest upwards,
     and with a kick that strikes the stopper downwards. The command shows where the device switches
@@ -99,33 +56,16 @@ def command(
     import numpy as np
 
     import mems_impact as mi
-    from mems_impact.studies.engine.config import executor_named
 
-    parameter = symbol_of(parameter)
-    if "." in parameter:  # of a term, which the device may not have yet
-        changes = {**changes, parameter: start}
-    actuator = actuator_from(device, changes)
-    drive = drive_from({parameter: start})
+    parameter, start, stop, points = axis
+    system = device_system(device, changes, {parameter: start})
+    low, high = (system.without_unit(parameter, end, "values") for end in (start, stop))
+    arguments = arguments_for(FUNCTION, system)
     with output("sweep") as files:
-        try:
-            table = mi.sweep(
-                actuator,
-                drive,
-                parameter,
-                np.linspace(start, stop, points),
-                direction=direction,
-                transient=transient,
-                periods=periods,
-                options=options,
-                progress=progress,
-                store=store,
-                executor=None if executor is None else executor_named(executor, workers),
-                workers=workers,
-            )
-        except mi.Interrupted as interruption:
-            if len(interruption.partial) > 0:
-                files.tables(_tables(interruption.partial))
-            raise
+        table = run_saving_partial(
+            lambda: mi.sweep(system, parameter, np.linspace(low, high, points), **arguments),
+            lambda table: files.tables(_tables(table)),
+        )
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
         _show(table, files.directory / f"{files.name}-summary.csv")
@@ -171,7 +111,7 @@ def _show(table: pd.DataFrame, path: Path) -> None:
         show(line)
         reasons = zip(failed[parameter], failed["status"], strict=True)
         for value, reason in islice(reasons, SHOWN_FAILURES):
-            show(f"  failed at {value:.9g}{unit}: {shell_wording(reason)}")
+            show(f"  failed at {value:.9g}{unit}: {reason}")
     show("")
 
 

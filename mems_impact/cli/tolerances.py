@@ -2,47 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import click
 
+from mems_impact.cli.arguments import Command, function_options
 from mems_impact.cli.inputs import run_saving_partial, study_of, warn_of_failures
-from mems_impact.cli.options import (
-    device_options,
-    distribution_option,
-    drive_options,
-    initial_option,
-    output_options,
-    progress_option,
-    recurrence_options,
-    sample_options,
-    specification_option,
-    study_integrator_options,
-    study_options,
-)
+from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import show_table, with_unit_column, with_units_in
 
 KIND = "tolerances"
+FUNCTION = "mems_impact.studies.uncertainty:tolerance_analysis"
 SPREAD = (0.05, 0.5, 0.95)
 
 
-@click.command(short_help="Propagate manufacturing tolerances (Monte Carlo, Sobol).")
+@click.command(cls=Command, short_help="Propagate manufacturing tolerances (Monte Carlo, Sobol).")
 @device_options
-@distribution_option("--over", "over", "A parameter and its distribution", None)
-@specification_option(None)
-@sample_options(256, "sobol")
-@click.option(
-    "--indices",
-    is_flag=True,
-    help="Compute Sobol indices; d parameters take d + 2 times the runs.",
-)
+@function_options(FUNCTION)
 @drive_options
-@initial_option
-@recurrence_options
-@study_integrator_options
-@study_options
-@progress_option
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
@@ -60,10 +37,10 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
-    system, arguments = study_of(ctx, options, KIND, lambda: _sample_arguments(options))
+    system, arguments = study_of(ctx, KIND, FUNCTION, options)
     with options["output"](KIND) as files:
         analysis = run_saving_partial(
-            lambda: mi.tolerance_analysis(system, **arguments, progress=options["progress"]),
+            lambda: mi.tolerance_analysis(system, **arguments),
             lambda table: files.tables({"table": table}),
         )
         spread = analysis.quantiles(SPREAD)
@@ -87,16 +64,3 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             show_table("indices", with_units_in(analysis.indices, "quantity", units), digits=5)
         files.show()
     warn_of_failures(analysis.points)
-
-
-def _sample_arguments(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that describe samples and specification."""
-    from mems_impact.studies.engine.config import distributions
-
-    if not options["over"]:
-        raise click.UsageError("missing option '--over'")
-    arguments = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
-    arguments["over"] = distributions("over", options["over"])
-    if options["specification"]:
-        arguments["specification"] = options["specification"]
-    return arguments

@@ -372,7 +372,7 @@ NO_CHECKPOINTS = CheckpointGrid(0)
 MAX_CYCLE = 2**53  # larger integers are not exact in the columns of events
 STIFF = (
     "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
-    "method='auto', or method='bdf', may be faster"
+    "method 'auto' or 'bdf' may be faster"
 )
 GUARD_FAILURES = (
     workspace.INADMISSIBLE,

@@ -21,13 +21,13 @@ class Options:
     Parameters
     ----------
     method : {"adams", "bdf", "dop853", "auto"}, optional
-        CVODE's linear multistep families: Adams needs about half the evaluations of BDF if the
-        drive is near the resonance; BDF is faster for a slow drive or a stiff system. ``"dop853"``
-        is Dormand and Prince's one-step method of order 8, which retains its order after an event:
-        several times as fast for short arcs, and the most accurate in long sequences of impacts. It
-        needs no SUNDIALS. ``"auto"`` uses ``"dop853"``, and ``"bdf"`` where the system is stiff.
-        The default is Adams, but ``"auto"`` for an actuator with a term that may make its equations
-        stiff, such as `SqueezeFilm`; `Run.options` has the method of a run.
+        CVODE's Adams or BDF formulas; Dormand and Prince's one-step method of order 8; or
+        ``"auto"``, which is ``"dop853"``, and ``"bdf"`` where the system is stiff. Adams needs
+        about half the evaluations of BDF if the drive is near the resonance; BDF is faster for a
+        slow drive or a stiff system. ``"dop853"`` retains its order after an event: it is several
+        times as fast for short arcs, and the most accurate in long sequences of impacts. It needs
+        no SUNDIALS. The default is Adams, but ``"auto"`` for an actuator with a term that may make
+        its equations stiff, such as `SqueezeFilm`; `Run.options` has the method of a run.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float
@@ -37,8 +37,8 @@ class Options:
     max_events : int
         Most events in one forcing period.
     engine : {"auto", "compiled", "interpreted"}
-        ``"auto"`` uses the compiled engine if it is available, and otherwise the interpreted one,
-        with a warning.
+        Compiled code, or interpreted code, which is slower; ``"auto"`` is compiled code if it is
+        available, and otherwise interpreted code with a warning.
 
     Raises
     ------

@@ -204,8 +204,8 @@ def find_periodic_orbit(
                 raise OrbitError(
                     f"{error.reason}, and the motion does not converge to an orbit in "
                     f"{3 * MAX_FORCING_PERIODS} periods",
-                    "raise transient (transient=300), or set periods=; a chaotic motion does not "
-                    "converge",
+                    "raise transient, for example to 300, or set periods; a chaotic motion does "
+                    "not converge",
                     error.partial,
                 ) from error
         solution = closed(read_guess(problem, recognized.end, recognized.end_periods))

@@ -332,14 +332,14 @@ def basins(
     ----------
     system : System, or Actuator and Drive
     x, y : tuple of str and array_like
-        A component of the state and its values, in the units of the system: ``("v2", values)``.
-        One of the two is enough.
+        Component of the state and its values; one of the two is enough. The values are in the units
+        of the system: ``("v2", values)``.
     box : mapping of str to (float, float), optional
-        Instead of x and y, the bounds of any components, between which states are sampled.
+        Instead of x and y, bounds of components of the state, between which states are sampled.
     samples : int, optional
         Number of states sampled from the box.
     sampling : {"random", "sobol", "lhs"}, optional
-        Independent states, a Sobol sequence or a Latin hypercube. The last two fill the box more
+        Independent states, a Sobol sequence, or a Latin hypercube. The last two fill the box more
         evenly, so that the bounds of shares are conservative.
     seed : int, optional
         Seed of the sample.
@@ -357,9 +357,9 @@ def basins(
         Directory in which finished chunks of points are stored; an interrupted or killed study
         resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        Threads by default; processes, a cluster's executor, or a function that creates one.
+        Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads. Results do not depend on it.
+        Number of threads or processes. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -440,12 +440,12 @@ def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, A
     """Return the initial states from the arguments."""
     if box is not None:
         if x is not None or y is not None:
-            problem = "give a grid (x=…, y=…) or a box to sample, not both"
+            problem = "give a grid (x, y) or a box to sample, not both"
             raise InvalidParameter("box", None, "", problem=problem)
         count = check_sample(*sample)
         return Sample(box_of(box, system), count, sample[1], int(sample[2]))
     if x is None and y is None:
-        problem = f'give a grid, x=("{system.states[0]}", values), or a box to sample'
+        problem = "give a grid (x, y), or a box to sample"
         raise InvalidParameter("x", None, "", problem=problem)
     first = axis("x" if x is not None else "y", x if x is not None else y, system.states, system)
     if x is None or y is None:

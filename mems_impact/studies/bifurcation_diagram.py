@@ -968,7 +968,7 @@ def bifurcation_diagram(
     initial: State | Mapping[str, float] | None = None,
     recurrence: RecurrenceOptions = DIAGRAM_RECURRENCE,
     steps: StepControl | None = None,
-    options: Options | None = None,
+    options: Options = ORBIT_OPTIONS,
     resume: BifurcationDiagram | None = None,
     store: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[float], None] = False,
@@ -1049,7 +1049,7 @@ def bifurcation_diagram(
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     box = checked_box(system, box or {})
-    chosen = ORBIT_OPTIONS if options is None else options
+    chosen = options
     runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
     first = [system.start_of("up"), system.start_of("down")]
     if initial is not None:

@@ -198,7 +198,7 @@ def operating_map(
     ----------
     system : System, or Actuator and Drive
     x, y : tuple of str and array_like
-        A parameter and its values, in the units of the system: ``("amplitude", values)``.
+        Parameter and its values, in the units of the system: ``("amplitude", values)``.
     initial : State or mapping of str to float, optional
         Initial state of every point; the system's own by default. It decides which of several
         attractors is found: for an actuator, `kicked_state` finds the attractor with impacts.
@@ -210,9 +210,9 @@ def operating_map(
         Directory in which finished chunks of points are stored; an interrupted or killed study
         resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        Threads by default; processes, a cluster's executor, or a function that creates one.
+        Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads. Results do not depend on it.
+        Number of threads or processes. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns

@@ -316,8 +316,7 @@ def optimize(
         missed = ", ".join(aim.violated(end))
         raise OrbitError(
             f"no orbit of this kind was found that has {missed}",
-            "widen the bounds of over, loosen subject_to, or begin with another orbit; the nearest "
-            "one is in .partial",
+            "widen the bounds, loosen the constraints, or begin with another orbit",
             best,
         )
     return best

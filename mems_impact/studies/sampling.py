@@ -173,7 +173,7 @@ def wilson(count: int, points: int) -> tuple[float, float]:
 SPREAD = '"5%" or "0.1 um", or "uniform: 5%" to either side'
 DISTRIBUTIONS = ("norm", "uniform")
 DISTRIBUTIONS_ALLOWED = (
-    'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02], d = "5%"}'
+    "the name of a distribution of scipy.stats and its numbers (norm, 0.62, 0.02), or a width (5%)"
 )
 
 

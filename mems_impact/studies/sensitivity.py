@@ -261,9 +261,7 @@ def chosen_quantities(
     chosen = []
     for each in selection:
         if not isinstance(each, Quantity) and each not in available:
-            raise InvalidParameter(
-                "quantity", each, f"one of {', '.join(available)}, or a Quantity"
-            )
+            raise InvalidParameter("quantity", each, f"one of {', '.join(available)}")
         chosen.append(each if isinstance(each, Quantity) else available[each])
     names = [each.name for each in chosen]
     if not names or len(set(names)) != len(names):

@@ -345,8 +345,10 @@ def sweep(
         Values of the parameter, in any order; texts may have units (``"70 V"``).
     direction : {"up", "down", "both"}, optional
         Ascending, descending, or one chain of each.
-    transient, periods : int, optional
-        Forcing periods discarded and then measured at each value; 300 and 60 by default.
+    transient : int, optional
+        Forcing periods discarded at each value; 300 by default.
+    periods : int, optional
+        Forcing periods then measured at each value; 60 by default.
     duration : float, optional
         Time measured at each value, for an autonomous system; `transient` is then a time, too, and
         both are required.
@@ -366,7 +368,7 @@ def sweep(
         Directory in which finished values are stored; an interrupted or killed sweep resumes from
         it.
     executor : concurrent.futures.Executor or callable, optional
-        Threads by default; processes, a cluster's executor, or a function that creates one.
+        Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
         Number of threads; one at a time runs each direction. Results do not depend on it.
     progress : bool or callable, optional
@@ -463,17 +465,17 @@ def _spans(
     """Return the lengths of transient and measurement in forcing periods, or in time."""
     if system.forced:
         if duration is not None:
-            problem = "the system has a forcing period, by which a sweep counts: give periods="
+            problem = "the system has a forcing period, by which a sweep counts: give periods"
             raise InvalidParameter("duration", duration, "", problem=problem)
         settling = TRANSIENT if transient is None else whole("transient", transient, 0)
         return settling, PERIODS if periods is None else whole("periods", periods, 1)
     if periods is not None:
-        problem = "the system has no forcing period: give duration=, a time"
+        problem = "the system has no forcing period: give the duration, a time"
         raise InvalidParameter("periods", periods, "", problem=problem)
     if transient is None or duration is None:
         problem = (
-            "the system is autonomous: give the times of transient and measurement "
-            "(transient=…, duration=…)"
+            "the system is autonomous: give the times of transient and measurement, transient and "
+            "duration"
         )
         missing = "duration" if duration is None else "transient"
         raise InvalidParameter(missing, None, "", problem=problem)

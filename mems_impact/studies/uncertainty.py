@@ -347,8 +347,8 @@ def tolerance_analysis(
     ----------
     system : System, or Actuator and Drive
     over : mapping of str to distribution
-        Frozen distributions of ``scipy.stats`` by the names of parameters, in the units of the
-        system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other. ``"5%"`` is
+        Independent distributions of parameters. They are frozen distributions of ``scipy.stats``,
+        in the units of the system: ``{"e": stats.norm(0.62, 0.02)}``. ``"5%"`` is
         the normal distribution about the system's own value with a standard deviation of 5 % of it,
         ``"uniform: 5%"`` the uniform distribution within plus or minus 5 %. Both may have a unit in
         place of the per cent: ``"0.1 um"``.
@@ -362,11 +362,12 @@ def tolerance_analysis(
         Scrambled Sobol sequence, Latin hypercube, or independent points. Confidence intervals of
         shares are those of independent points, and conservative for the other two.
     seed : int, optional
+        Seed of the sample.
     specification : mapping of str to (float, float), optional
-        Bounds of columns of the table: ``{"displacement per period": (1e-5, 2e-5)}``; None for no
-        bound.
+        Bounds of columns of the table, of which one may be missing: ``{"displacement per period":
+        (1e-5, None)}``.
     indices : bool, optional
-        Whether to compute Sobol indices. With d distributions they take d + 2 times as many points.
+        Whether to compute Sobol indices, which take d + 2 times as many points for d distributions.
     initial : State or mapping of str to float, optional
         Initial state of every motion; the system's own by default. For an actuator, `kicked_state`
         finds the attractor with impacts.
@@ -378,9 +379,9 @@ def tolerance_analysis(
         Directory in which finished chunks of points are stored; an interrupted or killed study
         resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        Threads by default; processes, a cluster's executor, or a function that creates one.
+        Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads. Results do not depend on it.
+        Number of threads or processes. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -475,7 +476,10 @@ def _specification(
     for name, ends in specification.items():
         if name not in names:
             raise InvalidParameter("specification", name, f"one of the columns {', '.join(names)}")
-        field, allowed = f"specification.{name}", "two numbers, low and high, or None for either"
+        field, allowed = (
+            f"specification.{name}",
+            "low and high, in this order, of which one may be missing",
+        )
         try:
             low, high = system.without_unit(name, ends, field)
         except InvalidParameter:

@@ -123,5 +123,5 @@ def test_spans_have_to_be_said(arguments, told):
 
 def test_of_forced_systems_periods_are_said():
     zhao, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
-    with pytest.raises(mi.InvalidParameter, match=r"duration = 3: .* give periods="):
+    with pytest.raises(mi.InvalidParameter, match=r"duration = 3: .* give periods"):
         mi.sweep(zhao, drive, "amplitude", [0.2], duration=3.0)

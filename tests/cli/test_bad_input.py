@@ -7,8 +7,14 @@ import sys
 import pytest
 
 SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "3"]
-SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
-SWEEP += ["--omega", "0.5", "--points", "2", "--transient", "1", "--periods", "1"]
+BRIEF = ["--transient", "1", "--periods", "1"]
+OVER_OMEGA = ["sweep", "zhao2004", "omega=0.4:0.5:2", *BRIEF]
+SWEEP = ["sweep", "zhao2004", "amplitude=0.2:0.24:2", "--omega", "0.5", *BRIEF]
+
+
+def sweep(values, *more):
+    return ["sweep", "zhao2004", values, "--omega", "0.5", *BRIEF, *more]
+
 
 # What is typed, and what the line must name: the culprit and the remedy.
 WRONG = [
@@ -19,7 +25,7 @@ WRONG = [
     (["simulate", "nothing", *SIMULATE[2:]], ["nothing", "zhao2004", "TOML"]),
     (["simulate", "mine.py", *SIMULATE[2:]], ["name of a system in it", "mine.py:oscillator"]),
     (["orbit", "mine.py:mine", *SIMULATE[2:6]], ["mine.py:mine: a system", "device"]),
-    (["continue", "mine.py:mine", *SWEEP[2:8]], ["mine.py:mine: a system", "device"]),
+    (["continue", "mine.py:mine", "amplitude=0.2:0.24", *SWEEP[3:5]], ["mine.py:mine: a system", "device"]),
     (["simulate", "truncated.toml", *SIMULATE[2:]], ["truncated.toml", "not valid TOML"]),
     (["simulate", "directory", *SIMULATE[2:]], ["directory", "is a directory"]),
     (["simulate", "bad.toml", *SIMULATE[2:]], ["bad.toml", "m1"]),
@@ -43,7 +49,7 @@ WRONG = [
     ([*SIMULATE, "--atol", "-1"], ["atol = -1"]),
     ([*SIMULATE, "--method", "rk4"], ["rk4", "adams"]),
     ([*SIMULATE, "--engine", "steam"], ["steam", "compiled"]),
-    ([*SIMULATE, "--window", "2", "1"], ["window", "first < last"]),
+    ([*SIMULATE, "--window", "2:1"], ["window", "first < last"]),
     ([*SIMULATE, "--window", "1"], ["--window"]),
     ([*SIMULATE, "--output", "file"], ["file", "not a directory", "--output"]),
     ([*SIMULATE, "--output", "file/below"], ["file/below", "--output"]),
@@ -52,21 +58,20 @@ WRONG = [
     ([*SIMULATE, "--figure", "f.png", "--no-figure"], ["--no-figure", "leave one out"]),
     ([*SIMULATE, "extra"], ["extra"]),
     ([*SIMULATE, "--frobnicate"], ["--frobnicate", "--help"]),
-    ([*SWEEP, "--parameter", "amp", "--amplitude", "0.2"], ["amp", "amplitude, omega"]),
+    (sweep("amp=0.2:0.24:2", "--amplitude", "0.2"), ["amp", "amplitude, omega"]),
     ([*SWEEP, "--amplitude", "0.2"], ["--amplitude", "omit the option"]),
-    ([*SWEEP, "--parameter", "omega", "--amplitude", "0.2"], ["--omega", "omit the option"]),
-    (["sweep", "zhao2004", "--parameter", "omega", "--start", "0.4", "--stop", "0.5", "--amplitude",
-      "0.2", "--frequency", "0.1"], ["--frequency", "omit the option"]),
-    (["sweep", "mita2003", "--parameter", "frequency", "--start", "10 V", "--stop", "20",
-      "--amplitude", "50"], ["'10 V' must be a number [Hz]"]),
+    ([*OVER_OMEGA, "--amplitude", "0.2", "--omega", "0.5"], ["--omega", "omit the option"]),
+    ([*OVER_OMEGA, "--amplitude", "0.2", "--frequency", "0.1"], ["--frequency", "omit the option"]),
+    (["sweep", "mita2003", "frequency=10 V:20:2", "--amplitude", "50"],
+     ["'10 V'", "must be a number [Hz]"]),
     (["simulate", "zhao2004", "--amplitude", "240 mV", "--omega", "0.5"],
      ["'240 mV': zhao2004 is dimensionless"]),
     ([*SIMULATE, "--amplitude", "0.2 um"], ["'0.2 um' must be a number [V]"]),
-    ([*SWEEP, "--parameter", "e"], ["--amplitude"]),
-    ([*SWEEP, "--parameter", "e", "--amplitude", "0.2", "--stop", "2"], ["e = 2", "<= 1"]),
-    ([*SWEEP, "--stop", "nan"], ["nan", "finite"]),
-    ([*SWEEP, "--start", "-0.1"], ["amplitude = -0.1", ">= 0"]),
-    ([*SWEEP, "--points", "1"], ["--points", "2"]),
+    (sweep("e=0.7:0.8:2"), ["--amplitude"]),
+    (sweep("e=0.7:2:2", "--amplitude", "0.2"), ["e = 2", "<= 1"]),
+    (sweep("amplitude=0.2:nan:2"), ["nan", "NAME=START:STOP:POINTS"]),
+    (sweep("amplitude=-0.1:0.24:2"), ["amplitude = -0.1", ">= 0"]),
+    (sweep("amplitude=0.2:0.24"), ["amplitude=0.2:0.24", "NAME=START:STOP:POINTS"]),
     ([*SWEEP, "--transient", "-1"], ["transient = -1", ">= 0"]),
     ([*SWEEP, "--transient", "1.5"], ["--transient", "1.5"]),
     ([*SWEEP, "--periods", "0"], ["periods = 0", ">= 1"]),
@@ -77,7 +82,7 @@ WRONG = [
 ORBIT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--transient", "50"]
 SLOW = ["zhao2004", "--amplitude", "0.2357", "--omega", "0.45", "--transient", "5"]
 OPTIMIZE = ["optimize", *ORBIT, "--maximize", "mean speed", "--over", "omega=0.45:0.55"]
-MAP = ["map", "zhao2004", "--x", "amplitude", "0.1", "0.2", "2", "--y", "omega", "0.4", "0.5", "2"]
+MAP = ["map", "zhao2004", "--x", "amplitude=0.1:0.2:2", "--y", "omega=0.4:0.5:2"]
 TOLERANCES = ["tolerances", *ORBIT[:5], "--over"]
 
 # What is typed, the words of the shell in the message, and those of Python that must be absent.
@@ -86,28 +91,29 @@ WORDED = [
     ([*OPTIMIZE, "--subject-to", "nothing=1:2"], "largest multiplier", "Quantity"),
     ([*OPTIMIZE, "--subject-to", "mean speed=2:1"], "--subject-to mean speed = ", "subject_to"),
     ([*OPTIMIZE, "--tolerance", "nothing=1"], "--tolerance = 'nothing'", "tolerances"),
-    (["orbit", *SLOW], "or set --periods;", "periods="),
-    (["orbit", *SLOW, "--periods", "3"], "(--transient 300)", "transient="),
-    (["orbit", "zhao2004", "--drive=voltage-step", "--amplitude=1"], "give --drive-dur", "the dur"),
+    (["orbit", *SLOW], "or set periods;", "periods="),
+    (["orbit", *SLOW, "--periods", "3"], "raise transient, for example to 300,", "transient="),
+    (["orbit", "zhao2004", "--drive", "voltage-step", "--amplitude", "1"],
+     "give the duration after which the voltage is switched off", "="),
     ([*MAP, "--recurrence-tolerance", "0"], "--recurrence-tolerance = 0", ": tolerance"),
     ([*MAP, "--chaos-persistence", "0"], "--chaos-persistence = 0", "chaos_persistence"),
-    (["basins", *ORBIT[:5]], "'--x', '--y' or '--box'", "x="),
-    ([*TOLERANCES, "e=nothing:1"], "norm:0.62:0.02, or 5%", "{"),
+    (["basins", *ORBIT[:5]], "give a grid (x, y), or a box", "x="),
+    ([*TOLERANCES, "e=nothing:1"], "its numbers (norm, 0.62, 0.02), or", "{"),
     ([*TOLERANCES, "e=norm:0.8:0.02:3"], "norm and its numbers: loc, scale", "positional"),
     ([*TOLERANCES, "e=norm:0.8:-0.02"], "norm with numbers that it allows", "nan"),
-    ([*TOLERANCES, "e=5%", "--specification", "mean speed=2:1"], "LOW:HIGH", "None"),
+    ([*TOLERANCES, "e=5%", "--specification", "mean speed=2:1"], "low and high, in this", "None"),
     (["soft-landing", "zhao2004", "--drive", "sine", "--amplitude", "2", "--omega", "1"],
      "--drive sine: must be pulse-and-hold", "PulseAndHold"),
-    (["simulate", "cycle.py:cycle"], "give --duration", "="),
+    (["simulate", "cycle.py:cycle"], "give the duration", "="),
     (["simulate", "cycle.py:cycle", "--drive", "sine"], "--drive: for devices", "--choice"),
     (["simulate", *ORBIT[:5], "--set", "regularized_friction.width=1e-14"],
-     "take --atol 1e-17", "Options"),
+     "take atol = 1e-17", "Options"),
     (["simulate", *ORBIT[:5], "--set", "slew_rate.rate=1",
       "--set", "charge_drive.parasitic_capacitance=1"],
      "slew_rate limits a voltage, and charge_drive sets none", "SlewRate"),
     (["datasheet", "zhao2004"], "give a device in SI", "to_si"),
-    (["chart", "zhao2004", "--set", "slew_rate.rate=1"], "use mems-impact sweep", "sweep()"),
-    (["new", "device", "x.toml", "--pull-in", "3"], "one more of --frame-mass", "_"),
+    (["chart", "zhao2004", "--set", "slew_rate.rate=1"], "sweep the amplitude instead", "sweep()"),
+    (["new", "device", "x.toml", "--pull-in", "3"], "one more of frame_mass", "None"),
     (["closing", "zhao2004", "--amplitude", "2", "--smallest-bounce", "3"],
      "--smallest-bounce = 3", "smallest_bounce"),
     (["export", "zhao2004", "a.fmu", *ORBIT[1:5], "--input", "nothing"], "--input = ", "inputs"),
@@ -159,7 +165,7 @@ def test_an_error_in_a_study_file_names_its_arguments(cli, tmp_path):
 
 def test_a_warning_names_what_can_be_typed(cli):
     done = cli("closing", "zhao2004", "--amplitude", "0.01")
-    assert "--method auto, or --method bdf, may be faster" in done.err
+    assert "method 'auto' or 'bdf' may be faster" in done.err
 
 
 def test_the_pull_in_of_a_charge_drive(cli):

@@ -17,8 +17,8 @@ fork = mi.System(states=("x",), flow=flow, parameters={"a": 1.0})
 
 def test_diagram_of_a_system(cli, tmp_path):
     (tmp_path / "own.py").write_text(FORK)
-    few = ["--points", "2", "--starts", "1", "--store", "fork.zip"]
-    call = ["diagram", "own.py:fork", "a", "0.5", "1.0", *few, "--no-figure", "--no-progress"]
+    few = ["--values", "2", "--starts", "1", "--store", "fork.zip"]
+    call = ["diagram", "own.py:fork", "a=0.5:1.0", *few, "--no-figure", "--no-progress"]
     done = cli(*call)
     assert done.status == 0, done.err
     assert done.out.startswith("a 0.5 to 1\n0: equilibria, a 0.5 to 1\n")
@@ -32,18 +32,16 @@ def test_diagram_of_a_system(cli, tmp_path):
 
 
 def test_bad_ranges_are_refused(cli):
-    done = cli("diagram", "zhao2004", "amplitude", "0.3", "0.2", "--omega", "0.5")
+    done = cli("diagram", "zhao2004", "amplitude=0.3:0.2", "--omega", "0.5")
     assert done.status == 2
     assert "high" in done.err
-    given = cli("diagram", "zhao2004", "amplitude", "0.2", "0.3", "--amplitude", "0.2")
+    given = cli("diagram", "zhao2004", "amplitude=0.2:0.3", "--amplitude", "0.2")
     assert given.status == 2
 
 
 @pytest.mark.slow
 def test_diagram_of_a_device(cli, tmp_path):
-    done = cli(
-        "diagram", "zhao2004", "amplitude", "0.22", "0.24", "--omega", "0.5", "--points", "3"
-    )
+    done = cli("diagram", "zhao2004", "amplitude=0.22:0.24", "--omega", "0.5", "--values", "3")
     assert done.status == 0, done.err
     assert "G 0.227178" in done.out
     points = pd.read_csv(tmp_path / "out" / "diagram-points.csv")

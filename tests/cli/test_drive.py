@@ -59,9 +59,8 @@ def test_simulate_under_a_square(cli, tmp_path):
 
 
 def test_sweep_over_the_duty(cli, tmp_path):
-    sweep = ["sweep", "zhao2004", *SQUARE[:-2], "--parameter", "duty", "--start", "0.2", "--stop"]
-    sweep += ["0.3", "--points", "2", "--transient", "1", "--periods", "1", "--no-figure"]
-    assert cli(*sweep).status == 0
+    quick = ["--transient", "1", "--periods", "1", "--no-figure"]
+    assert cli("sweep", "zhao2004", "duty=0.2:0.3:2", *SQUARE[:-2], *quick).status == 0
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
     assert set(table["duty"]) == {0.2, 0.3}
     assert set(table["status"]) == {"ok"}
@@ -89,8 +88,7 @@ def own(tmp_path):
 COMMANDS_WITH_DRIVE = [
     ["drive"],
     ["simulate", "--periods", "2"],
-    ["sweep", "--parameter", "duty", "--start", "0.3", "--stop", "0.4", "--points", "2",
-     "--transient", "1", "--periods", "1"],
+    ["sweep", "duty=0.3:0.4:2", "--transient", "1", "--periods", "1"],
 ]  # fmt: skip
 
 

@@ -19,8 +19,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and lim
 
 PROGRAM = [sys.executable, "-m", "mems_impact"]
 SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "200"]
-SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.16", "--stop", "0.24"]
-SWEEP += ["--points", "3", "--omega", "0.5", "--transient", "20", "--periods", "5"]
+SWEEP = ["sweep", "zhao2004", "amplitude=0.16:0.24:3", "--omega", "0.5"]
+SWEEP += ["--transient", "20", "--periods", "5"]
 CHART = ["chart", "zhao2004"]
 TABLES = [f"simulate-{what}.csv" for what in ("blows", "events", "impacts", "statistics")]
 
@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path, cli):
 
 def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     directory = tmp_path / "new" / "out"
-    arguments = ["--start", "0.46", "--stop", "0.47", "--periods", "1000000", "--no-progress"]
+    arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--no-progress"]
     command = started("chart", "zhao2004", *arguments, "--output", str(directory))
     while not directory.exists():
         time.sleep(0.01)
@@ -168,7 +168,7 @@ def test_an_interrupt_while_a_class_names_its_members(monkeypatch, cli):
 
 
 def test_an_interrupt_names_the_store_and_the_same_command_completes_it(tmp_path, monkeypatch, cli):
-    grid = ["--x", "amplitude", "0.2", "0.24", "3", "--y", "omega", "0.49", "0.5", "2"]
+    grid = ["--x", "amplitude=0.2:0.24:3", "--y", "omega=0.49:0.5:2"]
     store = str(tmp_path / "store")
     command = ["map", "zhao2004", *grid, "--transient", "5", "--periods", "2", "--store", store]
     command += ["--exponents", "none", "--no-figure", "--no-progress", "--workers", "1", "--output"]
@@ -235,7 +235,7 @@ def read_until(stream, words):
 @pytest.mark.slow
 def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
-    arguments = ["--start", "0.46", "--stop", "0.47", "--periods", "1000000", "--progress"]
+    arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--progress"]
     command = started("chart", "zhao2004", *arguments, "--output", str(tmp_path))
     read_until(command.stderr, "the crisis, simulated")
     time.sleep(0.5)

@@ -102,7 +102,10 @@ def test_bounds(cli):
         ([*FIT, "--target", f"{BLOW} at colour=1", *VOLTAGE], ["colour", "amplitude, frequency"]),
         ([*FIT, "--target", f"{BLOW} at colour", *VOLTAGE], ["'colour'", "NAME=NUMBER"]),
         ([*FIT, "--target", "pull-in voltage=30", "--bounds", "k=1"], ["NAME=LOW:HIGH"]),
-        ([*FIT, "--target", "pull-in voltage=30", "--bounds", "e=0.1:1"], ["bounds of e", "k"]),
+        (
+            [*FIT, "--target", "pull-in voltage=30", "--bounds", "e=0.1:1"],
+            ["--bounds of e", "one of k"],
+        ),
         ([*FIT, "--target", "pull-in voltage=30", "--free", "colour"], ["colour", "alpha"]),
     ],
 )

@@ -18,8 +18,8 @@ from mems_impact.errors import UnitsWarning
 
 POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
 SIMULATE = ["simulate", *POINT, "--periods", "12", "--no-figure"]
-SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
-SWEEP += ["--omega", "0.5", "--points", "2", "--transient", "2", "--periods", "2", "--no-figure"]
+SWEEP = ["sweep", "zhao2004", "amplitude=0.2:0.24:2", "--omega", "0.5", "--transient", "2"]
+SWEEP += ["--periods", "2", "--no-figure"]
 QUICK = [
     SIMULATE,
     SWEEP,

@@ -3,13 +3,13 @@
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli.options import symbol_of
+from mems_impact.cli.value_types import symbol_of
 
 QUICK = ["--engine", "interpreted", "--no-figure"]
 CODE = """
 import math
 import mems_impact as mi
-from mems_impact.cli.options import symbol_of
+from mems_impact.cli.value_types import symbol_of
 
 def flow(mode, t, y, p):
     return y.v, p.A * math.cos(t) - y.x - 0.1 * y.v

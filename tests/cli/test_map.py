@@ -10,7 +10,7 @@ import pytest
 
 import mems_impact as mi
 
-AXES = ["--x", "amplitude", "0.2", "0.26", "3", "--y", "omega", "0.48", "0.5", "2"]
+AXES = ["--x", "amplitude=0.2:0.26:3", "--y", "omega=0.48:0.5:2"]
 BRIEF = ["--transient", "20", "--periods", "5"]
 # The fast tests compile the loops of maps and exponents for one method only.
 METHOD = ["--method", "dop853"]
@@ -68,7 +68,7 @@ def test_a_study_file_continues_with_the_same_store(cli, tmp_path):
 
 
 def test_a_failed_point_is_said(cli):
-    done = cli("map", "zhao2004", "--x", "e", "0.8", "1.2", "2", "--y", "omega", "0.48", "0.5", "2",
+    done = cli("map", "zhao2004", "--x", "e=0.8:1.2:2", "--y", "omega=0.48:0.5:2",
                *BRIEF, *METHOD, "--amplitude", "0.2", "--no-figure")  # fmt: skip
     assert done.status == 0
     assert "failed at e = 1.2, omega = 0.48: e = 1.2: must be" in done.out
@@ -76,16 +76,16 @@ def test_a_failed_point_is_said(cli):
 
 REFUSED = {
     ("map", "zhao2004"): "missing option '--x'",
-    ("map", "zhao2004", *AXES[:5]): "missing option '--y'",
+    ("map", "zhao2004", *AXES[:2]): "missing option '--y'",
     ("map", "nothing.toml"): "no such file",
     (*ARGUMENTS, "--omega", "0.5"): "--omega is the varied parameter",
     (*ARGUMENTS, "--column", "status"): "--column status: must be one of period, impacts",
     (*ARGUMENTS, "--initial", "kick"): "'kick' must be NAME=NUMBER",
-    ("map", "zhao2004", *AXES[:5], "--y", "e", "0.7", "0.8", "2", "--omega", "0.5", "--curves"):
+    ("map", "zhao2004", *AXES[:2], "--y", "e=0.7:0.8:2", "--omega", "0.5", "--curves"):
         "--curves: for maps of a device over amplitude and omega",
-    ("map", "zhao2004", *AXES[:5], "--y", "f", "0.7", "0.8", "2", "--omega", "0.5"):
+    ("map", "zhao2004", *AXES[:2], "--y", "f=0.7:0.8:2", "--omega", "0.5"):
         "y = 'f': must be one of",
-    ("map", "zhao2004", *AXES, "--x", "amplitude", "0.2", "0.2", "3"): "finite numbers that differ",
+    ("map", "zhao2004", *AXES, "--x", "amplitude=0.2:0.2:3"): "finite numbers that differ",
     ("map", "study.toml", *AXES): "--x: study.toml describes the study",
     ("map", "study.toml", "--bias", "1"): "--bias: study.toml describes the study",
     ("map", "code.toml"): "names Python code",
@@ -112,7 +112,7 @@ def test_curves_over_a_map(cli, tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_an_interrupted_map_keeps_what_is_done(tmp_path):
-    axes = ["--x", "amplitude", "0.2", "0.26", "100", "--y", "omega", "0.48", "0.5", "100"]
+    axes = ["--x", "amplitude=0.2:0.26:100", "--y", "omega=0.48:0.5:100"]
     store = tmp_path / "kept"
     mapping = subprocess.Popen(
         [sys.executable, "-m", "mems_impact", "map", "zhao2004", *axes, "--store", str(store),

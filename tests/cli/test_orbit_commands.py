@@ -4,8 +4,7 @@ import pandas as pd
 import pytest
 
 ORBIT = ["orbit", "zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
-CONTINUE = ["continue", "zhao2004", "--parameter", "amplitude", "--start", "0.24"]
-CONTINUE += ["--stop", "0.16", "--omega", "0.5"]
+CONTINUE = ["continue", "zhao2004", "amplitude=0.24:0.16", "--omega", "0.5"]
 CHART = ["chart", "zhao2004"]
 
 
@@ -41,22 +40,30 @@ def test_a_sliding_bifurcation_has_the_label_of_the_figure(cli):
     device += ["--frame-mass", "1.16mg", "--gap", "4um", "--travel", "2.2um", "--pull-in", "30V"]
     device += ["--friction", "1.2,0.9", "--restitution", "0.6"]
     assert cli("new", "device", "mine.toml", *device).status == 0
-    drive = ["--amplitude", "30V", "--start", "900", "--stop", "700", "--parameter", "frequency"]
+    drive = ["frequency=900:700", "--amplitude", "30V"]
     done = cli("continue", "mine.toml", *drive, "--no-figure")
     assert "break-away 788.593133" in done.out
     assert "Hz (AS: adding-sliding)" in done.out
 
 
 def test_a_grazing_of_unknown_type_is_shown_with_the_reason(cli):
-    device = ["continue", "zhao2004", "--set", "mu_d=1e-6", "--omega", "0.5", "--past-grazing"]
-    done = cli(*device, "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24")
+    device = [
+        "continue",
+        "zhao2004",
+        "--set",
+        "mu_d=1e-6",
+        "--omega",
+        "0.5",
+        "--no-through-grazing",
+    ]
+    done = cli(*device, "amplitude=0.2:0.24")
     assert done.status == 0
     assert "(of no type: a weak contact does not return" in done.out
 
 
 @pytest.mark.slow
 def test_chart(cli, tmp_path):
-    done = cli(*CHART, "--start", "0.486", "--stop", "0.49", "--no-figure")
+    done = cli(*CHART, "--omega", "0.486:0.49", "--no-figure")
     assert done.status == 0
     assert "degenerate grazing" in done.out
     first = done.out.splitlines()[1].split()
@@ -71,7 +78,7 @@ def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(c
     design = ["--frequency", "3.3kHz", "--quality", "12", "--proof-mass", "1.4ug"]
     design += ["--frame-mass", "20ug", "--gap", "3um", "--travel", "1.8um", "--pull-in", "42V"]
     cli("new", "device", "own.toml", *design, "--friction", "0.5,0.35", "--restitution", "0.7")
-    arguments = ["--start", "1567.5", "--stop", "1606", "--crises", "2", "--no-figure"]
+    arguments = ["--frequency", "1567.5:1606", "--crises", "2", "--no-figure"]
     done = cli("chart", "own.toml", *arguments)
     assert "NaN" not in done.out
     shown = [line.split() for line in done.out.splitlines()[1:3]]
@@ -89,12 +96,12 @@ def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(c
         ([*ORBIT, "--periods", "0"], ["periods = 0"]),
         ([*ORBIT, "--transient", "-1"], ["transient = -1"]),
         ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "omit the option"]),
-        ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
-        ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
+        (["continue", "zhao2004", "amplitude=0.24:0.24", "--omega", "0.5"],
+         ["stop = 0.24", "another"]),
+        (["continue", "zhao2004", "amplitude=0.24:-1", "--omega", "0.5"], ["amplitude = -1"]),
         ([*CONTINUE, "--stop-at", "T"], ["--stop-at = 'T'", "CF"]),
-        (["continue", "zhao2004", "--parameter", "bias", "--start", "0", "--stop", "0.1",
-          "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
-        ([*CHART, "--start", "0.6"], ["omega", "lowest"]),
+        (["continue", "zhao2004", "bias=0:0.1", "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
+        ([*CHART, "--omega", "0.6:"], ["omega", "lowest"]),
         ([*CHART, "--crises", "-1"], ["crises = -1"]),
     ],
 )  # fmt: skip

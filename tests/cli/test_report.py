@@ -62,5 +62,5 @@ def test_without_a_drive(cli, tmp_path):
 
 def test_bad_input(cli):
     assert "must be a number [m]" in cli("report", "mita2003", "--depth", "3 V").complaint()
-    charged = ("report", "mita2003", "--voltages", "1 pC", "2 pC", "3")
+    charged = ("report", "mita2003", "--voltages", "1 pC:2 pC:3")
     assert "voltages = '1 pC': must be a number [V]" in cli(*charged).complaint()

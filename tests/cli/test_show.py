@@ -49,8 +49,8 @@ def test_what_is_done_as_a_table(cli, store, tmp_path):
 
 
 def test_a_sweep_is_drawn(cli, tmp_path):
-    arguments = ["zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
-    arguments += ["--points", "3", "--omega", "0.5", "--transient", "10", "--periods", "4"]
+    arguments = ["zhao2004", "amplitude=0.2:0.24:3", "--omega", "0.5"]
+    arguments += ["--transient", "10", "--periods", "4"]
     swept = cli("sweep", *arguments, "--store", "store", "--no-figure")
     assert swept.status == 0
     done = cli("show", "store", "--figure", "figures/sweep.png")
@@ -74,7 +74,7 @@ def test_no_figure_of_its_kind(cli, store):
 
 
 ROUGH = ["--recurrence-tolerance", "1e-3", "--exponents", "none"]
-BASINS = ["--x", "x2", "-0.2", "0.2", "2", "--y", "v2", "0", "0.5", "2", *ROUGH]
+BASINS = ["--x", "x2=-0.2:0.2:2", "--y", "v2=0:0.5:2", *ROUGH]
 TOLERANCES = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
 
 

@@ -76,7 +76,7 @@ def test_a_run_without_impact_says_so(cli):
 
 
 def test_window_is_that_of_the_statistics(cli):
-    out = cli(*ARGUMENTS, "--no-figure", "--window", "18", "20").out
+    out = cli(*ARGUMENTS, "--no-figure", "--window", "18:20").out
     assert "forcing periods 18 to 20" in out
 
 

@@ -10,7 +10,7 @@ BRIEF = ["--transient", "60", "--periods", "5"]
 
 
 def test_basins_of_a_grid(cli, tmp_path):
-    grid = ["--x", "x2", "-0.2", "0.3", "3", "--y", "v2", "0", "0.6", "2"]
+    grid = ["--x", "x2=-0.2:0.3:3", "--y", "v2=0:0.6:2"]
     done = cli("basins", "zhao2004", *grid, *DRIVE, *BRIEF)
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "basins-table.csv")
@@ -29,7 +29,7 @@ def test_basins_of_a_grid(cli, tmp_path):
 
 
 def test_basins_tell_of_initial_states_that_cannot_be(cli):
-    grid = ["--x", "x2", "-0.6", "0.6", "3"]  # the stoppers are at -0.5 and 0.5
+    grid = ["--x", "x2=-0.6:0.6:3"]  # the stoppers are at -0.5 and 0.5
     done = cli("basins", "zhao2004", *grid, *DRIVE, *BRIEF, "--no-figure")
     assert done.status == 0
     assert "warning: 2 of 3 points failed, the first one: x2 = -0.6: must be between" in done.err
@@ -81,7 +81,7 @@ def test_tolerances_tell_of_devices_that_cannot_be(cli, tmp_path):
         ),
         (["tolerances", "zhao2004", *DRIVE, "--over", "f=norm:1:1"], "f"),
         (["basins", "zhao2004", *DRIVE], "x"),
-        (["basins", "zhao2004", *DRIVE, "--x", "x9", "0", "1", "2"], "x9"),
+        (["basins", "zhao2004", *DRIVE, "--x", "x9=0:1:2"], "x9"),
     ],
 )
 def test_bad_input_is_one_line(cli, arguments, complaint):
@@ -90,7 +90,7 @@ def test_bad_input_is_one_line(cli, arguments, complaint):
 
 @pytest.mark.slow
 def test_a_map_with_energy(cli, tmp_path):
-    axes = ["--x", "amplitude", "0.24", "0.24", "1", "--y", "omega", "0.5", "0.5", "1"]
+    axes = ["--x", "amplitude=0.24:0.24:1", "--y", "omega=0.5:0.5:1"]
     done = cli("map", "zhao2004", *axes, "--initial", "kicked", "--energy", "--no-figure")
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "map-table.csv")

@@ -7,8 +7,8 @@ import pytest
 
 import mems_impact as mi
 
-ARGUMENTS = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.16", "--stop", "0.24"]
-ARGUMENTS += ["--points", "3", "--omega", "0.5", "--transient", "100", "--periods", "10"]
+BRIEF = ["--omega", "0.5", "--transient", "100", "--periods", "10"]
+ARGUMENTS = ["sweep", "zhao2004", "amplitude=0.16:0.24:3", *BRIEF]
 
 
 def test_summary_table_and_figure(cli, tmp_path):
@@ -45,8 +45,8 @@ def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device
     low, high = (f"{scale.out(f, 'V'):.6g}" for f in (0.16, 0.24))
     omega = f"{scale.out(0.5, 'rad/s'):.6g}"
     done = cli(
-        "sweep", device, "--parameter", "amplitude", "--start", low, "--stop", high, "--omega",
-        omega, "--points", "17", "--transient", "60", "--periods", "5", "--no-figure",
+        "sweep", device, f"amplitude={low}:{high}:17", "--omega", omega,
+        "--transient", "60", "--periods", "5", "--no-figure",
     )  # fmt: skip
     lines = done.out.splitlines()
     assert max(map(len, lines)) <= 80
@@ -67,8 +67,8 @@ def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device
 
 def test_a_parameter_of_the_device(cli, tmp_path):
     done = cli(
-        *ARGUMENTS, "--parameter", "restitution", "--start", "0.7", "--stop", "0.8",
-        "--amplitude", "0.24", "--direction", "up", "--no-figure",
+        "sweep", "zhao2004", "restitution=0.7:0.8:3", *BRIEF, "--amplitude", "0.24",
+        "--direction", "up", "--no-figure",
     )  # fmt: skip
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
@@ -95,7 +95,8 @@ def test_failed_values_are_said(cli, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_interrupted_sweep_keeps_what_is_done(tmp_path):
-    command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000", "--progress"]
+    command = [sys.executable, "-m", "mems_impact", "sweep", "zhao2004"]
+    command += ["amplitude=0.16:0.24:100000", *BRIEF, "--progress"]
     sweep = subprocess.Popen(
         [*command, "--output", str(tmp_path)],
         stderr=subprocess.PIPE,

@@ -52,7 +52,7 @@ def test_bad_terms_are_one_line(cli, change, named):
 
 
 def test_a_sweep_over_a_term(cli, tmp_path):
-    vary = ["--parameter", "frame_force.force", "--start", "0", "--stop", "2", "--points", "2"]
+    vary = ["frame_force.force=0:2:2"]
     vary += ["--direction", "up", "--transient", "0", "--periods", "1", "--engine", "interpreted"]
     done = cli("sweep", "zhao2004", *vary, "--amplitude", "0.3", "--omega", "0.5", "--no-figure")
     assert done.status == 0
@@ -62,8 +62,8 @@ def test_a_sweep_over_a_term(cli, tmp_path):
 
 @pytest.mark.slow
 def test_a_branch_over_a_term(cli, tmp_path):
-    vary = ["--parameter", "frame_force.force", "--start", "0", "--stop", "0.5"]
-    done = cli("continue", "zhao2004", *vary, "--amplitude", "0.24", "--omega", "0.5")
+    vary = "frame_force.force=0:0.5"
+    done = cli("continue", "zhao2004", vary, "--amplitude", "0.24", "--omega", "0.5")
     assert done.status == 0
     branch = pd.read_csv(tmp_path / "out" / "continue-branch.csv")
     assert branch["step"].iloc[-1] < 0.99 * branch["step"].iloc[0]

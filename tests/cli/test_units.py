@@ -31,8 +31,8 @@ def test_orbit(cli):
 
 
 def test_branch(cli):
-    vary = ["--parameter", "amplitude", "--start", "20", "--stop", "19.9"]
-    assert ", amplitude 19.9 to 20 V, " in cli("continue", "mita2003", *vary, *VOLTAGE).out
+    branch = cli("continue", "mita2003", "amplitude=20:19.9", *VOLTAGE).out
+    assert ", amplitude 19.9 to 20 V, " in branch
 
 
 def test_sweep(cli, monkeypatch):
@@ -42,8 +42,7 @@ def test_sweep(cli, monkeypatch):
     )
     table.loc[table["amplitude"] == 50, "status"] = "it broke"
     monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
-    vary = ["--parameter", "amplitude", "--start", "20", "--stop", "50", "--points", "2"]
-    out = cli("sweep", "mita2003", *vary, *VOLTAGE).out
+    out = cli("sweep", "mita2003", "amplitude=20:50:2", *VOLTAGE).out
     assert "increasing amplitude: impacts at 1 of 2 values, 1 failed" in out
     assert "  failed at 50 V: it broke" in out
 
@@ -88,25 +87,24 @@ def test_two_runs_beside_each_other(cli, monkeypatch):
 
 
 def test_voltages_with_units_at_the_ends_of_a_range(cli, tmp_path):
-    ends = ["20V", "0.03kV"]
+    vary = "amplitude=20V:0.03kV:2"
     quick = ["--transient", "1", "--no-figure"]
-    vary = ["--parameter", "amplitude", "--start", ends[0], "--stop", ends[1], "--points", "2"]
-    cli("sweep", "mita2003", *vary, "--frequency", "0.1kHz", "--periods", "1", *quick)
+    cli("sweep", "mita2003", vary, "--frequency", "0.1kHz", "--periods", "1", *quick)
     table = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
     assert set(table["amplitude [V]"]) == {20.0, 30.0}
-    axes = ["--x", "amplitude", *ends, "2", "--y", "frequency", "0.1kHz", "110Hz", "2"]
+    axes = ["--x", vary, "--y", "frequency=0.1kHz:110Hz:2"]
     cli("map", "mita2003", *axes, "--longest", "1", *quick)
     table = pd.read_csv(tmp_path / "out" / "map-table.csv")
     assert set(table["amplitude [V]"]) == {20.0, 30.0}
     assert set(table["frequency [Hz]"]) == {100.0, 110.0}
-    done = cli("sweep", "mita2003", *vary[:-4], "--stop", "3um", "--frequency", "100")
-    assert "'3um' must be a number [V]" in done.err
+    done = cli("sweep", "mita2003", "amplitude=20V:3um:2", "--frequency", "100")
+    assert "values = '3um': must be a number [V]" in done.err
 
 
 @pytest.mark.slow
 def test_voltages_of_a_report_with_units(cli, tmp_path):
     done = cli(
-        "report", "mita2003", "--amplitude", "30V", "--voltages", "20V", "0.03kV", "2",
+        "report", "mita2003", "--amplitude", "30V", "--voltages", "20V:0.03kV:2",
         "--quick", "--frequency", "100Hz", "--transient", "1", "--periods", "1",
         "--only", "Step and speed over the voltage",
     )  # fmt: skip

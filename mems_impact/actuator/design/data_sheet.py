@@ -420,7 +420,7 @@ class DataSheet(Mapping[str, Any]):
 
     def __post_init__(self) -> None:
         if self.actuator.units != "SI":
-            problem = "a data sheet is in SI; use to_si of a dimensionless device first"
+            problem = "a data sheet is in SI; give a device in SI"
             raise InvalidParameter("units", self.actuator.units, "", problem=problem)
 
     @cached_property

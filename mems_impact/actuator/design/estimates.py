@@ -336,10 +336,7 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
 def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     """Return why the formula applies to no impact of a run."""
     if right == 0:
-        return (
-            "no impact on the right stopper; raise the voltage, or start with a kick "
-            "(see kicked_state)"
-        )
+        return "no impact on the right stopper; raise the voltage, or start with a kick"
     if at_rest:
         return f"no step of {at_rest} that begin at rest has ended; simulate more periods"
     return (

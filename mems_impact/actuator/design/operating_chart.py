@@ -975,7 +975,7 @@ def operating_chart(
     crises: int = 7,
     columns: int | None = None,
     periods: int = 2000,
-    options: Options | None = None,
+    options: Options = ORBIT_OPTIONS,
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
@@ -1077,8 +1077,7 @@ def operating_chart(
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     report = progress_line(progress)
     ends = system.into(name, low), system.into(name, high)
-    chosen = ORBIT_OPTIONS if options is None else options
-    maker = ChartBuilder(system, chosen, steps, report, ends)
+    maker = ChartBuilder(system, options, steps, report, ends)
     try:
         maker.make(crises, columns, periods, workers)
     except KeyboardInterrupt:
@@ -1090,9 +1089,7 @@ def operating_chart(
 
 def _uncharted(term: Term, reason: str) -> InvalidParameter:
     """Return the error for a device without a chart."""
-    problem = (
-        f"no chart with {type(term).__name__}: {reason}; use sweep() over the amplitude instead"
-    )
+    problem = f"no chart with {term.name()}: {reason}; sweep the amplitude instead"
     return InvalidParameter("terms", None, "", problem=problem)
 
 

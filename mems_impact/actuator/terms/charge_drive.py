@@ -72,8 +72,8 @@ class ChargeDrive(Term):
         """Raise InvalidParameter if another term limits the voltage of the source."""
         for term in actuator.terms:
             if term.name() == "slew_rate":
-                problem = "SlewRate limits a voltage, and ChargeDrive sets the charge; omit one"
-                raise InvalidParameter("terms", actuator.terms, "", problem=problem)
+                problem = "slew_rate limits a voltage, and charge_drive sets none; give one of them"
+                raise InvalidParameter("terms", None, "", problem=problem)
 
     @classmethod
     def electrode(cls, indices: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:

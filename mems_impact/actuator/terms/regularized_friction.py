@@ -68,7 +68,7 @@ class RegularizedFriction(Term):
             atol = 10.0 ** math.floor(math.log10(scaled_width / WIDTH_TOLERANCES))
             allowed = (
                 f">= {quantity} at atol = {shown(options.atol)}, at which slower creep cannot be "
-                f"distinguished from rest; take Options(atol={atol:.0e}) for this width"
+                f"distinguished from rest; take atol = {atol:.0e} for this width"
             )
             raise InvalidParameter(f"{self.name()}.width", self.width, allowed)
 

@@ -85,10 +85,10 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
             problem = f"fails compiled at t = {time:.6g}: {exception}"
             return case.function.error(problem, REAL_REMEDY)
     problem = f"fails compiled at t = {time:.6g}, but not interpreted"
-    return function.error(problem, 'use Options(engine="interpreted")')
+    return function.error(problem, "use engine 'interpreted'")
 
 
-REAL_REMEDY = "use real numbers, such as 1.0 in place of 1, or Options(engine='interpreted')"
+REAL_REMEDY = "use real numbers, such as 1.0 in place of 1, or engine 'interpreted'"
 
 
 def _compiled_error(
@@ -205,7 +205,7 @@ def _first(*calls: Callable[[], Any]) -> FunctionError | None:
 
 # --- Functions that numba cannot compile
 
-INTERPRETED_REMEDY = "write it over numbers, tuples and math, or use Options(engine='interpreted')"
+INTERPRETED_REMEDY = "write it over numbers, tuples and math, or use engine 'interpreted'"
 
 
 class _Case(NamedTuple):

@@ -52,8 +52,8 @@ from mems_impact.integrators.options import Options
 
 SUPPORTED_MAJOR = 7
 LIBRARY_REMEDY = (
-    "install a scikit-sundae wheel of version 1.x, use method='dop853', which needs no SUNDIALS, "
-    "or engine='interpreted'"
+    "install a scikit-sundae wheel of version 1.x, use method 'dop853', which needs no SUNDIALS, "
+    "or engine 'interpreted'"
 )
 
 _int, _real, _ptr = ctypes.c_int32, ctypes.c_double, ctypes.c_void_p

@@ -92,7 +92,7 @@ def jit_disabled() -> bool:
 def check_numba() -> None:
     """Raise EngineUnavailable if numba is disabled."""
     if jit_disabled():
-        remedy = "unset NUMBA_DISABLE_JIT, or use engine='interpreted'"
+        remedy = "unset NUMBA_DISABLE_JIT, or use engine 'interpreted'"
         raise EngineUnavailable("NUMBA_DISABLE_JIT disables numba", remedy)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from pkgutil import resolve_name
@@ -26,7 +27,14 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.executors import cores
-from mems_impact.studies.optimize import Optimum, ParetoFront, optimize, pareto_front
+from mems_impact.studies.optimize import (
+    Bounds,
+    Limits,
+    Optimum,
+    ParetoFront,
+    optimize,
+    pareto_front,
+)
 from mems_impact.studies.sampling import DISTRIBUTIONS_ALLOWED, Interval, distribution_named
 from mems_impact.studies.sensitivity import Sensitivity, sensitivity
 from mems_impact.systems.base import HybridSystem
@@ -34,9 +42,11 @@ from mems_impact.systems.observables import Quantity
 from mems_impact.systems.state import State, is_number, state_from
 
 __all__ = [
+    "arguments_from",
     "distributions",
     "executor_named",
     "optimize_from",
+    "orbit_from",
     "orbit_sensitivity_study",
     "range_axis",
     "verb_arguments",
@@ -47,42 +57,73 @@ __all__ = [
 
 TRANSIENT = 300.0  # forcing periods before the search for an orbit
 
-Limits = Mapping[str, tuple[float | None, float | None]]
 
-
-def orbit_sensitivity_study(
+def orbit_from(
     system: HybridSystem,
     *,
     initial: State | Mapping[str, float] | None = None,
     transient: float = TRANSIENT,
     periods: int | None = None,
     options: Options = ORBIT_OPTIONS,
+) -> Orbit:
+    """Return the orbit to which a run leads.
+
+    Parameters
+    ----------
+    system : System
+    initial : State or mapping of str to float, optional
+        Initial state of the run.
+    transient : float, optional
+        Forcing periods simulated before the search for the orbit.
+    periods : int, optional
+        Period of the orbit in forcing periods; recognized by default.
+    options : Options, optional
+    """
+    return find_orbit(system, guess=initial, periods=periods, transient=transient, options=options)
+
+
+def orbit_sensitivity_study(
+    system: HybridSystem,
+    *,
     over: Sequence[str] | None = None,
     quantities: Sequence[str | Quantity] | None = None,
+    initial: State | Mapping[str, float] | None = None,
+    transient: float = TRANSIENT,
+    periods: int | None = None,
+    options: Options = ORBIT_OPTIONS,
 ) -> Sensitivity:
     """Return the `sensitivity` of the orbit to which a run leads.
 
     Parameters
     ----------
     system : System
-    initial, transient, periods, options
-        Arguments of the run and of `find_orbit`.
-    over, quantities
+    over : sequence of str, optional
+        Parameter of the table; all by default.
+    quantities : sequence of str or Quantity, optional
         As for `sensitivity`.
+    initial : State or mapping of str to float, optional
+        Initial state of the run.
+    transient : float, optional
+        Forcing periods simulated before the search for the orbit.
+    periods : int, optional
+        Period of the orbit in forcing periods; recognized by default.
+    options : Options, optional
     """
-    orbit = _orbit(system, initial, transient, periods, options)
+    orbit = orbit_from(
+        system, initial=initial, transient=transient, periods=periods, options=options
+    )
     return sensitivity(orbit, over, quantities)
 
 
 def optimize_from(
     system: HybridSystem,
     *,
-    over: Mapping[str, tuple[float, float]],
     maximize: str | Sequence[str] = (),
     minimize: str | Sequence[str] = (),
+    over: Bounds,
     subject_to: Limits | None = None,
     tolerances: Mapping[str, float | str] | None = None,
-    points: int = 12,
+    points: int = 9,
     initial: State | Mapping[str, float] | None = None,
     transient: float = TRANSIENT,
     periods: int | None = None,
@@ -94,14 +135,24 @@ def optimize_from(
     Parameters
     ----------
     system : System
-    over, subject_to, tolerances
-        As for `optimize`.
     maximize, minimize : str or sequence of str
-        One quantity in all, or two.
+        Quantity of the orbit, such as 'mean speed' or 'standard deviation of mean speed'; two in
+        all give a Pareto front.
+    over : mapping of str to (float, float)
+        Parameter to vary and its bounds.
+    subject_to : mapping of str to (float, float), optional
+        Constraint: bounds of a quantity such as 'largest multiplier'; one bound may be omitted.
+    tolerances : mapping of str to float or str, optional
+        Standard deviation of a parameter, or in per cent of its value.
     points : int
         Number of points of a Pareto front.
-    initial, transient, periods, options
-        Arguments of the run and of `find_orbit`.
+    initial : State or mapping of str to float, optional
+        Initial state of the run.
+    transient : float, optional
+        Forcing periods simulated before the search for the orbit.
+    periods : int, optional
+        Period of the orbit in forcing periods; recognized by default.
+    options : Options, optional
     progress : bool or callable, optional
     """
     names = [*_several(maximize), *_several(minimize)]
@@ -110,7 +161,9 @@ def optimize_from(
         raise InvalidParameter("maximize", maximize or None, allowed)
     aims: dict[str, Any] = dict.fromkeys(_several(maximize), "maximize")
     aims |= dict.fromkeys(_several(minimize), "minimize")
-    orbit = _orbit(system, initial, transient, periods, options)
+    orbit = orbit_from(
+        system, initial=initial, transient=transient, periods=periods, options=options
+    )
     arguments: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
     if len(aims) == 2:
         return pareto_front(orbit, aims, points=points, progress=progress, **arguments)
@@ -120,16 +173,6 @@ def optimize_from(
 
 def _several(names: str | Sequence[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
-
-
-def _orbit(
-    system: HybridSystem,
-    initial: State | Mapping[str, float] | None,
-    transient: float,
-    periods: int | None,
-    options: Options,
-) -> Orbit:
-    return find_orbit(system, guess=initial, periods=periods, transient=transient, options=options)
 
 
 # --- Arguments of studies
@@ -158,11 +201,18 @@ def verb_of(kind: Any) -> Callable[..., Any]:
 
 
 def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the arguments of the verb of a kind; see `arguments_from`."""
+    return arguments_from(verb_of(kind), table, folder)
+
+
+def arguments_from(
+    verb: Callable[..., Any], table: Mapping[str, Any], folder: Path
+) -> dict[str, Any]:
     """Return the arguments of a verb from a table.
 
     Parameters
     ----------
-    kind : str
+    verb : callable
     table : mapping
         Arguments by name, in values of TOML.
     folder : Path
@@ -173,23 +223,16 @@ def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[st
     InvalidParameter
         If an argument is unknown, missing or of the wrong kind.
     """
-    defaults = {
-        name: parameter.default
-        for name, parameter in inspect.signature(verb_of(kind)).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    }
+    parameters = dict(islice(inspect.signature(verb).parameters.items(), 1, None))
     for name in table:
-        if name not in defaults:
-            raise _unknown(name, table[name], defaults)
-    for name, default in defaults.items():
-        if default is inspect.Parameter.empty and name not in table:
+        if name not in parameters:
+            raise _unknown(name, table[name], parameters)
+    for name, parameter in parameters.items():
+        by_name = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        if by_name and parameter.default is inspect.Parameter.empty and name not in table:
             allowed = _AXIS if _READERS.get(name) is _axis else "given"
             raise InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
-    readers = {**_READERS, **_OF_KIND.get(kind, {})}
-    arguments = {
-        name: _argument(name, value, defaults[name], readers.get(name))
-        for name, value in table.items()
-    }
+    arguments = {name: _argument(parameters[name], value) for name, value in table.items()}
     if "store" in arguments:
         arguments["store"] = folder / arguments["store"]
     if "executor" in arguments:
@@ -215,7 +258,9 @@ def executor_named(name: str, workers: int | None) -> Any:
     return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
 
 
-def _argument(name: str, value: Any, default: Any, reader: _Reader | None) -> Any:
+def _argument(parameter: inspect.Parameter, value: Any) -> Any:
+    name, default = parameter.name, parameter.default
+    reader = _RANGES.get(parameter.annotation, _READERS.get(name))
     if reader is not None:
         return reader(name, value)
     if is_dataclass(default) and not isinstance(default, type):
@@ -290,7 +335,7 @@ def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None
     ranges = {}
     for word, pair in value.items():
         two = isinstance(pair, list) and len(pair) == 2
-        if not (two and all(_is_real(end) or has_unit(end) for end in pair)):
+        if not (two and all(end is None or _is_real(end) or has_unit(end) for end in pair)):
             raise InvalidParameter(f"{name}.{word}", pair, allowed)
         low, high = (_bound(end) for end in pair)
         ranges[word] = low, high
@@ -298,8 +343,8 @@ def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None
 
 
 def _bound(end: Any) -> Any:
-    """Return a bound, None if it is infinite; a text with a unit unchanged."""
-    if has_unit(end):
+    """Return a bound, None if it is infinite; None and a text with a unit unchanged."""
+    if end is None or has_unit(end):
         return end
     return float(end) if math.isfinite(end) else None
 
@@ -321,4 +366,7 @@ _READERS: dict[str, _Reader] = {
     "store": _text,
     "executor": _text,
 }
-_OF_KIND: dict[str, dict[str, _Reader]] = {"optimize": {"over": _ranges, "subject_to": _ranges}}
+_RANGES: dict[str, _Reader] = dict.fromkeys(
+    ("Bounds", "Bounds | None", "Limits | None", "Specification | None"), _ranges
+)
+"""Readers by annotation, which precede those by name."""

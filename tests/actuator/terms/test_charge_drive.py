@@ -122,7 +122,7 @@ def test_refusals_name_the_remedy():
         mi.pull_in_charge(ZHAO)
     with pytest.raises(mi.InvalidParameter, match="both determine the source"):
         device.adding(mi.SeriesResistance(resistance=1.0))
-    with pytest.raises(mi.InvalidParameter, match="SlewRate limits a voltage, and ChargeDrive"):
+    with pytest.raises(mi.InvalidParameter, match="slew_rate limits a voltage, and charge_drive"):
         device.adding(mi.SlewRate(rate=1.0))
     with pytest.raises(mi.InvalidParameter, match='with a unit of that kind, such as "70 V"'):
         mi.Sine(amplitude="1 A", omega=1.0)

@@ -175,7 +175,7 @@ def test_a_branch_ends_where_the_source_begins_to_limit():
     branch = mi.continue_orbit(orbit, "amplitude", stop=0.15)
     assert "the forcing has 2 switching times there instead of 0" in branch.ended
     assert branch.orbits[-1].system.value("amplitude") == pytest.approx(0.125, rel=0.02)
-    with pytest.raises(mi.InvalidParameter, match="no chart with SlewRate: its switching times"):
+    with pytest.raises(mi.InvalidParameter, match="no chart with slew_rate: its switching times"):
         mi.operating_chart(system.actuator)
 
 

@@ -38,7 +38,7 @@ def test_it_is_compiled_where_sundials_cannot_be_bound():
 
 @pytest.mark.usefixtures("no_sundials")
 def test_the_fallback_names_it():
-    with pytest.warns(EngineFallbackWarning, match="method='dop853'"):
+    with pytest.warns(EngineFallbackWarning, match="method 'dop853'"):
         simulate(BALL, ball(0.5), [1.0, 0.0], 0.1, engine="auto")
 
 
