@@ -73,11 +73,21 @@ def progress_bar(
             delay=QUIET_SECONDS,
             unit=f" {unit}",
         ) as bar:
+            created, started = time.time(), False
 
             def show(done: float, note: str = "") -> None:
+                nonlocal started
                 if note:
                     bar.set_postfix_str(note, refresh=False)
-                bar.update((int(done) if whole else round(done, 3)) - bar.n)
+                amount = int(done) if whole else round(done, 3)
+                if started:
+                    bar.update(amount - bar.n)
+                    return
+                # The time until here holds loading and compiling, which the rate does not count.
+                started, bar.last_print_t = True, time.time()
+                bar.initial = bar.n = bar.last_print_n = amount
+                if bar.last_print_t - created > QUIET_SECONDS:
+                    bar.refresh()
 
             yield show
     else:
@@ -134,15 +144,18 @@ class ProgressLog:
     def __init__(
         self, unit: str, total: float | None = None, finished_work: float = 0.0, kind: str = ""
     ) -> None:
-        self.unit, self.total, self.finished_work = unit, total, finished_work
+        self.unit, self.total = unit, total
         self.kind = f"{kind}: " if kind else ""
         self.begin = time.monotonic()
+        self.first: tuple[float, float] | None = None  # time and amount of the first report
         self.last_line = -math.inf
         self.share = finished_work
 
     def __call__(self, done: float, note: str = "") -> None:
         """Write a line if one is due, with the note at its end."""
         now = time.monotonic()
+        # The time until the first report holds loading and compiling.
+        self.first = self.first or (now, done)
         since = now - self.last_line
         due = since >= MAX_LINE_SECONDS
         if self.total is not None:
@@ -151,16 +164,17 @@ class ProgressLog:
         if now - self.begin < MIN_LINE_SECONDS or not due:
             return
         self.last_line, self.share = now, done
-        _say(self.line(done, now - self.begin, note))
+        begin, finished_work = self.first
+        rate = (done - finished_work) / (now - begin) if now > begin else 0.0
+        _say(self.line(done, rate, note))
 
-    def line(self, done: float, seconds: float, note: str = "") -> str:
+    def line(self, done: float, rate: float, note: str = "") -> str:
         """Return a progress line."""
         if self.total is None:
             parts = [f"{self.kind}{int(done)} {self.unit}"]
         else:
             of = f"{int(done)} of {int(self.total)} {self.unit}"
             parts = [f"{self.kind}{of} ({done / self.total:.0%})"]
-        rate = (done - self.finished_work) / seconds
         if rate > 0.0:
             parts.append(f"{rate:.3g} {self.unit}/s")
         if self.total is not None and rate > 0.0 and done < self.total:

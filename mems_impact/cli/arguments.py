@@ -44,7 +44,7 @@ DEFAULT_TEXTS = {
 }
 """Defaults in words."""
 
-Gather = Callable[[Any], Any]
+Collect = Callable[[Any], Any]
 
 
 def _state(pairs: tuple[tuple[str, Any], ...]) -> Any:
@@ -56,9 +56,9 @@ def _bounds(ranges: tuple[tuple[str, Any, Any], ...]) -> dict[str, list[Any]]:
     return {name: list(ends) for name, *ends in ranges}
 
 
-# By type: the option's type, and how the values of a repeatable option are gathered. A type that
+# By type: the option's type, and how the values of a repeatable option are collected. A type that
 # is missing has no option.
-OPTION_TYPES: dict[str, tuple[Any, Gather | None]] = {
+OPTION_TYPES: dict[str, tuple[Any, Collect | None]] = {
     "State": (InitialType(), _state),
     "Executor": (click.Choice(EXECUTORS), None),
     "os.PathLike[str]": (click.Path(), None),
@@ -133,8 +133,8 @@ class FunctionOptions(click.Option):
             return self._progress_option(argument)
         option_type = _option_type(argument)
         assert option_type is not None
-        kind, gather = option_type
-        several = gather is not None
+        kind, collect = option_type
+        several = collect is not None
         key = argument.owner, argument.name
         help_text = [argument.text, getattr(kind, "hint", ""), "May be repeated." * several]
         default = None if argument.default in (REQUIRED, (), {}) else argument.default
@@ -149,7 +149,7 @@ class FunctionOptions(click.Option):
             show_default=DEFAULT_TEXTS.get(key, default is not None and default is not False),
             help=" ".join(filter(None, help_text)),
             expose_value=False,
-            callback=self._callback(argument, gather, argument.name in self.defaults),
+            callback=self._callback(argument, collect, argument.name in self.defaults),
         )
 
     def _progress_option(self, argument: Argument) -> click.Option:
@@ -166,7 +166,7 @@ class FunctionOptions(click.Option):
         )
 
     def _callback(
-        self, argument: Argument, gather: Gather | None, always: bool
+        self, argument: Argument, collect: Collect | None, always: bool
     ) -> Callable[[click.Context, click.Parameter, Any], None]:
         """Return a callback that keeps a value that was given, or `always`."""
 
@@ -176,13 +176,13 @@ class FunctionOptions(click.Option):
                 table = ctx.meta.setdefault(GIVEN, {}).setdefault(self.path, {})
                 if argument.owner:
                     table = table.setdefault(argument.owner, {})
-                table[argument.name] = value if gather is None else gather(value)
+                table[argument.name] = value if collect is None else collect(value)
 
         return keep
 
 
-def _option_type(argument: Argument) -> tuple[Any, Gather | None] | None:
-    """Return type and gathering of an argument's option; None if it has no option."""
+def _option_type(argument: Argument) -> tuple[Any, Collect | None] | None:
+    """Return type and collection of an argument's option; None if it has no option."""
     if argument.choices and "bool" not in argument.types:
         return click.Choice(argument.choices), None
     if {"float", "str"} <= {*argument.types}:
@@ -234,7 +234,8 @@ def option_of_field(command: click.Command, field: str) -> str:
             if field == name or field.startswith((f"{name}.", f"{name} ")):
                 return f"{option} {field[len(name) :].lstrip('. ')}".rstrip()
     options = {each.name: each.opts[0] for each in command.params if isinstance(each, click.Option)}
-    return options.get(field, options.get(f"{DRIVE_PREFIX}{field}", field))
+    of_drive = f"{DRIVE_PREFIX}{field.removeprefix('drive.')}"
+    return options.get(field, options.get(of_drive, field))
 
 
 def _arguments(command: click.Command, path: str = "") -> dict[str, Argument]:

@@ -75,6 +75,18 @@ class _Commands(click.Group):
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return with_options(command)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, names = args[0], self.list_commands(ctx)
+        if not (name in names or name.startswith("-") or ctx.resilient_parsing):
+            from difflib import get_close_matches
+
+            close = " or ".join(get_close_matches(name, names))
+            hint = f"; did you mean {close}?" if close else ""
+            raise click.UsageError(f"no such command {name!r}{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
     def make_context(self, *arguments: Any, **more: Any) -> click.Context:
         with past_click():  # help pages are written here
             return super().make_context(*arguments, **more)

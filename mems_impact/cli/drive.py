@@ -56,5 +56,4 @@ def command(
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)
         show_values(lines, in_units=actuator.scales.named)
         show("")
-        if files.written:
-            files.show()
+        files.show()

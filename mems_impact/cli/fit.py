@@ -45,7 +45,7 @@ def command(
     device: str,
     changes: dict[str, float],
     targets: tuple[str, ...],
-    output: str,
+    output: str | None,
 ) -> None:
     """Fit parameters of DEVICE to measurements.
 

@@ -89,7 +89,7 @@ def study_of(
     varied = {axis[0]: axis[1] for axis in axes if axis is not None}
     actuator = _device(device, options["changes"], varied)
     given_arguments(path)  # before the drive is missed
-    system = actuator.under(drive_from(varied))
+    system = _driven(actuator, drive_from(varied))
     return system, arguments_for(path, system)
 
 
@@ -160,7 +160,18 @@ def device_system(
         A value of each varied parameter, which replaces its option. The device may lack the term of
         the parameter.
     """
-    return _device(device, changes, varied or {}).under(drive_from(varied))
+    return _driven(_device(device, changes, varied or {}), drive_from(varied))
+
+
+def _driven(actuator: mi.Actuator, drive: mi.Drive) -> ActuatorSystem:
+    """Return a device under a drive; an error of the drive names the drive."""
+    from mems_impact.errors import InvalidParameter
+
+    try:
+        return actuator.under(drive)
+    except InvalidParameter as error:
+        fields = type(drive).model_fields
+        raise error.located(owner="drive" if error.field in fields else "") from None
 
 
 def _device(device: str, changes: Mapping[str, float], varied: Mapping[str, float]) -> mi.Actuator:

@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.cli.output import Output
+from mems_impact.cli.output import DIRECTORY, STANDARD_OUTPUT, Output
 from mems_impact.cli.runtime import DRIVE_PREFIX
 from mems_impact.cli.value_types import (
     KICKED,
@@ -73,10 +73,9 @@ device_options = apply_decorators(device_argument(), changes_option)
 directory_option = click.option(
     "--output",
     type=click.Path(),
-    default="out",
-    show_default=True,
+    show_default=f"{DIRECTORY}; {STANDARD_OUTPUT} with --json",
     metavar="DIR",
-    help="Directory of tables and figure; created if needed.",
+    help="Directory of tables and figure; created if needed. -: no files.",
 )
 
 
@@ -85,7 +84,7 @@ def _with_output(command: Any) -> Any:
 
     @wraps(command)
     def gathered(
-        *arguments: Any, output: str, figure: str | None, no_figure: bool, **rest: Any
+        *arguments: Any, output: str | None, figure: str | None, no_figure: bool, **rest: Any
     ) -> Any:
         return command(*arguments, **rest, output=partial(Output, output, figure, no_figure))
 

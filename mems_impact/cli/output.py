@@ -323,6 +323,7 @@ def _json_value(value: Any) -> Any:
 
 # --- Output files
 
+DIRECTORY, STANDARD_OUTPUT = "out", "-"
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 OUTPUT_REMEDY = "choose another place with --output or --figure"
 
@@ -332,10 +333,11 @@ class Output:
 
     Parameters
     ----------
-    directory : str
-        Directory of the files; created, and removed again if nothing is written.
+    directory : str or None
+        Directory of the files; created, and removed again if nothing is written. ``-``, and by
+        default with ``--json``: none, tables are shown only; otherwise `DIRECTORY` by default.
     figure : str or None
-        Path of the figure; by default `name` with ``.png`` in the directory.
+        Path of the figure; by default `name` with ``.png`` in the directory, if there is one.
     no_figure : bool
     name : str
         First part of all names.
@@ -352,21 +354,26 @@ class Output:
     ...     files.draw(lambda: plot_sweep(table).figure)
     """
 
-    def __init__(self, directory: str, figure: str | None, no_figure: bool, name: str) -> None:
+    def __init__(
+        self, directory: str | None, figure: str | None, no_figure: bool, name: str
+    ) -> None:
         if no_figure and figure is not None:
             raise click.UsageError("--figure and --no-figure exclude each other; leave one out")
         self.name = name
-        self.directory = Path(directory)
+        if directory is None:
+            directory = STANDARD_OUTPUT if as_json() else DIRECTORY
+        self.directory = None if directory == STANDARD_OUTPUT else Path(directory)
         self.figure: Path | None = None
-        if not no_figure:
-            self.figure = Path(figure) if figure else self.directory / f"{name}.png"
+        if figure or (self.directory and not no_figure):
+            self.figure = Path(figure) if figure else Path(directory) / f"{name}.png"
             if self.figure.suffix.lower() not in FIGURE_SUFFIXES:
                 allowed = f"{', '.join(FIGURE_SUFFIXES[:-1])} or {FIGURE_SUFFIXES[-1]}"
                 raise click.UsageError(f"--figure {self.figure}: the name must end in {allowed}")
         self.written: list[Path] = []
         self._created_folders: list[Path] = []
         # Now, not after minutes of work.
-        self._make(self.directory)
+        if self.directory is not None:
+            self._make(self.directory)
         if self.figure is not None:
             self._make(self.figure.parent)
 
@@ -390,6 +397,8 @@ class Output:
         from mems_impact.tables import with_units  # pandas is slow to import
 
         add_json_tables(tables)
+        if self.directory is None:
+            return
         paths = [self.directory / f"{self.name}-{label}.csv" for label in tables]
         with ExitStack() as stack:
             for path, table in zip(paths, tables.values(), strict=True):
@@ -408,8 +417,9 @@ class Output:
         self.written.append(self.figure)
 
     def show(self) -> None:
-        """Show which files were written, in lines as wide as the terminal."""
-        show(filled(self.description()))
+        """Show which files were written, if any, in lines as wide as the terminal."""
+        if self.written:
+            show(filled(self.description()))
 
     def moving(self, path: str | None) -> None:
         """Check, before the work, that an animation can be written to `path`, if one is wanted."""

@@ -144,8 +144,8 @@ def report_error(error: BaseException) -> int:
     written = "; ".join(note for note in notes if "__set_name__" not in note)
     more = f"; {written}" if written else ""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
-        write_message(f"missing command; see {PROGRAM} --help")
-        return BAD_INPUT
+        click.echo(error.format_message())
+        return 0
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx is not None else PROGRAM
         text = error.format_message().rstrip(".")

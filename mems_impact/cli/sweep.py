@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -68,7 +67,7 @@ def command(
         )
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
-        _show(table, files.directory / f"{files.name}-summary.csv")
+        _show(table, files.written[1] if files.directory else "--json")
         files.show()
 
 
@@ -78,7 +77,7 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {"table": table, "summary": sweep_summary(table)}
 
 
-def _show(table: pd.DataFrame, path: Path) -> None:
+def _show(table: pd.DataFrame, place: object) -> None:
     import pandas as pd
 
     from mems_impact.tables import impact_changes, sweep_summary
@@ -101,7 +100,7 @@ def _show(table: pd.DataFrame, path: Path) -> None:
     displayed.attrs = summary.attrs
     show_table("summary", displayed, digits=6)
     if len(rows) < len(summary):
-        show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {path}")
+        show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {place}")
     for direction, chain in summary.groupby("direction", sort=False):
         failed = chain[chain["status"] != "ok"]
         line = f"{DIRECTION_WORDS[str(direction)]} {parameter}: impacts at "

@@ -364,7 +364,7 @@ def tolerance_analysis(
     seed : int, optional
         Seed of the sample.
     specification : mapping of str to (float, float), optional
-        Bounds of columns of the table, of which one may be missing: ``{"displacement per period":
+        Bounds of columns of the table; one bound may be missing: ``{"displacement per period":
         (1e-5, None)}``.
     indices : bool, optional
         Whether to compute Sobol indices, which take d + 2 times as many points for d distributions.
@@ -478,7 +478,7 @@ def _specification(
             raise InvalidParameter("specification", name, f"one of the columns {', '.join(names)}")
         field, allowed = (
             f"specification.{name}",
-            "low and high, in this order, of which one may be missing",
+            "low and high, in this order; one may be missing",
         )
         try:
             low, high = system.without_unit(name, ends, field)

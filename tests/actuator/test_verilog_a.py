@@ -68,14 +68,14 @@ def test_every_term_is_known_or_refused():
 @pytest.mark.parametrize(
     ("terms", "missing"),
     [
-        ((), "CompliantStopper and RegularizedFriction"),
-        ((SMOOTH_TERMS["compliant_stopper"],), "without RegularizedFriction a"),
+        ((), "compliant_stopper and regularized_friction"),
+        ((SMOOTH_TERMS["compliant_stopper"],), "without regularized_friction a"),
         ((SMOOTH_TERMS["regularized_friction"],), "without compliant_stopper a"),
-        ((mi.StribeckFriction(speed=1e-3, viscous=10.0),), "CompliantStopper"),
+        ((mi.StribeckFriction(speed=1e-3, viscous=10.0),), "compliant_stopper"),
     ],
 )
 def test_devices_with_events_are_refused_with_the_remedy(terms, missing):
-    with pytest.raises(InvalidParameter, match=f"{missing}.*to_fmu"):
+    with pytest.raises(InvalidParameter, match=f"{missing}.*export an FMU"):
         verilog_a(MITA.adding(*terms), "dev")
 
 

@@ -18,14 +18,15 @@ def sweep(values, *more):
 
 # What is typed, and what the line must name: the culprit and the remedy.
 WRONG = [
-    ([], ["command", "--help"]),
-    (["simluate"], ["simluate", "--help"]),
+    (["simluate"], ["simluate", "did you mean simulate?", "--help"]),
+    (["zhao2004"], ["zhao2004", "--help"]),
     (["simulate"], ["DEVICE", "--help"]),
     (["simulate", "zhao2004", "--omega", "0.5"], ["--amplitude"]),
     (["simulate", "nothing", *SIMULATE[2:]], ["nothing", "zhao2004", "TOML"]),
     (["simulate", "mine.py", *SIMULATE[2:]], ["name of a system in it", "mine.py:oscillator"]),
     (["orbit", "mine.py:mine", *SIMULATE[2:6]], ["mine.py:mine: a system", "device"]),
-    (["continue", "mine.py:mine", "amplitude=0.2:0.24", *SWEEP[3:5]], ["mine.py:mine: a system", "device"]),
+    (["continue", "mine.py:mine", "amplitude=0.2:0.24", *SWEEP[3:5]],
+     ["mine.py:mine: a system", "device"]),
     (["simulate", "truncated.toml", *SIMULATE[2:]], ["truncated.toml", "not valid TOML"]),
     (["simulate", "directory", *SIMULATE[2:]], ["directory", "is a directory"]),
     (["simulate", "bad.toml", *SIMULATE[2:]], ["bad.toml", "m1"]),

@@ -11,7 +11,8 @@ SWITCH = mi.load_actuator("abdulrahim2016")
 
 
 def test_closing_is_that_of_python(cli, tmp_path):
-    done = cli("closing", "abdulrahim2016", "--amplitude", "90 V", "--no-figure", "--json")
+    done = cli("closing", "abdulrahim2016", "--amplitude", "90 V", "--json",
+               "--output", "out")  # fmt: skip
     assert done.status == 0
     found = mi.closing(SWITCH, mi.VoltageStep(amplitude=90))
     shown = json.loads(done.out)
@@ -49,7 +50,7 @@ def test_soft_landing_is_that_of_python(cli, tmp_path):
     [
         (["closing", "zhao2004"], "missing option '--amplitude'"),
         (["simulate", "zhao2004", "--drive", "voltage-step", "--amplitude", "1"],
-         "a voltage-step without a duration has no forcing period"),
+         "--drive-duration: missing: without a duration, this voltage has no forcing period"),
         (["soft-landing", "zhao2004", "--amplitude", "1"], "missing option '--width'"),
     ],
 )  # fmt: skip

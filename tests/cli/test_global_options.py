@@ -62,10 +62,20 @@ def test_json_is_one_document(cli, arguments):
     assert list(told) == KEYS
     assert told["command"] == arguments[0]
     assert told["values"] or told["tables"]
-    for name, table in told["tables"].items():
-        written = Path("out") / f"{arguments[0]}-{name}.csv"
-        if str(written) in told["files"]:
-            assert len(table["rows"]) == len(pd.read_csv(written))
+
+
+@pytest.mark.parametrize("place", [["--json"], ["--output", "-"], ["--output", "-", "--json"]])
+def test_results_on_standard_output_only(cli, tmp_path, place):
+    sweep = [word for word in SWEEP if word != "--no-figure"]
+    assert cli(*sweep, *place).status == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_json_with_files_names_them(cli, tmp_path):
+    told = document(cli(*SWEEP, "--json", "--output", "here"))
+    assert told["files"] == ["here/sweep-table.csv", "here/sweep-summary.csv"]
+    assert len(pd.read_csv(tmp_path / told["files"][0])) == len(told["tables"]["table"]["rows"])
+    assert document(cli(*SWEEP[:-1], "--json", "--figure", "a.png"))["files"] == ["a.png"]
 
 
 def test_keys_are_the_columns_of_tables_and_nan_is_null(cli):

@@ -54,6 +54,10 @@ def test_every_command_explains_itself(cli):
         assert page.out.startswith(f"Usage: mems-impact {command}")
 
 
+def test_without_a_command_the_help_is_shown(cli):
+    assert cli() == cli("--help")
+
+
 @pytest.mark.parametrize("command", ["simulate", "sweep", "orbit", "continue", "chart"])
 def test_every_command_that_integrates_offers_every_method(cli, command):
     assert "--method [adams|bdf|dop853|auto]" in cli(command, "--help").out

@@ -63,7 +63,18 @@ def test_resonance_in_hertz(cli):
 def test_what_tolerances_make(cli, tmp_path):
     brief = ["--samples", "2", "--transient", "1", "--periods", "1", "--exponents", "none"]
     over = ["--over", "e=norm:0.8:0.01", "--specification", "mean speed=-1:1"]
-    told = cli("tolerances", "mita2003", "--amplitude", "20", *VOLTAGE, *brief, *over, "--json")
+    told = cli(
+        "tolerances",
+        "mita2003",
+        "--amplitude",
+        "20",
+        *VOLTAGE,
+        *brief,
+        *over,
+        "--json",
+        "--output",
+        "out",
+    )
     rows = json.loads(told.out)["tables"]["quantiles"]["rows"]
     assert {row["quantity"]: row["unit"] for row in rows}["mean speed"] == "m/s"
     yields = pd.read_csv(tmp_path / "out" / "tolerances-yields.csv").set_index("quantity")

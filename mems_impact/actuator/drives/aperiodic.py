@@ -46,7 +46,7 @@ class AperiodicDrive(PiecewiseDrive):
         """Raise InvalidParameter if the drive has no duration, and so no forcing period."""
         if self.duration is None:
             problem = (
-                f"missing: a {type(self).__name__} without a duration has no forcing period; "
+                "missing: without a duration, this voltage has no forcing period; "
                 "compute its closing, or give the duration after which the voltage is switched off"
             )
             raise InvalidParameter("duration", None, "", problem=problem)

@@ -215,7 +215,7 @@ def test_wrong_arguments(arguments, message):
 
 
 def test_functions_that_need_a_period_refuse_a_step(tmp_path):
-    refusal = "duration: missing: a VoltageStep without a duration has no forcing period"
+    refusal = "duration: missing: without a duration, this voltage has no forcing period"
     for refused in (
         lambda: mi.simulate(SWITCH, STEP),
         lambda: mi.find_orbit(SWITCH, STEP),
