@@ -340,7 +340,10 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
         margins_before[k] = margins_after[k]
     interface.end_margins(engine, margins_after)
     is_suspect, is_scanned = status == interface.ROOT, is_long(s, t_start, t)
+    if is_scanned:
+        scan_margins(engine, s, t_start, t)
     for i in range(m):
+        is_clear = is_scanned and suspect_sides[i] >= 0.0
         suspect_sides[i] = 0.0
         is_root = status == interface.ROOT and interface.root_directions(engine, i) < 0
         bias = interface.bias(engine, i)
@@ -373,12 +376,38 @@ def update_margins(engine: Any, s: Any, status: int, t_start: float, t: float) -
             )
             # A margin on the negative side may have become positive and fallen again.
             ends_positive = start_margin >= 0.0 and end_margin >= 0.0
-            if (is_scanned or not is_certified) and (ends_positive or side < 0.0):
+            is_certified = is_clear if is_scanned else is_certified
+            if not is_certified and (ends_positive or side < 0.0):
                 suspect_sides[i] = side
                 is_suspect = True
         if margins_after[i] + bias > 0.0:
             waiting[i] = 0.0
     return is_suspect
+
+
+def scan_margins(engine: Any, s: Any, t_start: float, t: float) -> None:
+    """Bound all margins within a long step, at the intervals of the resolution.
+
+    SUSPECT_SIDE is -1 for each margin that may have a zero. Overwrites STATE, G and MARGINS_AT.
+    """
+    m, y, g, before = s.m, table_row(s, STATE), table_row(s, G), table_row(s, MARGINS_AT)
+    curvatures, waiting = table_row(s, SUSPECT_SIDE), table_row(s, WAITING)
+    count = math.ceil((t - t_start) / resolution(s, t))
+    h = (t - t_start) / count
+    for k in range(count + 1):
+        time = t_start + k * h if k < count else t
+        interface.interpolate(engine, time, y)
+        interface.margins(engine, s.mode, time, y, g)
+        for i in range(m):
+            side = -1.0 if waiting[i] == 1 else 1.0
+            g[i], g[m + i] = side * (g[i] + interface.bias(engine, i)), side * g[m + i]
+            if k == 0:
+                curvatures[i] = table_row(s, RATE_CHANGE)[i]
+            elif curvatures[i] >= 0.0:
+                bend = max(curvatures[i], abs(g[m + i] - before[m + i]) / h)
+                is_clear = certify_no_crossing(before[i], before[m + i], g[i], g[m + i], h, bend)
+                curvatures[i] = bend if is_clear else -1.0
+            before[i], before[m + i] = g[i], g[m + i]
 
 
 def first_event_in_step(
