@@ -2,23 +2,10 @@ import pickle
 
 import pytest
 
+import mems_impact as mi
 from mems_impact import errors
-from mems_impact.errors import (
-    EngineFallbackWarning,
-    EngineUnavailable,
-    FileNotWritten,
-    FunctionError,
-    FunctionsMissing,
-    Interrupted,
-    InvalidFile,
-    InvalidParameter,
-    MemsImpactError,
-    OrbitError,
-    RunError,
-    WorkersLost,
-)
 
-RUN_ERROR = RunError(
+RUN_ERROR = mi.RunError(
     reason="too many events",
     remedy="raise max_events",
     cycle=12,
@@ -29,18 +16,18 @@ RUN_ERROR = RunError(
 )
 HUGE = 10**5000  # more digits than Python agrees to print
 ERRORS = [
-    InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)", "my.toml"),
-    InvalidParameter("m1", None, "> 0", problem="missing"),
-    InvalidFile("my.toml", "is a directory", "give a file"),
+    mi.InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)", "my.toml"),
+    mi.InvalidParameter("m1", None, "> 0", problem="missing"),
+    mi.InvalidFile("my.toml", "is a directory", "give a file"),
     RUN_ERROR,
-    EngineUnavailable("no C API", "use the interpreted engine"),
-    FunctionError("flow 'fall'", "returns 3 numbers", "return 2", "/a/ball.py", 7),
-    FunctionsMissing("run.zip does not hold the functions of its system"),
-    FileNotWritten("table.csv", "no space left on device", "make room"),
-    OrbitError("no orbit", "take another guess", [1, 2, 3]),
-    WorkersLost("a process was killed", "try again", "2 of 5 points", [1, 2]),
+    mi.EngineUnavailable("no C API", "use the interpreted engine"),
+    mi.FunctionError("flow 'fall'", "returns 3 numbers", "return 2", "/a/ball.py", 7),
+    mi.FunctionsMissing("run.zip does not hold the functions of its system"),
+    mi.FileNotWritten("table.csv", "no space left on device", "make room"),
+    mi.OrbitError("no orbit", "take another guess", [1, 2, 3]),
+    mi.WorkersLost("a process was killed", "try again", "2 of 5 points", [1, 2]),
 ]
-INTERRUPTION = Interrupted("sweep", "2 of 5 points", [1, 2])
+INTERRUPTION = mi.Interrupted("sweep", "2 of 5 points", [1, 2])
 
 
 def test_all_errors_are_listed_and_pickled():
@@ -51,7 +38,7 @@ def test_all_errors_are_listed_and_pickled():
     }
     warnings = {kind for kind in own if issubclass(kind, Warning)}
     raised = {type(error) for error in [*ERRORS, INTERRUPTION]}
-    assert own - warnings - {errors.Picklable, MemsImpactError} == raised
+    assert own - warnings - {errors.Picklable, mi.MemsImpactError} == raised
     assert {kind.__name__ for kind in own} - {"Picklable"} <= set(errors.__all__)
 
 
@@ -76,24 +63,24 @@ def test_an_interruption_has_progress_and_partial_result():
 @pytest.mark.parametrize(
     ("kind", "base"),
     [
-        (InvalidParameter, ValueError),
-        (InvalidFile, ValueError),
-        (RunError, RuntimeError),
-        (EngineUnavailable, ImportError),
+        (mi.InvalidParameter, ValueError),
+        (mi.InvalidFile, ValueError),
+        (mi.RunError, RuntimeError),
+        (mi.EngineUnavailable, ImportError),
     ],
 )
 def test_tree(kind, base):
-    assert issubclass(kind, MemsImpactError)
+    assert issubclass(kind, mi.MemsImpactError)
     assert issubclass(kind, base)
 
 
 def test_fallback_is_a_warning_not_an_error():
-    assert issubclass(EngineFallbackWarning, UserWarning)
-    assert not issubclass(EngineFallbackWarning, MemsImpactError)
+    assert issubclass(mi.EngineFallbackWarning, UserWarning)
+    assert not issubclass(mi.EngineFallbackWarning, mi.MemsImpactError)
 
 
 def test_invalid_parameter_message():
-    error = InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)")
+    error = mi.InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)")
     assert str(error) == "delta = 1.2: must be between 0 and d = 1 (exclusive)"
     located = error.located("my.toml")
     assert str(located) == f"{error} [in my.toml]"
@@ -102,10 +89,10 @@ def test_invalid_parameter_message():
 
 
 def test_messages_carry_the_remedy():
-    assert str(InvalidFile("a.toml", "is a directory", "give a file")) == (
+    assert str(mi.InvalidFile("a.toml", "is a directory", "give a file")) == (
         "a.toml: is a directory; give a file"
     )
-    assert str(EngineUnavailable("no C API", "do this")) == "no C API; do this"
+    assert str(mi.EngineUnavailable("no C API", "do this")) == "no C API; do this"
 
 
 def test_run_error_says_where():
@@ -118,7 +105,7 @@ def test_run_error_says_where():
 @pytest.mark.parametrize("value", ["a\nb", [[1]] * 500, HUGE, "x" * 500, None, object()], ids=type)
 @pytest.mark.parametrize("name", ["m1", "", "a\nb", "x" * 500])
 def test_messages_stay_on_one_short_line(name, value):
-    error = InvalidParameter(name, value, "a number", name)
+    error = mi.InvalidParameter(name, value, "a number", name)
     assert "\n" not in str(error)
     assert len(str(error)) < 800
-    assert str(InvalidFile(name, "bad", "mend it")).count("\n") == 0
+    assert str(mi.InvalidFile(name, "bad", "mend it")).count("\n") == 0

@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drives import Drive, Sine
-from mems_impact.errors import InvalidParameter
+import mems_impact as mi
 
-SINE = Sine(amplitude=0.24, omega=0.5)
-BIASED = Sine(amplitude=0.24, omega=0.5, bias=0.1)
+SINE = mi.Sine(amplitude=0.24, omega=0.5)
+BIASED = mi.Sine(amplitude=0.24, omega=0.5, bias=0.1)
 
 sines = st.builds(
-    Sine,
+    mi.Sine,
     amplitude=st.floats(0, 10),
     omega=st.floats(0.01, 10),
     bias=st.just(0.0) | st.floats(-10, 10),
@@ -22,9 +21,9 @@ sines = st.builds(
 times = st.floats(0, 20)
 
 
-def refused(**values) -> InvalidParameter:
-    with pytest.raises(InvalidParameter) as caught:
-        Sine(**values)
+def refused(**values) -> mi.InvalidParameter:
+    with pytest.raises(mi.InvalidParameter) as caught:
+        mi.Sine(**values)
     return caught.value
 
 
@@ -60,7 +59,7 @@ def test_rate_against_finite_differences(sine, t):
     assert sine.voltage_rate(t, q) == pytest.approx(slope, abs=1e-6)
 
 
-@pytest.mark.parametrize("function", [Sine.voltage, Sine.voltage_rate])
+@pytest.mark.parametrize("function", [mi.Sine.voltage, mi.Sine.voltage_rate])
 def test_waveform_compiles_unchanged(function):
     q = BIASED.parameters()
     compiled = numba.njit(function)
@@ -69,8 +68,8 @@ def test_waveform_compiles_unchanged(function):
 
 
 def test_waveform_is_a_plain_function_on_class_and_instance():
-    assert Sine.voltage is SINE.voltage
-    assert Sine.voltage_rate is SINE.voltage_rate
+    assert mi.Sine.voltage is SINE.voltage
+    assert mi.Sine.voltage_rate is SINE.voltage_rate
 
 
 @pytest.mark.parametrize("shape", [(), (0,), (5,), (2, 3)])
@@ -103,20 +102,20 @@ def test_unknown_and_missing():
 
 
 def test_edges_that_are_allowed():
-    assert Sine(amplitude=0, omega=1, bias=-2).bias == -2.0
+    assert mi.Sine(amplitude=0, omega=1, bias=-2).bias == -2.0
 
 
 def test_replace_pickle_equality():
     assert SINE.replace(bias=0.1) == BIASED
     assert pickle.loads(pickle.dumps(BIASED)) == BIASED
-    with pytest.raises(InvalidParameter):
+    with pytest.raises(mi.InvalidParameter):
         SINE.replace(omega=-1)
     with pytest.raises(ValueError, match="frozen"):
         SINE.omega = 2.0
 
 
 def test_incomplete_waveform_cannot_be_made():
-    class Incomplete(Drive):
+    class Incomplete(mi.Drive):
         def parameters(self):
             return np.empty(0)
 
@@ -125,4 +124,4 @@ def test_incomplete_waveform_cannot_be_made():
 
 
 def test_print_names_the_kind():
-    assert str(Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")
+    assert str(mi.Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")

@@ -8,14 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.studies.sensitivity import Sensitivity
 
 ZHAO = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
 MITA = mi.load_actuator("mita2003").under(mi.Sine(amplitude=42.0, omega=710.0))
 
 
 def sensitivity_of(system):
-    return Sensitivity(
+    return mi.Sensitivity(
         orbit=SimpleNamespace(system=system),
         quantities=("mean speed", "closest approach"),
         parameters=("omega", "delta", "mu_s", "k"),

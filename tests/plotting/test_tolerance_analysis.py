@@ -8,7 +8,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.studies.uncertainty import ToleranceAnalysis
 from tests.analysis.systems import oscillator
 
 STEPS = [0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.0, 4.0, 5.0]
@@ -46,14 +45,14 @@ def analysis_of(indices=True):
         )
         told.attrs = dict(table.attrs)
     wanted = {"step": (1.0, 3.0)}
-    return ToleranceAnalysis(
+    return mi.ToleranceAnalysis(
         system=oscillator(), drawn=("A", "wall"), specification=wanted, table=table, indices=told
     )
 
 
 def test_points_are_counted_in_whole_numbers():
     table = analysis_of(indices=False).table.iloc[:3]
-    few = ToleranceAnalysis(system=oscillator(), drawn=("A",), table=table)
+    few = mi.ToleranceAnalysis(system=oscillator(), drawn=("A",), table=table)
     assert all(
         tick == int(tick) for tick in mi.plot_tolerance_analysis(few, quantity="step").get_yticks()
     )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.errors import FunctionError, OrbitError, RunError
 
 METHODS = ("adams", "bdf", "dop853", "auto")
 FORTH, BACK = mi.modes("forth", "back")
@@ -138,7 +137,7 @@ def test_an_explanation_names_what_the_function_raised(verb, beyond):
         initial={"x": 0.0, "v": 1.0},
     ).changed(limit=1.0 + (beyond if beyond < 0.1 else -beyond))
     options = mi.Options(engine="interpreted", method="dop853", rtol=1e-8)
-    with pytest.raises((RunError, FunctionError, OrbitError)) as caught:
+    with pytest.raises((mi.RunError, mi.FunctionError, mi.OrbitError)) as caught:
         verb(system, transient=3, options=options)
     message = str(caught.value)
     assert message.startswith(("flow 'failing'", "a flow of the system"))

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.errors import FunctionError, InvalidParameter
 from tests.analysis.systems import FREE, HELD, ball
 
 helpers = types.ModuleType("helpers")
@@ -187,7 +186,7 @@ FLOWS = [
 
 @pytest.mark.parametrize(("changes", "sentence"), FLOWS)
 def test_a_flow_is_tried(changes, sentence):
-    refused(changes, sentence, FunctionError)
+    refused(changes, sentence, mi.FunctionError)
 
 
 def test_a_state_and_a_parameter_may_be_called_self():
@@ -289,7 +288,7 @@ FUNCTIONS = [
 
 @pytest.mark.parametrize(("changes", "sentence"), FUNCTIONS)
 def test_other_functions_are_tried(changes, sentence):
-    refused(changes, sentence, FunctionError)
+    refused(changes, sentence, mi.FunctionError)
 
 
 def turned(mode, t, y, p):
@@ -298,7 +297,7 @@ def turned(mode, t, y, p):
 
 def test_switch_transition_is_tried_at_a_switch():
     changes = {"period": 1.0, "switches": (0.2,), "switch_transition": turned}
-    refused(changes, "switch_transition 'turned' .* returns mode 2", FunctionError)
+    refused(changes, "switch_transition 'turned' .* returns mode 2", mi.FunctionError)
 
 
 class Falling:
@@ -368,7 +367,7 @@ ARGUMENTS = [
 
 @pytest.mark.parametrize(("changes", "sentence"), ARGUMENTS)
 def test_arguments_are_looked_at(changes, sentence):
-    refused(changes, sentence, InvalidParameter)
+    refused(changes, sentence, mi.InvalidParameter)
 
 
 @pytest.mark.parametrize(
@@ -391,7 +390,7 @@ def test_what_is_rounding_depends_on_no_time(flow):
 @pytest.mark.parametrize("count", [3, 9])
 def test_the_states_that_a_tuple_is_for_are_named_unless_they_are_many(count):
     names = tuple(f"x{i}" for i in range(count))
-    with pytest.raises(FunctionError) as caught:
+    with pytest.raises(mi.FunctionError) as caught:
         mi.System(states=names, flow=lambda mode, t, y, p: (0.0,))
     shown = ", ".join(names[:8]) + (", …" if count > 8 else "")
     assert f"return a tuple of {count}, for {shown}, on every path" in str(caught.value)
@@ -442,7 +441,7 @@ def test_a_rate_that_is_wrong_where_a_run_comes_at_last():
     system = late_swing(wrong_late)
     mi.simulate(system, duration=40.0, options=INTERPRETED)
     for _ in range(2):  # it is told until it is mended
-        with pytest.raises(FunctionError, match=r"rate of 'stop'.* mode late") as caught:
+        with pytest.raises(mi.FunctionError, match=r"rate of 'stop'.* mode late") as caught:
             mi.simulate(system, duration=60.0, options=INTERPRETED)
         assert isinstance(caught.value.partial, mi.Run)
         assert caught.value.partial.final.s == pytest.approx(60.0, rel=1e-12)
@@ -454,12 +453,12 @@ def test_a_rate_that_is_wrong_where_a_run_comes_at_last():
 
 def test_a_run_that_begins_where_the_short_one_did_not():
     start = mi.State(x=0.0, v=1.0, s=0.0, mode="late")
-    with pytest.raises(FunctionError, match=r"is 1 where the margin changes at -1"):
+    with pytest.raises(mi.FunctionError, match=r"is 1 where the margin changes at -1"):
         mi.simulate(late_swing(wrong_late), duration=1.0, initial=start, options=INTERPRETED)
 
 
 def test_what_is_kept_of_a_run_does_not_matter_to_its_rates():
-    with pytest.raises(FunctionError, match="mode late"):
+    with pytest.raises(mi.FunctionError, match="mode late"):
         mi.simulate(late_swing(wrong_late), duration=60.0, keep="statistics", options=INTERPRETED)
 
 
@@ -479,7 +478,7 @@ def test_a_time_that_enters_where_a_run_comes_at_last():
 
     swing = late_swing(right_rate, driven_late)
     mi.simulate(swing, duration=60.0, options=INTERPRETED)
-    with pytest.raises(FunctionError, match="depends on time, and the system has no period"):
+    with pytest.raises(mi.FunctionError, match="depends on time, and the system has no period"):
         mi.find_orbit(swing, options=INTERPRETED)
 
 
@@ -531,7 +530,7 @@ def test_a_name_that_no_file_can_hold_is_refused(name):
         {"parameters": {name: 1.0}},
         {"states": ("x", name)},
     ):
-        with pytest.raises(InvalidParameter) as caught:
+        with pytest.raises(mi.InvalidParameter) as caught:
             ball(**changes)
         assert str(caught.value).isprintable()
 
@@ -545,6 +544,6 @@ def test_the_message_of_an_exception_is_one_printable_line():
     def flow(mode, t, y, p):
         raise ValueError("\ud800 \0\n\x1b[31m")
 
-    with pytest.raises(FunctionError, match="raises ValueError") as caught:
+    with pytest.raises(mi.FunctionError, match="raises ValueError") as caught:
         ball(flow=flow)
     assert str(caught.value).isprintable()

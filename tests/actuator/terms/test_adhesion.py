@@ -4,7 +4,6 @@ import pickle
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.terms import Adhesion, CompliantStopper
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
@@ -23,12 +22,12 @@ def volts_at_release(device, start=0.5, time=8.0):
 def test_release_voltage(force):
     # alpha v^2/(d - delta)^2 + force = k delta
     exact = 0.5 * math.sqrt(0.5 - force)
-    assert volts_at_release(ZHAO.adding(Adhesion(force=force))) == pytest.approx(exact, rel=1e-9)
+    assert volts_at_release(ZHAO.adding(mi.Adhesion(force=force))) == pytest.approx(exact, rel=1e-9)
 
 
 def test_a_stopper_that_yields_lets_go_at_the_same_voltage():
-    hard = CompliantStopper(stiffness=1e4, damping=5.0)
-    device = ZHAO.replace(c=1.0).adding(hard, Adhesion(force=0.2))
+    hard = mi.CompliantStopper(stiffness=1e4, damping=5.0)
+    device = ZHAO.replace(c=1.0).adding(hard, mi.Adhesion(force=0.2))
     deep = (float(FALLING.value(26.0)) ** 2 / 0.25 + 0.2 - 0.5) / 1e4
     found = volts_at_release(device, 0.5 + deep, 26.0)
     assert found == pytest.approx(0.5 * math.sqrt(0.5 - 0.2), rel=1e-3)
@@ -36,7 +35,7 @@ def test_a_stopper_that_yields_lets_go_at_the_same_voltage():
 
 def test_a_block_that_sticks_never_leaves():
     for force, leaves in ((0.49, True), (0.51, False)):
-        device = ZHAO.adding(Adhesion(force=force))
+        device = ZHAO.adding(mi.Adhesion(force=force))
         for side in (1.0, -1.0):
             start = mi.State(x2=0.5 * side)
             run = mi.simulate(device, SILENT, duration=50.0, initial=start, options=PLAIN)
@@ -45,7 +44,7 @@ def test_a_block_that_sticks_never_leaves():
 
 def test_an_impact_is_what_it_was():
     start, hits = mi.State(x2=0.5, v2=1.0), []
-    for device in (ZHAO, ZHAO.adding(Adhesion(force=0.3))):
+    for device in (ZHAO, ZHAO.adding(mi.Adhesion(force=0.3))):
         run = mi.simulate(device, SILENT, duration=1.0, initial=start, options=PLAIN)
         hits.append([run.final.x1, run.final.x2, run.final.v2])
     assert hits[0] == pytest.approx(hits[1], abs=1e-12)
@@ -53,8 +52,8 @@ def test_an_impact_is_what_it_was():
 
 def test_no_work_over_a_contact():
     # The block comes and goes at the face; damping aside, its energy is what it was.
-    smooth = ZHAO.replace(c=0.0, mu_s=1e6).adding(CompliantStopper(stiffness=1e3, exponent=1.5))
-    run = mi.simulate(smooth.adding(Adhesion(force=0.3)), SILENT, duration=3.0,
+    smooth = ZHAO.replace(c=0.0, mu_s=1e6).adding(mi.CompliantStopper(stiffness=1e3, exponent=1.5))
+    run = mi.simulate(smooth.adding(mi.Adhesion(force=0.3)), SILENT, duration=3.0,
                       initial=mi.State(v2=1.0), options=PLAIN)  # fmt: skip
     assert len(run.impacts) == 2
     final = run.final
@@ -64,7 +63,7 @@ def test_no_work_over_a_contact():
 
 def test_files_and_units(tmp_path):
     mita = mi.load_actuator("mita2003")
-    device = mita.adding(Adhesion(force=5e-6))
+    device = mita.adding(mi.Adhesion(force=5e-6))
     assert pickle.loads(pickle.dumps(device)) == device
     inner = device.to_dimensionless().term("adhesion").force
     assert inner == pytest.approx(5e-6 / (mita.k * mita.d), rel=1e-14)
@@ -80,7 +79,7 @@ def test_files_and_units(tmp_path):
 @pytest.mark.slow
 def test_a_sweep_over_the_force():
     held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
-    device = ZHAO.adding(Adhesion(force=0.0))
+    device = ZHAO.adding(mi.Adhesion(force=0.0))
     table = mi.sweep(device, held, "adhesion.force", [0.0, 0.2], direction="up", transient=2,
                      periods=1, options=PLAIN)  # fmt: skip
     assert list(mi.sweep_summary(table)["blows per period"]) == [1.0, 0.0]

@@ -8,14 +8,12 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import mems_impact as mi
-from mems_impact.actuator.terms import RegularizedFriction, StribeckFriction
-from mems_impact.errors import InvalidParameter
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 PRECISE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
-STRIBECK = StribeckFriction(speed=0.1, viscous=0.3)
+STRIBECK = mi.StribeckFriction(speed=0.1, viscous=0.3)
 
 
 def test_slip_after_an_impact():
@@ -41,7 +39,7 @@ def test_coulombs_friction_comes_back():
     paper = mi.simulate(ZHAO, SILENT, duration=0.2, initial=start, options=PRECISE)
     away = []
     for speed in (1e-2, 1e-3):
-        device = ZHAO.adding(StribeckFriction(speed=speed))
+        device = ZHAO.adding(mi.StribeckFriction(speed=speed))
         run = mi.simulate(device, SILENT, duration=0.2, initial=start, options=PRECISE)
         away.append(abs(run.final.x1 - paper.final.x1))
     assert away[1] == pytest.approx(away[0] / 100.0, rel=0.1)  # slow slip is short: speed^2
@@ -95,7 +93,9 @@ def integrated(p, drive, speed, duration):
 
 
 def test_creep_of_regularised_friction():
-    device = ZHAO.replace(c=1.0).adding(RegularizedFriction(width=1e-2), mi.FrameForce(force=5.0))
+    device = ZHAO.replace(c=1.0).adding(
+        mi.RegularizedFriction(width=1e-2), mi.FrameForce(force=5.0)
+    )
     stiff = mi.Options(engine="interpreted", method="bdf", rtol=1e-9, atol=1e-12)
     run = mi.simulate(device, SILENT, duration=40.0, options=stiff)
     held = 0.27 * 6.0 * 9.81
@@ -111,7 +111,7 @@ def test_regularised_friction_comes_near_to_coulombs():
     exact = mi.simulate(plain, SILENT, duration=0.15, initial=start, options=PRECISE)
     away = []
     for width in (1e-2, 1e-3):
-        device = plain.adding(RegularizedFriction(width=width))
+        device = plain.adding(mi.RegularizedFriction(width=width))
         run = mi.simulate(device, SILENT, duration=0.15, initial=start, options=PRECISE)
         assert not {"slip end", "break-away"} & set(run.events["event"]) or width == 1e-2
         away.append(abs(run.final.x1 - exact.final.x1))
@@ -125,10 +125,10 @@ def test_files_units_and_pickles(tmp_path):
     lines += ["[stribeck_friction]", "speed = 1e-3", "viscous = 2.0"]
     (tmp_path / "device.toml").write_text("\n".join(lines))
     device = mi.load_actuator(tmp_path / "device.toml")
-    assert device == mita.adding(StribeckFriction(speed=1e-3, viscous=2.0))
+    assert device == mita.adding(mi.StribeckFriction(speed=1e-3, viscous=2.0))
     assert pickle.loads(pickle.dumps(device)) == device
     with pytest.raises(mi.InvalidParameter, match="both determine the friction"):
-        device.adding(RegularizedFriction(width=1e-3))
+        device.adding(mi.RegularizedFriction(width=1e-3))
     scales, start = mita.scales, 0.01
     inner = device.to_dimensionless()
     runs = [
@@ -148,10 +148,10 @@ def test_files_units_and_pickles(tmp_path):
 
 @pytest.mark.slow
 def test_an_orbit_over_the_speed():
-    device = ZHAO.adding(StribeckFriction(speed=0.02))
+    device = ZHAO.adding(mi.StribeckFriction(speed=0.02))
     options = mi.Options(method="dop853")
     orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, options=options))
-    other = ZHAO.adding(StribeckFriction(speed=0.05))
+    other = ZHAO.adding(mi.StribeckFriction(speed=0.05))
     same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, options=options))
     branch = mi.continue_orbit(orbit, "stribeck_friction.speed", stop=0.05)
     assert orbit.step > same.step > 0.0
@@ -175,11 +175,11 @@ def test_an_orbit_over_the_speed():
 def test_a_width_that_the_tolerances_do_not_resolve_is_refused_with_those_that_do(device):
     speed = device.scales.unit("m/s")
     drive = mi.Sine(amplitude=0.24 * device.scales.unit("V"), omega=0.5 / device.scales.unit("s"))
-    narrow = device.adding(RegularizedFriction(width=1e-9 * speed))
+    narrow = device.adding(mi.RegularizedFriction(width=1e-9 * speed))
     refused = r"regularized_friction.width = .* at atol = 1e-11, .*Options\(atol=1e-1[23]\)"
-    with pytest.raises(InvalidParameter, match=refused):
+    with pytest.raises(mi.InvalidParameter, match=refused):
         mi.simulate(narrow, drive, 1)
-    with pytest.raises(InvalidParameter, match=refused):
+    with pytest.raises(mi.InvalidParameter, match=refused):
         mi.find_orbit(narrow.under(drive), options=mi.Options())
 
 
@@ -188,7 +188,7 @@ def test_events_are_those_of_any_width_where_the_tolerances_resolve_it():
     """Integration errors missed two events here, and ended runs at narrower widths."""
     drive, counts = mi.Sine(amplitude=0.24, omega=0.5), set()
     for width, atol in ((1e-6, 1e-11), (1e-8, 1e-11), (1e-9, 1e-12), (1e-10, 1e-13)):
-        device = ZHAO.adding(RegularizedFriction(width=width))
+        device = ZHAO.adding(mi.RegularizedFriction(width=width))
         run = mi.simulate(device, drive, periods=4, options=mi.Options(atol=atol))
         counts.add(tuple(run.events["event"]))
         assert run.final.v1 / width == pytest.approx(-7.89672e-3, rel=1e-4)

@@ -8,13 +8,11 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import mems_impact as mi
-from mems_impact.actuator.system import kicked_state
-from mems_impact.actuator.terms import PowerLawRestitution, TabulatedRestitution
 
 ZHAO = mi.load_actuator("zhao2004")
 SPEEDS, VALUES = (0.05, 0.2, 0.5, 1.0, 2.0), (0.9, 0.85, 0.6, 0.55, 0.3)
-TABLE = TabulatedRestitution(speeds=SPEEDS, values=VALUES)
-POWER = PowerLawRestitution(speed=0.3, exponent=0.25)
+TABLE = mi.TabulatedRestitution(speeds=SPEEDS, values=VALUES)
+POWER = mi.PowerLawRestitution(speed=0.3, exponent=0.25)
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 PLAIN = mi.Options(engine="interpreted", method="dop853")
 
@@ -36,7 +34,7 @@ def test_power_law():
         found = measured(POWER, speed)
         assert found == pytest.approx(0.8 * (1.0 + (speed / 0.3) ** 2) ** -0.125, rel=1e-12)
     assert found == pytest.approx(0.8 * (30.0 / 0.3) ** -0.25, rel=1e-4)
-    assert measured(PowerLawRestitution(speed=0.3, exponent=0.0), 1.0) == pytest.approx(0.8)
+    assert measured(mi.PowerLawRestitution(speed=0.3, exponent=0.0), 1.0) == pytest.approx(0.8)
 
 
 def test_table():
@@ -62,7 +60,7 @@ def test_table():
 )
 def test_tables_are_checked(values, named):
     with pytest.raises(mi.InvalidParameter, match=named):
-        TabulatedRestitution(**values)
+        mi.TabulatedRestitution(**values)
 
 
 def test_an_actuator_has_one_restitution():
@@ -93,7 +91,7 @@ def test_files_units_and_pickles(tmp_path):
     file = tmp_path / "device.toml"
     file.write_text("\n".join(lines))
     device = mi.load_actuator(file)
-    table = TabulatedRestitution(speeds=(0.001, 0.01), values=(0.9, 0.5))
+    table = mi.TabulatedRestitution(speeds=(0.001, 0.01), values=(0.9, 0.5))
     assert device == mita.adding(table)
     assert pickle.loads(pickle.dumps(device)) == device
     unit = mita.scales.unit("m/s")
@@ -112,7 +110,7 @@ def test_files_units_and_pickles(tmp_path):
 @pytest.mark.parametrize("term", [POWER, TABLE])
 def test_multipliers_see_the_slope(term):
     device, name = ZHAO.adding(term), "e" if term is TABLE else "power_law_restitution.speed"
-    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=kicked_state(ZHAO)))
+    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=mi.kicked_state(ZHAO)))
     assert len(orbit.impacts) == 1
     precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
     start, columns, h = orbit.state, [], 1e-5
@@ -129,6 +127,6 @@ def test_multipliers_see_the_slope(term):
     assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
     if term is POWER:
         branch = mi.continue_orbit(orbit, name, stop=0.4)
-        other = ZHAO.adding(PowerLawRestitution(speed=0.4, exponent=0.25))
-        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=kicked_state(ZHAO)))
+        other = ZHAO.adding(mi.PowerLawRestitution(speed=0.4, exponent=0.25))
+        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=mi.kicked_state(ZHAO)))
         assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
