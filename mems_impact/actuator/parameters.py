@@ -405,7 +405,8 @@ class Actuator(Checked):
         path : str or os.PathLike
             The file, such as ``dev.va``.
         electrodes : {1, 2}, optional
-            With 2, the port ``left`` between ``p`` and ``n`` is the left electrode.
+            Number of electrodes; 2 for a module with a port of the left electrode, ``left`` between
+            ``p`` and ``n``.
 
         Raises
         ------

@@ -672,7 +672,9 @@ def report(
     path : str or os.PathLike, optional
         File of the page. It is written after each section, so that an interruption keeps those that
         are finished.
-    title, description : str, optional
+    title : str, optional
+        Title of the page.
+    description : str, optional
     quick : bool, optional
         Use fewer voltages and samples, and a chart without simulations.
     only : sequence of str, optional
@@ -680,19 +682,28 @@ def report(
     voltages : array_like of float or str, optional
         Amplitudes of the sweep; by default 0.4 to 1.3 times the drive's.
     tolerances : mapping of str to distribution, optional
-        As `over` of `tolerance_analysis`; by default assumed ones.
+        Independent distributions of parameters; assumed tolerances by default. As `over` of
+        `tolerance_analysis`.
     specification : mapping of str to tuple of float, optional
-        As for `tolerance_analysis`; by default a step per cycle within 20 %.
-    samples, seed : int, optional
-        Number of sampled devices, 64 by default (`quick`: 16), and seed of the sample.
-    wear, area, depth : float or str, optional
-        As for `life`; by default assumed values, 1e-13 m^3/(N m), 1e-8 m^2 and 0.1 um.
-    transient, periods : int, optional
-        Forcing periods discarded and measured; by default 1000 and 200 free oscillations of the
-        block, at most 300 and 60 forcing periods. All numbers belong to the steady state (see
-        `steady_state`).
+        Bounds of columns of the table of tolerances; by default a step per cycle within 20 %.
+    samples : int, optional
+        Number of devices of the tolerance study; 64 by default (`quick`: 16).
+    seed : int, optional
+        Seed of the sample.
+    wear : float or str, optional
+        Specific wear rate [m^3/(N m)], as for `life`; 1e-13 by default.
+    area : float or str, optional
+        Contact area of the frame [m^2]; 1e-8 by default.
+    depth : float or str, optional
+        Allowed wear depth [m]; 0.1 um by default.
+    transient : int, optional
+        Forcing periods discarded; by default 1000 free oscillations of the block, at most 300
+        periods.
+    periods : int, optional
+        Forcing periods measured; by default 200 free oscillations of the block, at most 60 periods.
+        All numbers belong to the steady state (see `steady_state`).
     initial : State, optional
-        Initial state of the motion; a kick by default (see `kicked_state`).
+        Initial state of the motion; a kick by default. See `kicked_state`.
     command : str, optional
         The command that makes the report, for its last lines; by default the call in Python.
     progress : bool or callable, optional

@@ -111,8 +111,8 @@ def simulate(
         ``start=run.end``.
     window : tuple of float, optional
         First and last forcing period of the statistics, within the run and counted from the time
-        0; by default the second half of the run, or all
-        of it with `until`. Times for an autonomous system.
+        0; by default the second half of the run. With `until`, the default is the whole run. Times
+        for an autonomous system.
     keep : {"events", "statistics"}, optional
         ``"statistics"`` discards events, so that memory does not grow with the length of the run.
     options : Options, optional

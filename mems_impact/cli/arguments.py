@@ -6,6 +6,7 @@ sentence of the argument's docstring.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -38,11 +39,7 @@ OPTION_NAMES = {
 }
 """Options by owner and name of an argument, where their names differ."""
 
-DEFAULT_TEXTS = {
-    ("", "executor"): "threads",
-    ("", "workers"): "number of cores",
-}
-"""Defaults in words."""
+SUITED_METHOD = "adams; auto with a term that may be stiff"
 
 Collect = Callable[[Any], Any]
 
@@ -135,18 +132,22 @@ class FunctionOptions(click.Option):
         assert option_type is not None
         kind, collect = option_type
         several = collect is not None
-        key = argument.owner, argument.name
-        help_text = [argument.text, getattr(kind, "hint", ""), "May be repeated." * several]
-        default = None if argument.default in (REQUIRED, (), {}) else argument.default
+        default = None if argument.default in (REQUIRED, (), {}, "") else argument.default
         if kind is bool and default:
             name += f"/--no-{name.removeprefix('--')}"
+        shown: bool | str = default is not None and default is not False
+        if argument.name == "method" and not shown:
+            shown = SUITED_METHOD
+        text = re.sub("^Whether to (.)", lambda match: match[1].upper(), argument.text)
+        help_text = [text, getattr(kind, "hint", ""), "May be repeated." * several]
         return click.Option(
             [name],
             type=kind,
             is_flag=kind is bool,
             multiple=several,
+            metavar="NAME" if several and kind is str else None,
             default=default,
-            show_default=DEFAULT_TEXTS.get(key, default is not None and default is not False),
+            show_default=shown,
             help=" ".join(filter(None, help_text)),
             expose_value=False,
             callback=self._callback(argument, collect, argument.name in self.defaults),

@@ -357,7 +357,7 @@ def sweep(
         section is sampled at the beginning of each forcing period; an autonomous system without
         one, at the local maxima of each state.
     steady : bool, optional
-        Continue each run until its statistics have settled (see `steady_state`). Otherwise a value
+        Continue each run until its statistics have settled. See `steady_state`. Otherwise a value
         whose statistics still change is warned of.
     initial : State or mapping of str to State, optional
         Initial state: one for both directions, or one each for ``"up"`` and ``"down"``; the

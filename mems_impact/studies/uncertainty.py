@@ -381,7 +381,7 @@ def tolerance_analysis(
     executor : concurrent.futures.Executor or callable, optional
         Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads or processes. Results do not depend on it.
+        Number of threads or processes; by default that of the cores. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns

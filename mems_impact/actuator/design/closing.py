@@ -119,8 +119,8 @@ def closing(
         A voltage that is switched on at t = 0: `VoltageStep` or `PulseAndHold`, or the first part
         of any other drive.
     duration : float or str, optional
-        Length of the run [s], or a text such as ``"50 us"``. By default it ends when the contact
-        stays closed, after at most 512 natural periods of the block; with a periodic drive after
+        Length of the run [s], or a text with a unit; by default until the contact stays closed. It
+        ends after at most 512 natural periods of the block; with a periodic drive after
         one forcing period, and where a duration is given when the voltage is switched off.
     initial : State or mapping of str to float, optional
         Initial state; at rest in the middle by default.

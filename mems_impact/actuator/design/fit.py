@@ -285,14 +285,15 @@ def fit(
         Start of the search; parameters that are not free keep their values.
     targets : sequence of Target
     free : sequence of str
-        Names of the parameters to fit, whose values are above 0: ``"k"``, or ``"stiffness"`` as in
-        a data sheet.
+        Parameters to fit, whose values are above 0: k, or as in a data sheet, stiffness.
     bounds : mapping of str to tuple of float, optional
-        Lower and upper bound by name, which may be texts with units; a tenth and ten times the
-        value by default.
-    transient, periods : int, optional
-        Forcing periods of transient and of measurement in each run. The defaults suit a drive much
-        slower than the resonance.
+        Bounds of a free parameter, which may have units; a tenth and ten times the value by
+        default.
+    transient : int, optional
+        Forcing periods discarded in each run. The defaults suit a drive much slower than the
+        resonance.
+    periods : int, optional
+        Forcing periods measured after them.
     initial : State, optional
         Initial state of the runs.
     options : Options, optional

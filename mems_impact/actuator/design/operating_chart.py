@@ -1001,17 +1001,17 @@ def operating_chart(
     drive : Drive, optional
         A waveform with ``amplitude`` and ``omega``, whose values are ignored; a sine by default.
     omega : tuple of float, optional
-        Range of the angular frequency [rad/s]. The default for either end is a band about the
-        resonance of the block, in which the force repeats 0.88 to 1.02 times in
-        ``2 pi sqrt(m2/k)``; for the device of the paper this is the range of Fig. 7, 0.44 to 0.51.
+        Range of the angular frequency [rad/s]; by default a band about the resonance of the block.
+        In this band the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``; for the device of
+        the paper this is the range of Fig. 7, 0.44 to 0.51. The default may replace either end.
     frequency : tuple of float, optional
-        Range of the frequency [Hz] in place of `omega`; tables and figures are then in hertz, as
+        Range of the frequency [Hz], in place of `omega`. Tables and figures are then in hertz, as
         they are if the drive was given by its frequency.
     crises : int, optional
         Number of frequencies of type III at which the crisis is simulated, >= 0.
     columns : int, optional
         Number of frequencies at which the voltages are found if there are no types; by default
-        `crises`. 0: 9 frequencies, without the off-voltage, which is simulated.
+        `crises`; 0 gives 9 frequencies without the off-voltage.
     periods : int, optional
         Forcing periods for which an attractor must persist in these simulations.
     options : Options, optional

@@ -133,9 +133,9 @@ def soft_landing(
         The voltage whose other parameters are kept. By default pulse and hold have 1.2 times the
         pull-in voltage.
     over : mapping of str to tuple of float, optional
-        The parameters to vary, each with its lowest and highest value, numbers or texts such as
-        ``"5 us"``; by default ``width`` and ``pause`` up to half a natural period each, or up to
-        the closing time under a step if that is longer.
+        Parameters of the voltage to vary and their bounds, which may have units; by default
+        ``width`` and ``pause`` up to half a natural period. If the closing time under a step is
+        longer, it is their upper bound.
     iterations : int, optional
         Largest number of iterations of each search.
     options : Options, optional

@@ -55,7 +55,7 @@ __all__ = [
 
 # --- Sensitivities and optima of an orbit, from study files
 
-TRANSIENT = 300.0  # forcing periods before the search for an orbit
+TRANSIENT = 300  # forcing periods before the search for an orbit
 
 
 def orbit_from(
