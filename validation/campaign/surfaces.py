@@ -1,9 +1,10 @@
 """Random systems with one to three switching surfaces, beside smoothed ones.
 
-x' = A x - b x^3 + c + B s (1 + d sin(x_n)), where s_i is the sign of a linear combination of the
-states. The reference replaces the signs by tanh(h/w) and integrates by LSODA for two widths w; a
-case counts as far as the two agree. Where the package says that the motion is not unique, motions
-of the reference from starts beside each other must part.
+x' = A x - b x^3 + c + B s (1 + d sin(x_n)), where s_i is the sign of h_i x + q_i (x^2 - 1): planes,
+and curved surfaces in a third of the cases. In a third a body, u'' = x_0 + s_0 - u - u'/5, strikes
+a stop at u = 1/5 with the restitution 0.7. The reference replaces the signs by tanh(h/w) and
+integrates by LSODA for two widths w; a case counts as far as the two agree. Where the package says
+that the motion is not unique, motions of the reference from starts beside each other must part.
 """
 
 from __future__ import annotations
@@ -23,12 +24,14 @@ Floats = NDArray[np.float64]
 END = 3.0
 WIDTHS = (1e-4, 1e-5)
 PARTED = 3e-2  # difference of two references that agree no longer
+PLACE, RESTITUTION = 0.2, 0.7  # of the stop
+MAX_IMPACTS = 60  # of the reference
 SHARE, FLOOR = 0.5, 1e-6  # of the difference of the references, that the package may be off
 
 
 @cache
-def system(k: int) -> mi.System:
-    """Return the system with k surfaces and a further state."""
+def system(k: int, curved: bool, stops: bool) -> mi.System:
+    """Return the system with k surfaces, a further state and a body."""
     n = k + 1
     lines = ["def flow(mode, t, y, p):", f"    jump = 1.0 + p.d * math.sin(y.x{n - 1})"]
     for i in range(n):
@@ -36,20 +39,33 @@ def system(k: int) -> mi.System:
         terms += [f"-p.b * y.x{i} * y.x{i} * y.x{i}", f"p.c{i}"]
         terms += [f"jump * p.B{i}{j} * mode.s{j}" for j in range(k)]
         lines.append(f"    d{i} = {' + '.join(terms)}")
-    lines.append(f"    return ({', '.join(f'd{i}' for i in range(n))},)")
+    flow = ", ".join(f"d{i}" for i in range(n))
+    lines.append(f"    return ({flow}, y.v, y.x0 + mode.s0 - y.u - 0.2 * y.v)")
+    for i in range(k):
+        height = " + ".join(f"p.h{i}{j} * y.x{j} + p.q{i} * y.x{j} ** 2" for j in range(n))
+        rate = " + ".join(f"(p.h{i}{j} + 2.0 * p.q{i} * y.x{j}) * d.x{j}" for j in range(n))
+        lines += [f"def h{i}(t, y, p):", f"    return {height} - p.q{i}"]
+        lines += [f"def r{i}(t, y, d, p):", f"    return {rate}"]
     space: dict[str, Any] = {"math": __import__("math")}
     exec(compile("\n".join(lines), "<surfaces>", "exec"), space)
     names = [f"a{i}{j}" for i in range(n) for j in range(n)] + [f"c{i}" for i in range(n)]
     names += [f"B{i}{j}" for i in range(n) for j in range(k)] + ["b", "d"]
     names += [f"h{i}{j}" for i in range(k) for j in range(n)]
-    surfaces = [
-        mi.SwitchingSurface(f"s{i}", {f"x{j}": f"h{i}{j}" for j in range(n)}) for i in range(k)
+    names += [f"q{i}" for i in range(k)]
+    parts: list[mi.Part] = [
+        mi.SwitchingSurface(f"s{i}", space[f"h{i}"], rate=space[f"r{i}"])
+        if curved
+        else mi.SwitchingSurface(f"s{i}", {f"x{j}": f"h{i}{j}" for j in range(n)})
+        for i in range(k)
     ]
+    if stops:
+        parts.append(mi.Stopper("stop", "u", "v", upper=PLACE, restitution=RESTITUTION))
     still = dict.fromkeys(names, 0.0)
     still |= {f"h{i}{i}": 1.0 for i in range(k)} | {f"B{i}{i}": -1.0 for i in range(k)}
+    states = (*(f"x{i}" for i in range(n)), "u", "v")
     return mi.System(
-        states=tuple(f"x{i}" for i in range(n)), flow=space["flow"], parameters=still,
-        initial=dict.fromkeys([f"x{i}" for i in range(n)], 1.0), parts=surfaces,
+        states=states, flow=space["flow"], parameters=still, parts=parts,
+        initial=dict.fromkeys(states[:n], 1.0),
     )  # fmt: skip
 
 
@@ -63,25 +79,38 @@ def drawn(rng: np.random.Generator, k: int) -> dict[str, Floats]:
         jumps += rng.normal(0.0, 0.8, (n, k)) * (rng.random((n, k)) < 0.7)
     jumps[k] += rng.normal(0.0, 1.0, k)
     normals = np.eye(n)[:k] + coupled * rng.normal(0.0, 0.3, (k, n)) * (rng.random((k, n)) < 0.5)
-    return {
+    numbers = {
         "a": rng.normal(0.0, 0.4, (n, n)), "c": rng.normal(0.0, 0.5, n), "B": jumps, "h": normals,
         "b": np.array(rng.choice([0.0, 0.2])), "d": np.array(rng.choice([0.0, 0.4])),
-        "start": rng.uniform(-1.0, 1.0, n),
+        "start": np.append(rng.uniform(-1.0, 1.0, n), (0.0, 0.0)), "q": np.zeros(k),
     }  # fmt: skip
+    if rng.random() < 1.0 / 3.0:
+        numbers["q"] = rng.normal(0.0, 0.5, k)
+    return numbers
 
 
-def smoothed(numbers: dict[str, Floats], start: Floats, width: float) -> Floats:
-    """Return the end of the reference's motion."""
+def smoothed(numbers: dict[str, Floats], stops: bool, start: Floats, width: float) -> Floats:
+    """Return the end of the reference's motion, nan after more than `MAX_IMPACTS`."""
 
-    def slope(_: float, x: Floats) -> Floats:
-        signs = np.tanh(numbers["h"] @ x / width)
+    def slope(_: float, y: Floats) -> Floats:
+        x, (u, v) = y[:-2], y[-2:]
+        signs = np.tanh((numbers["h"] @ x + numbers["q"] * (x @ x - 1.0)) / width)
         free = numbers["a"] @ x - numbers["b"] * x**3 + numbers["c"]
-        result: Floats = free + (1.0 + numbers["d"] * np.sin(x[-1])) * (numbers["B"] @ signs)
-        return result
+        flow = free + (1.0 + numbers["d"] * np.sin(x[-1])) * (numbers["B"] @ signs)
+        return np.append(flow, (v, x[0] + signs[0] - u - 0.2 * v))
 
-    done = solve_ivp(slope, (0.0, END), start, method="LSODA", rtol=1e-9, atol=1e-11)
-    result: Floats = done.y[:, -1]
-    return result
+    def gap(_: float, y: Floats) -> float:
+        return float(PLACE - y[-2])
+
+    gap.terminal, gap.direction = stops, -1.0  # type: ignore[attr-defined]
+    t, y = 0.0, start
+    for _ in range(MAX_IMPACTS):
+        done = solve_ivp(slope, (t, END), y, method="LSODA", rtol=1e-9, atol=1e-11, events=gap)
+        t, y = done.t[-1], done.y[:, -1]
+        if done.status == 0:
+            return y
+        y[-2:] = PLACE, -RESTITUTION * y[-1]
+    return np.full_like(y, np.nan)
 
 
 def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
@@ -89,6 +118,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     rng = np.random.default_rng([seed, number])
     k = int(rng.integers(1, 4))
     numbers = drawn(rng, k)
+    stops = bool(rng.random() < 1.0 / 3.0)
     verdict = Verdict("surfaces", number)
     start = numbers["start"]
     values = {
@@ -97,27 +127,26 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         if name != "start"
         for place, value in np.ndenumerate(array)
     }
-    coarse, fine = (smoothed(numbers, start, width) for width in WIDTHS)
+    coarse, fine = (smoothed(numbers, stops, start, width) for width in WIDTHS)
     apart = float(np.abs(coarse - fine).max())
     try:
-        initial = {f"x{i}": float(value) for i, value in enumerate(start)}
+        model = system(k, bool(numbers["q"].any()), stops).changed(**values)
+        initial = dict(zip(model.states, start.tolist(), strict=True))
         options = mi.Options(method=unit.method, rtol=1e-10, atol=1e-12)
-        run = mi.simulate(
-            system(k).changed(**values), duration=END, initial=initial, options=options
-        )
+        run = mi.simulate(model, duration=END, initial=initial, options=options)
     except mi.RunError as error:
-        beside = smoothed(numbers, start + 1e-6 * rng.normal(size=k + 1), WIDTHS[1])
-        also = smoothed(numbers, start - 1e-6 * rng.normal(size=k + 1), WIDTHS[1])
-        parts = max(apart, float(np.abs(beside - fine).max()), float(np.abs(also - fine).max()))
+        aside = np.append(1e-6 * rng.normal(size=k + 1), (0.0, 0.0))
+        beside = [smoothed(numbers, stops, start + shift, WIDTHS[1]) for shift in (aside, -aside)]
+        parts = max(apart, *(float(np.abs(each - fine).max()) for each in beside))
         verdict.horizon = 0.0
         if parts < PARTED or "not unique" not in str(error):
             verdict.story = f"refused, while references agree within {parts:.1e}: {error}"
         return verdict
-    if apart > PARTED:
+    if not apart <= PARTED:
         verdict.horizon = 0.0
         return verdict
     verdict.events = len(run.events)
-    end = np.array([float(getattr(run.final, f"x{i}")) for i in range(k + 1)])
+    end = np.array([float(getattr(run.final, name)) for name in model.states])
     off = float(np.abs(end - fine).max())
     if not off <= SHARE * apart + FLOOR * (1.0 + float(np.abs(fine).max())):
         verdict.story = f"k = {k}, ends {off:.1e} off where references differ by {apart:.1e}"
