@@ -66,7 +66,7 @@ ax.figure.savefig("basin_boundary_basins.png")
 # Between impacts the motion is linear. So the impact speeds of orbits with one impact in three
 # periods have a closed form (S. W. Shaw and P. J. Holmes, *Journal of Sound and Vibration* 90, 129,
 # 1983): the free part leads from just after an impact at the phase :math:`t_0` to just before the
-# next. Both the saddle's impact and that of the attractor fulfil it.
+# next. The impacts of the saddle and of the attractor fulfil this condition.
 
 p = oscillator.parameters
 driven = 1.0 / complex(1.0 - p["omega"] ** 2, 2.0 * p["zeta"] * p["omega"])

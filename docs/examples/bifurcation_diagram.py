@@ -51,7 +51,7 @@ print(diagram.special_table[["label", "A", "branch"]])
 # %%
 # Check
 # -----
-# Without impacts the motion is that of the linear oscillator, which reaches :math:`x = 1` at
+# Without impacts the system is the linear oscillator, which reaches :math:`x = 1` at
 
 w = oscillator.parameters["w"]
 touch = math.hypot(1.0 - w**2, 0.1 * w)

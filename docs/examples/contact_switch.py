@@ -41,7 +41,7 @@ for reading, omega in {"hertz": 2 * math.pi * 21e3, "rad/s": 21e3}.items():
 # spring of that frequency, from the contact point on, holds the electrodes apart up to 62.7 V only,
 # below the pull-in voltage. The preset therefore has a rigid contact, with the restitution of a
 # linear contact with that damping ratio, :math:`\exp(-\pi\zeta/\sqrt{1-\zeta^2})`. Its bounces
-# consist of flights alone; those of the paper include contacts of about half a period, 8 us.
+# consist of flights alone; the bounces of the paper include contacts of about half a period, 8 us.
 
 sheet = switch.datasheet
 damping = -math.log(switch.e)

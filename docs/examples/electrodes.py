@@ -3,7 +3,7 @@ Plate, wedge and comb
 =====================
 
 Between parallel plates, the attraction grows faster than the spring: the block snaps to the stopper
-at the pull-in voltage, and is released at a lower one. The force of a comb drive does not depend on
+at the pull-in voltage, and is released at a lower voltage. The force of a comb drive does not depend on
 the position, so that the deflection is reversible. Here the preset ``mita2003`` has its own plates,
 plates that are tilted by 1 degree, and a comb, with more damping, under a voltage that rises and
 falls within two seconds.

@@ -6,7 +6,7 @@ The fingers of an inchworm motor's actuator close on their counter-electrodes up
 Rauf et al., "Nonlinear dynamics of lateral electrostatic gap closing actuators for applications in
 inchworm motors", *J. Microelectromech. Syst.* 31, 29 (2022), publish layout, process, equations and
 measurements (``github.com/ahadrauf/gca_dynamics``). The preset ``rauf2022`` is the device with
-fingers of 76.5 um. This page compares its voltages and times with the measured ones.
+fingers of 76.5 um. This page compares its voltages and times with measurements.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@ r"""
 Rocking block: impacts on two corners
 =====================================
 
-A slender rigid block stands on a shaking ground. It rocks about one of its two lower corners;
+A slender rigid block stands on a shaking ground. The block rocks about one of its two lower corners;
 each time it passes the upright position it changes corners and keeps the fraction :math:`r` of its
 speed. With the tilt :math:`x` in units of the angle of balance, and time scaled by the growth rate
 there:
@@ -81,7 +81,7 @@ run = mi.simulate(block, periods=60)
 mi.plot_run(run, first=0, last=8).figure.savefig("rocking_block_run.png")
 
 # %%
-# A symmetric and an asymmetric orbit; the figure shows the asymmetric one.
+# A symmetric and an asymmetric orbit; the figure shows the asymmetric orbit.
 
 orbit = mi.find_orbit(run)
 gentle = mi.find_orbit(block.changed(beta=0.8), guess=orbit.state, transient=60)

@@ -105,7 +105,7 @@ figure.savefig("sliding_bifurcations_orbit.png")
 # -----
 # Below the first point the block slips throughout. It moves backwards from :math:`t_0`, where the
 # load is -1 in crossing-sliding, and forwards from :math:`t_1`. Each slip is a harmonic motion
-# about the forced one.
+# about the forced motion.
 
 
 def slip(begin, end, x, friction, B):

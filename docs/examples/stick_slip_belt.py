@@ -2,7 +2,7 @@ r"""
 Stick-slip: a mass on a moving belt
 ===================================
 
-A mass on a spring lies on a belt that moves at the speed :math:`V`. It sticks and moves with the
+A mass on a spring lies on a belt that moves at the speed :math:`V`. The mass sticks and moves with the
 belt until the spring force exceeds the static friction :math:`F_s`; then it slips under the smaller
 dynamic friction :math:`F_d` (and weak damping) until it reaches the speed of the belt again:
 

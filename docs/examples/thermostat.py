@@ -63,7 +63,7 @@ run = mi.simulate(house, duration=6.0)
 mi.plot_run(run).figure.savefig("thermostat_run.png")
 
 # %%
-# It settles to a limit cycle.
+# The temperature settles to a limit cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)

@@ -39,7 +39,7 @@ run = mi.simulate(oscillator, duration=40.0)
 mi.plot_run(run).figure.savefig("van_der_pol_run.png")
 
 # %%
-# It settles to the limit cycle.
+# The motion settles to the limit cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)

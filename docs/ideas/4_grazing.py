@@ -34,7 +34,7 @@ quiet = mi.find_orbit(oscillator, transient=200)
 # %%
 # The orbit without impacts ends where its largest deflection equals the gap. The branch continues as an
 # orbit with one impact, unstable at first, since the square root makes the largest multiplier unbounded at the
-# grazing. It becomes stable at a period doubling (PD), far away.
+# grazing. The orbit becomes stable at a period doubling (PD), far away.
 
 branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]

@@ -34,7 +34,7 @@ with mi.style():
 axes.figure.savefig("methods_and_accuracy.png")
 
 # %%
-# The errors of Adams and BDF decrease with the tolerance, and those of ``dop853`` stay far below it; the
+# The errors of Adams and BDF decrease with the tolerance, and the errors of ``dop853`` stay far below the tolerance; the
 # events do not degrade them. ``verify`` repeats any run with an unrelated method:
 
 run = mi.simulate(actuator, drive, periods=300)

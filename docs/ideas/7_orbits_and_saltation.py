@@ -38,7 +38,7 @@ orbit = mi.find_orbit(oscillator, transient=300)
 mi.plot_orbit(orbit, x="x", y="v").figure.savefig("orbits_and_saltation.png")
 
 # %%
-# For this impact the determinant of :math:`S` is :math:`e^2`, and that of the flow over a period
+# For this impact the determinant of :math:`S` is :math:`e^2`, and the determinant of the flow over a period
 # :math:`\exp(-cT)`. The product of the multipliers therefore has a closed form:
 
 product = np.prod(orbit.multipliers).real

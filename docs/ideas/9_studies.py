@@ -27,7 +27,7 @@ mi.plot_map(found).figure.savefig("studies.png")
 
 # %%
 # The store is a directory of Parquet files, which other programs can read. The same call resumes an
-# interrupted study, and reads a finished one:
+# interrupted study, and reads a finished study:
 
 stored = mi.load(store)
 print(stored.done, "of", stored.total)

@@ -31,7 +31,7 @@ table = mi.sweep(
 mi.plot_sweep(table).figure.savefig("on_and_off.png")
 
 # %%
-# The summary has one row per value. It gives the lowest voltage with impacts in each direction.
+# The summary has one row per value. The lowest voltage with impacts in each direction follows.
 
 summary = mi.sweep_summary(table)
 on = summary[summary["impacting"]].groupby("direction")["amplitude"].min()
