@@ -518,7 +518,8 @@ def crosses(captions: Mapping[str, Any]) -> str:
         return ""
     name, level = captions["section"]
     sign = symbol(name)
-    sign = sign.strip("$") if sign != name else rf"\mathrm{{{name}}}"
+    word = name.replace("_", r"\_")
+    sign = sign.strip("$") if sign != name else rf"\mathrm{{{word}}}"
     return f"${sign} = {level:g}$"
 
 

@@ -42,16 +42,20 @@ __all__ = [
 FUNCTION_KIND = "a function, written with def or lambda"
 ARGUMENTS = ("mode", "t", "y", "p")
 FORMULAS = "=+-@"  # first characters of formulas in spreadsheets
+MATH = "$"  # around formulas in figures
 RUN_COLUMNS = ("period", "time", "t", "mode")  # in tables of runs, beside the states
 
 
 def check_names(**names: Iterable[Any]) -> None:
-    """Raise InvalidParameter for a name or unit that tables and exported models cannot hold."""
+    """Raise InvalidParameter for a name or unit that a table, model or figure cannot hold."""
     for field, values in names.items():
         for value in values:
-            plain = isinstance(value, str) and value.isprintable()
+            plain = isinstance(value, str) and value.isprintable() and MATH not in value
             if not plain or value.startswith(tuple(FORMULAS)):
-                allowed = f"a text of printable characters that begins with none of {FORMULAS}"
+                allowed = (
+                    f"a text of printable characters other than {MATH} that begins with none of "
+                    f"{FORMULAS}"
+                )
                 raise InvalidParameter(field, value, allowed)
 
 

@@ -121,3 +121,16 @@ def test_one_direction_on_given_axes():
     assert mi.plot_sweep(table[table["direction"] == "up"], ax) is ax
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
         "$f$ increased", "on at $f$ = 0.2 to 0.3"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["x_a_b", "x__", "lambda_"])
+def test_a_section_has_the_name_of_any_state(name, tmp_path):
+    system = mi.System(
+        states=(name, "v"), flow=lambda mode, t, y, p: (y.v, p.a * np.cos(t) - y.v),
+        parameters={"a": 1.0}, period=2.0 * np.pi, section=(name, 0.5),
+    )  # fmt: skip
+    plain = mi.Options(engine="interpreted", method="dop853")
+    table = mi.sweep(system, "a", [1.0, 2.0], transient=5, periods=3, options=plain)
+    axes = mi.plot_sweep(table, quantity="v")
+    axes.figure.savefig(tmp_path / "sweep.png")
+    assert name in axes.get_ylabel().replace("\\", "")

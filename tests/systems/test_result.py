@@ -358,6 +358,10 @@ DAMAGES = {
     ),
     "no object": (lambda header: header["result"].update(options={"new": 1}), "is damaged"),
     "wrong option": (lambda header: header["result"]["options"].update(rtol=7.0), "rtol = 7"),
+    "a pair of another type": (
+        lambda header: header["result"]["gatherer"]["_waiting"].update(cycle={"float": "nan"}),
+        "is damaged",
+    ),
     "only a number": (lambda header: header.update(result=3), "holds no result"),
 }
 

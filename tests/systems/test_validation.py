@@ -513,12 +513,24 @@ def test_rounding_far_from_the_origin_is_no_wrong_rate():
     assert run.final.mode == "late"
 
 
-BAD_NAMES = ["x\0y", "\ud800", "a\nb", "a\x1bb", "\u202eb", "=1+1", "-1", "+cmd", "@sum", "\uffff"]
+BAD_NAMES = [
+    "x\0y",
+    "\ud800",
+    "a\nb",
+    "a\x1bb",
+    "\u202eb",
+    "=1+1",
+    "-1",
+    "+cmd",
+    "@sum",
+    "\uffff",
+    "$\\frac$",
+]
 
 
 @pytest.mark.parametrize("name", BAD_NAMES)
 def test_a_name_that_no_file_can_hold_is_refused(name):
-    """In HTML, XML and CSV; a spreadsheet evaluates what begins like a formula."""
+    """In HTML, XML, CSV and figures; a spreadsheet evaluates what begins like a formula."""
     own = ball().definition.guards[0]
     observable = mi.Observable(name, lambda y, p: y.x)
     for changes in (
@@ -535,7 +547,9 @@ def test_a_name_that_no_file_can_hold_is_refused(name):
         assert str(caught.value).isprintable()
 
 
-@pytest.mark.parametrize("name", ["x */ int injected; /*", '"; <b>&amp;', "Kugel/Stoß µ", "a ??/"])
+@pytest.mark.parametrize(
+    "name", ["x */ int injected; /*", '"; <b>&amp;', "Kugel/Stoß µ", "a ??/", "x_{", "\\frac"]
+)
 def test_other_names_are_taken(name):
     assert ball(name=name).name == name
 

@@ -26,6 +26,7 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
+from types import MappingProxyType
 from typing import Any
 from zlib import crc32
 
@@ -45,6 +46,7 @@ from mems_impact._util.files import (
 from mems_impact._util.formatting import label, shown
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.studies.engine.study import (
+    DTYPES,
     Chunk,
     Columns,
     Study,
@@ -449,6 +451,17 @@ def _array(column: Any) -> Any:
 STORE_FORMAT = 3
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
 FORM = ("points", "chains", "schema")  # entries that depend on the identity and on the version
+ENTRIES: Mapping[str, type] = MappingProxyType(
+    {
+        **dict.fromkeys(("format", "points", "chunk"), int),
+        **dict.fromkeys(("identity", "schema", "attrs", "versions"), dict),
+        "kind": str,
+        "chains": list,
+    }
+)
+"""Types of the entries of ``study.json``."""
+MAX_MANIFEST_BYTES = 1 << 28  # a number of an axis takes some 20
+MAX_PARTS = 1 << 22
 DIRECTORY_REMEDY = "give another directory for this one"
 
 
@@ -538,17 +551,34 @@ def manifest_of(
     """
     try:
         with opened(directory / MANIFEST, remedy) as file:
-            manifest: dict[str, Any] = json.loads(file.read())
+            text = file.read(MAX_MANIFEST_BYTES + 1)
+        manifest: dict[str, Any] = json.loads(text) if len(text) <= MAX_MANIFEST_BYTES else {}
         if manifest.pop("crc32") != _checksum(manifest):
             raise ValueError("content and checksum differ")
-        number, version = manifest["format"], manifest["versions"]["mems_impact"]
+        number, version = int(manifest["format"]), manifest["versions"]["mems_impact"]
+        if number == STORE_FORMAT:
+            _check_manifest(manifest)
     except InvalidFile as error:
         reason = f"holds no study ({MANIFEST}: {error.reason})"
         raise InvalidFile(directory, reason, remedy) from None
-    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+    except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
     check_format(directory, number, STORE_FORMAT, version, "run the study again in a new directory")
     return manifest
+
+
+def _check_manifest(manifest: Mapping[str, Any]) -> None:
+    """Raise TypeError or ValueError for entries that no study writes."""
+    for name, kind in ENTRIES.items():
+        if type(manifest[name]) is not kind:
+            raise TypeError(name)
+    points, chunk, parts, first = manifest["points"], manifest["chunk"], 0, 0
+    for start, stop in manifest["chains"] or [[0, points]]:
+        if start != first or stop < start or chunk < 1:
+            raise ValueError("chains")
+        first, parts = stop, parts + len(range(start, stop, chunk))
+    if first != points or parts > MAX_PARTS or not set(manifest["schema"].values()) <= {*DTYPES}:
+        raise ValueError("points")
 
 
 def _checksum(manifest: Mapping[str, Any]) -> str:

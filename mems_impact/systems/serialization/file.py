@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import zipfile
+from contextlib import suppress
 from os import PathLike
 from typing import Any
 
 from mems_impact._util.files import file_path, opened
-from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.archive import (
@@ -37,6 +38,9 @@ def load_result(path: str | PathLike[str], *, system: HybridSystem | None = None
         if not isinstance(value, Result):
             raise InvalidFile(source, "holds no result", FILE_REMEDY)
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
+        if tables and system is None:
+            value.attach_saved_tables(tables)
+        _check_shown(value)
     except InvalidFile:
         raise
     except zipfile.BadZipFile as error:
@@ -47,6 +51,11 @@ def load_result(path: str | PathLike[str], *, system: HybridSystem | None = None
             raise
         reason = f"is damaged ({text_of_error(error)})"
         raise InvalidFile(source, reason, DAMAGE_REMEDY) from error
-    if tables and system is None:
-        value.attach_saved_tables(tables)
     return value
+
+
+def _check_shown(value: Result) -> None:
+    """Show a result, which fails if parts that a constructor does not check are of other types."""
+    for show in (value.__repr__, value._repr_html_):
+        with suppress(MemsImpactError):  # functions that are missing, for example
+            show()

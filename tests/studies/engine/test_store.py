@@ -184,6 +184,26 @@ def test_every_bit_of_a_description_is_checked(store):
                 read(store)
 
 
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"points": 10**15, "chunk": 1}, {"chunk": 0}, {"chunk": None}, {"chains": [[0, 10**15]]},
+        {"chains": 3}, {"attrs": "text"}, {"identity": -1}, {"schema": {"x": "complex"}},
+        {"format": {}}, {"versions": []}, {"kind": 1},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_description_with_a_valid_checksum_and_other_entries_is_refused(store, entries):
+    run_study(STUDY, store=store)
+    manifest = json.loads((store / "study.json").read_text()) | entries
+    del manifest["crc32"]
+    manifest["crc32"] = f"{crc32(json.dumps(manifest, sort_keys=True).encode()):08x}"
+    (store / "study.json").write_text(json.dumps(manifest))
+    for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+        with pytest.raises(mi.InvalidFile, match=r"study.json is damaged"):
+            read(store)
+
+
 @pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
 @pytest.mark.parametrize("kind", ["other study", "other points", "other axis"])
 def test_a_chunk_from_elsewhere_is_refused(tmp_path, study, kind):
