@@ -16,7 +16,7 @@ from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ from mems_impact.hybrid.simulation import Events, Samples
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+T = TypeVar("T")  # a column, or the name of its type
 
 __all__ = [
     "CHATTER_ENDS",
@@ -49,6 +51,7 @@ __all__ = [
     "impact_changes",
     "impacts",
     "is_shown",
+    "merged_columns",
     "name_of",
     "number_column",
     "parameter_columns",
@@ -360,11 +363,11 @@ def special_points(
     The table has the columns of `like`, the table of the branch, also without rows.
     """
     names = ("kind", "criticality", "type")
-    columns = {
-        "label": texts(row["label"] for row in rows),
-        parameter: np.array([row["value"] for row in rows], dtype=float),
-        **{name: texts(row[name] for row in rows) for name in names},
-    }
+    columns = merged_columns(
+        {"label": texts(row["label"] for row in rows)},
+        {parameter: np.array([row["value"] for row in rows], dtype=float)},
+        {name: texts(row[name] for row in rows) for name in names},
+    )
     return _special(columns, rows, labels, branch_table)
 
 
@@ -420,7 +423,21 @@ def _special(
 def _table(
     first_columns: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    return table({}, labels, user_columns={**first_columns, **_measures(rows)}, **captions(labels))
+    columns = merged_columns(first_columns, _measures(rows))
+    return table({}, labels, user_columns=columns, **captions(labels))
+
+
+def merged_columns(*parts: Mapping[str, T]) -> dict[str, T]:
+    """Return all columns of some parts; InvalidParameter if two columns have one name."""
+    columns: dict[str, T] = {}
+    for part in parts:
+        for name in part:
+            if name in columns:
+                problem = "two columns of the table would have this name; give another name to "
+                problem += "the parameter, state or observable"
+                raise InvalidParameter(name, None, "", problem=problem)
+        columns.update(part)
+    return columns
 
 
 def parameter_columns(
@@ -446,13 +463,14 @@ def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     leading = ("value", "values", "label", "kind", "criticality", "type", "states")
     names = [name for name in (rows[0] if rows else ()) if name not in leading]
     columns: dict[str, Any] = {name: _column([row[name] for row in rows]) for name in names}
+    crossings: dict[str, Any] = {}
     for state in rows[0]["states"] if rows else ():
         columns_of_state = max(len(row["states"][state]) for row in rows)
         for i in range(max(1, columns_of_state)):
             values = [row["states"][state][i : i + 1] for row in rows]
             numbers = [float(value[0]) if len(value) else np.nan for value in values]
-            columns[state if i == 0 else f"{state} {i + 1}"] = np.array(numbers)
-    return columns
+            crossings[state if i == 0 else f"{state} {i + 1}"] = np.array(numbers)
+    return merged_columns(columns, crossings)
 
 
 # --- Tables of one run, or of one orbit: events, impacts, crossings of the section, samples.

@@ -697,7 +697,7 @@ def _names(special: BifurcationPoint) -> dict[str, str]:
 def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
     """Return the row of an orbit in tables; `leading` are its first columns."""
     solution = orbit.numeric
-    return {
+    measures = {
         "stable": solution.stable,
         "admissible": solution.admissible,
         **leading,
@@ -706,9 +706,8 @@ def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
         "impacts": len(orbit.impact_speeds),
         "impact speed": MEASURES["impact speed"](orbit),
         "closest approach": MEASURES["closest approach"](orbit),
-        **orbit.observables,
-        "states": orbit.shown_states,
     }
+    return orbit_tables.merged_columns(measures, orbit.observables, {"states": orbit.shown_states})
 
 
 def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:

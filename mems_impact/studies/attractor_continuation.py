@@ -37,7 +37,6 @@ from mems_impact.studies.engine.study import (
     Columns,
     Study,
     row_label,
-    schema_of,
 )
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
 from mems_impact.systems.base import HybridSystem
@@ -45,6 +44,7 @@ from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
+from mems_impact.tables import merged_columns
 
 __all__ = ["AttractorBranches", "AttractorContinuationStudy", "continue_attractors"]
 
@@ -259,7 +259,7 @@ class AttractorContinuationStudy(Study):
         schema = self.measuring.schema
         status = {STATUS: schema.pop(STATUS)}
         first = {self.over.name: "float", ATTRACTOR: "str", REVERSIBLE: "bool"}
-        return schema_of(first, schema, self.recognition.schema, status)
+        return merged_columns(first, schema, self.recognition.schema, status)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -24,7 +24,7 @@ from mems_impact.analysis.attractor import (
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
-from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label, schema_of
+from mems_impact.studies.engine.study import STATUS, Columns, Study, row_label
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.identity import identity, identity_of_options
 from mems_impact.systems.statistics import (
@@ -37,7 +37,7 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
     counted_periods,
 )
-from mems_impact.tables import captions, unit_of, without_units
+from mems_impact.tables import captions, merged_columns, unit_of, without_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -148,7 +148,7 @@ def attractor_schema(
     names = dict.fromkeys(system.measure_names, "float")
     exponents = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
     first, last = {MOTION: "str", PERIOD: "int"}, {RETURNS: "int", STATUS: "str"}
-    return schema_of(first, names, exponents, last)
+    return merged_columns(first, names, exponents, last)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,7 +29,7 @@ from mems_impact.studies.basin_entropy import (
     uncertainty_exponent,
 )
 from mems_impact.studies.engine.scheduler import completed_study, run_study
-from mems_impact.studies.engine.study import STATUS, Columns, schema_of
+from mems_impact.studies.engine.study import STATUS, Columns
 from mems_impact.studies.sampling import (
     Grid,
     InitialConditions,
@@ -45,6 +45,7 @@ from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import FAILED
+from mems_impact.tables import merged_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +84,7 @@ class BasinsStudy(AttractorStudy):
         schema = self.measuring.schema
         status = {STATUS: schema.pop(STATUS)}
         starts = dict.fromkeys(self.starts.names, "float")
-        return schema_of(starts, schema, self.recognition.schema, status)
+        return merged_columns(starts, schema, self.recognition.schema, status)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -25,13 +25,14 @@ from mems_impact.studies.attractor_study import (
     motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import Columns, schema_of
+from mems_impact.studies.engine.study import Columns
 from mems_impact.studies.sampling import Axis, axis, check_different, identity_of_axis
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State
+from mems_impact.tables import merged_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,7 +72,7 @@ class MapStudy(AttractorStudy):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        return schema_of({self.x.name: "float", self.y.name: "float"}, self.measuring.schema)
+        return merged_columns({self.x.name: "float", self.y.name: "float"}, self.measuring.schema)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -30,7 +30,7 @@ from mems_impact.hybrid.problem import is_compiled
 from mems_impact.hybrid.simulation import INSTANT_RTOL
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import STATUS, Columns, Study, schema_of
+from mems_impact.studies.engine.study import STATUS, Columns, Study
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.serialization.identity import (
@@ -40,6 +40,7 @@ from mems_impact.systems.serialization.identity import (
 )
 from mems_impact.systems.state import State, is_number, state_from, whole
 from mems_impact.systems.statistics import maxima
+from mems_impact.tables import merged_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,7 +127,7 @@ class SweepStudy(Study):
         states, statistics, system = self._table_columns
         first = self.parameter, sweep_tables.DIRECTION, sweep_tables.number_column(system)
         names = *first, *states, *statistics, STATUS
-        return schema_of(*({name: "str" if name in TEXT else "float"} for name in names))
+        return merged_columns(*({name: "str" if name in TEXT else "float"} for name in names))
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -28,7 +28,7 @@ from mems_impact.studies.attractor_study import (
     motions,
 )
 from mems_impact.studies.engine.scheduler import completed_study, run_study
-from mems_impact.studies.engine.study import OK, STATUS, Columns, schema_of
+from mems_impact.studies.engine.study import OK, STATUS, Columns
 from mems_impact.studies.sampling import (
     FIRST,
     LEVEL,
@@ -47,6 +47,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, is_number
+from mems_impact.tables import merged_columns
 
 __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
 
@@ -238,7 +239,7 @@ class ToleranceStudy(AttractorStudy):
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
         columns = dict.fromkeys((*self.draws.names, *self.draws.parameters), "float")
-        return schema_of(columns, {SAMPLE: "str"}, self.measuring.schema)
+        return merged_columns(columns, {SAMPLE: "str"}, self.measuring.schema)
 
     @property
     def attrs(self) -> Mapping[str, Any]:

@@ -11,8 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mems_impact.errors import InvalidParameter
-
 __all__ = [
     "OK",
     "STATUS",
@@ -25,7 +23,6 @@ __all__ = [
     "json_value",
     "layout",
     "row_label",
-    "schema_of",
 ]
 
 # --- Interface of studies
@@ -141,19 +138,6 @@ def row_label(columns: Columns) -> str:
 # --- Columns of chunks
 
 DTYPES = {"float": np.float64, "int": np.int64, "bool": np.bool_, "str": object}
-
-
-def schema_of(*parts: Mapping[str, str]) -> dict[str, str]:
-    """Return a schema from its parts; InvalidParameter if two columns have one name."""
-    schema: dict[str, str] = {}
-    for part in parts:
-        for name in part:
-            if name in schema:
-                problem = "two columns of the table would have this name; give another name to "
-                problem += "the parameter, state or observable"
-                raise InvalidParameter(name, None, "", problem=problem)
-        schema.update(part)
-    return schema
 
 
 def arranged(columns: Mapping[str, Any], schema: Mapping[str, str]) -> Columns:

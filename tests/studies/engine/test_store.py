@@ -199,7 +199,7 @@ def test_a_description_with_a_valid_checksum_and_other_entries_is_refused(store,
     del manifest["crc32"]
     manifest["crc32"] = f"{crc32(json.dumps(manifest, sort_keys=True).encode()):08x}"
     (store / "study.json").write_text(json.dumps(manifest))
-    for read in (mi.read_study, lambda store: run_study(STUDY, store=store)):
+    for read in (mi.load, lambda store: run_study(STUDY, store=store)):
         with pytest.raises(mi.InvalidFile, match=r"study.json is damaged"):
             read(store)
 
