@@ -697,17 +697,21 @@ def _names(special: BifurcationPoint) -> dict[str, str]:
 def orbit_row(orbit: Orbit, **leading: int) -> dict[str, Any]:
     """Return the row of an orbit in tables; `leading` are its first columns."""
     solution = orbit.numeric
-    measures = {
+    first = {
         "stable": solution.stable,
         "admissible": solution.admissible,
         **leading,
         **({} if orbit.system.forced else {"period": orbit.period}),
+    }
+    measures = {
         "largest multiplier": MEASURES["largest multiplier"](orbit),
         "impacts": len(orbit.impact_speeds),
         "impact speed": MEASURES["impact speed"](orbit),
         "closest approach": MEASURES["closest approach"](orbit),
+        **orbit.observables,  # a user's "impact speed" replaces that of all impacts
+        "states": orbit.shown_states,
     }
-    return orbit_tables.merged_columns(measures, orbit.observables, {"states": orbit.shown_states})
+    return orbit_tables.merged_columns(first, measures)
 
 
 def no_orbits(parameter: str, system: HybridSystem) -> pd.DataFrame:

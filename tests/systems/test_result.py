@@ -358,10 +358,6 @@ DAMAGES = {
     ),
     "no object": (lambda header: header["result"].update(options={"new": 1}), "is damaged"),
     "wrong option": (lambda header: header["result"]["options"].update(rtol=7.0), "rtol = 7"),
-    "a pair of another type": (
-        lambda header: header["result"]["gatherer"]["_waiting"].update(cycle={"float": "nan"}),
-        "is damaged",
-    ),
     "only a number": (lambda header: header.update(result=3), "holds no result"),
 }
 
@@ -374,6 +370,17 @@ def test_a_damaged_header_is_reported(saved, damage):
     with pytest.raises(mi.InvalidFile, match=message) as caught:
         mi.load(saved[2], system=oscillator())
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("part", ["margins", "eigenvalues", "stable"])
+def test_a_part_of_another_type_is_reported(part, tmp_path):
+    (rest, *_) = mi.find_equilibria(
+        mi.System(states=("x",), flow=lambda mode, t, y, p: (-y.x,), parameters={"a": 1.0})
+    )
+    rest.save(tmp_path / "rest.zip")
+    rewritten(tmp_path / "rest.zip", lambda header: header["result"]["numeric"].update({part: "s"}))
+    with pytest.raises(mi.InvalidFile, match="is damaged"):
+        mi.load(tmp_path / "rest.zip")
 
 
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
