@@ -68,7 +68,7 @@ def test_strong_resonances_up_to_where_the_pair_is_real():
         ("1:2 resonance", 3.0, 1.0),
     )
     assert curve.ended.startswith("1:2 resonance: beyond")
-    assert "that of a neutral saddle" in curve.ended
+    assert "as of a neutral saddle" in curve.ended
 
 
 @pytest.mark.slow
