@@ -90,7 +90,7 @@ def drawn(rng: np.random.Generator, k: int) -> dict[str, Floats]:
 
 
 def smoothed(numbers: dict[str, Floats], stops: bool, start: Floats, width: float) -> Floats:
-    """Return the end of the reference's motion, nan after more than `MAX_IMPACTS`."""
+    """Return the end of the reference's motion, nan if it fails or has more than `MAX_IMPACTS`."""
 
     def slope(_: float, y: Floats) -> Floats:
         x, (u, v) = y[:-2], y[-2:]
@@ -102,10 +102,14 @@ def smoothed(numbers: dict[str, Floats], stops: bool, start: Floats, width: floa
     def gap(_: float, y: Floats) -> float:
         return float(PLACE - y[-2])
 
-    gap.terminal, gap.direction = stops, -1.0  # type: ignore[attr-defined]
+    gap.terminal, gap.direction = True, -1.0  # type: ignore[attr-defined]
+    options: dict[str, Any] = {"rtol": 1e-9, "atol": 1e-11, "events": gap if stops else None}
     t, y = 0.0, start
     for _ in range(MAX_IMPACTS):
-        done = solve_ivp(slope, (t, END), y, method="LSODA", rtol=1e-9, atol=1e-11, events=gap)
+        try:
+            done = solve_ivp(slope, (t, END), y, method="LSODA", **options)
+        except ValueError:  # SciPy's interpolant has no root in the step
+            break
         t, y = done.t[-1], done.y[:, -1]
         if done.status == 0:
             return y
