@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import run_saving_partial, study_of, warn_of_failures
+from mems_impact.cli.inputs import run_saving_partial, study_of, symbol_for, warn_of_failures
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import show_table
 from mems_impact.cli.value_types import RangeType
@@ -54,6 +54,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     follow = options["follow"]
     system, arguments = study_of(ctx, KIND, FUNCTION, options, own_options=("follow", "shares"))
     if follow is not None:
+        follow = symbol_for(follow[0], system), *follow[1:]
         system.check_parameter(follow[0])
     with options["output"](KIND) as files:
         basins = run_saving_partial(

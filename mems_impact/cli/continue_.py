@@ -12,7 +12,7 @@ from mems_impact.cli.inputs import arguments_for, device_system
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, filled, show, unit_of
 from mems_impact.cli.runtime import warn
-from mems_impact.cli.value_types import RangeType
+from mems_impact.cli.value_types import RangeType, symbol_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +53,7 @@ def command(
     from mems_impact.studies.engine.config import orbit_from
 
     parameter, start, stop = axis
+    parameter = symbol_of(parameter)
     system = device_system(device, changes, {parameter: start})
     of_orbit = arguments_for(ORBIT, system)
     arguments = arguments_for(BRANCH, system)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import arguments_for, load_subject
+from mems_impact.cli.inputs import arguments_for, load_subject, symbol_for
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table
 from mems_impact.cli.value_types import RangeType
@@ -57,6 +57,7 @@ def command(
 
     parameter, low, high = axis
     system = load_subject(device, changes, {parameter: low})
+    parameter = symbol_for(parameter, system)
     arguments = arguments_for(FUNCTION, system)
     with output("diagram") as files:
         try:

@@ -19,7 +19,7 @@ from mems_impact.cli.options import (
     state_from,
 )
 from mems_impact.cli.runtime import FROM_FILE, STORE, warn
-from mems_impact.cli.value_types import KICKED, Initial
+from mems_impact.cli.value_types import KICKED, Initial, symbol_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,7 @@ def arguments_for(path: str, owner: mi.HybridSystem | mi.Actuator | None = None)
     """
     from mems_impact.studies.engine.config import arguments_from
 
-    table = given_arguments(path)
+    table = {name: _symbols(value, owner) for name, value in given_arguments(path).items()}
     initial = table.pop("initial", None)
     arguments = arguments_from(resolve_name(path), table, Path())
     _note_store(click.get_current_context(), arguments)
@@ -86,7 +86,7 @@ def study_of(
     if "study" in names_in_file(device):
         return _from_file(ctx, device, kind, path, {*EXCLUSIVE_OPTIONS, *own_options})
     axes = map(given_arguments(path, complete=False).get, ("x", "y"))
-    varied = {axis[0]: axis[1] for axis in axes if axis is not None}
+    varied = {symbol_of(axis[0]): axis[1] for axis in axes if axis is not None}
     actuator = _device(device, options["changes"], varied)
     given_arguments(path)  # before the drive is missed
     system = _driven(actuator, drive_from(varied))
@@ -117,6 +117,24 @@ def _from_file(
         arguments["executor"] = executor_named(given["executor"], arguments.get("workers"))
     _note_store(ctx, arguments)
     return study.system, arguments
+
+
+def symbol_for(name: str, owner: mi.HybridSystem | mi.Actuator | None) -> str:
+    """Return the symbol of a parameter of a device; a parameter of another system unchanged."""
+    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.system import ActuatorSystem
+
+    return symbol_of(name) if isinstance(owner, ActuatorSystem | Actuator) else name
+
+
+def _symbols(value: Any, owner: mi.HybridSystem | mi.Actuator | None) -> Any:
+    """Return an axis, or values by parameter, with the symbols of a device."""
+    match value:
+        case (str(name), *rest) if isinstance(value, tuple):
+            return (symbol_for(name, owner), *rest)
+        case dict():
+            return {symbol_for(name, owner): each for name, each in value.items()}
+    return value
 
 
 def _note_store(ctx: click.Context, arguments: Mapping[str, Any]) -> None:

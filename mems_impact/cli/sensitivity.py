@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.arguments import Command, function_options
-from mems_impact.cli.inputs import study_of
+from mems_impact.cli.inputs import study_of, symbol_for
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import (
     Output,
@@ -81,7 +81,7 @@ def command(
     names = arguments.pop("quantities", None)
     quantities = {each.name: each for each in chosen_quantities(system, names)}
     quantities |= {each.name: each for each in chosen_quantities(system, [quantity])}
-    scatter = dict(tolerances)
+    scatter = {symbol_for(name, system): each for name, each in tolerances}
     deviations(scatter, system)
     with output(KIND) as files:
         result = orbit_sensitivity_study(system, quantities=tuple(quantities.values()), **arguments)

@@ -12,7 +12,7 @@ from mems_impact.cli.arguments import Command, function_options
 from mems_impact.cli.inputs import arguments_for, device_system, run_saving_partial
 from mems_impact.cli.options import device_options, drive_options, output_options
 from mems_impact.cli.output import Output, add_json_tables, show, show_table, unit_of
-from mems_impact.cli.value_types import RangeType
+from mems_impact.cli.value_types import RangeType, symbol_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,6 +57,7 @@ def command(
     import mems_impact as mi
 
     parameter, start, stop, points = axis
+    parameter = symbol_of(parameter)
     system = device_system(device, changes, {parameter: start})
     low, high = (system.without_unit(parameter, end, "values") for end in (start, stop))
     arguments = arguments_for(FUNCTION, system)

@@ -183,7 +183,7 @@ class ToleranceType(AssignmentType):
         name, _, number = (part.strip() for part in value.partition("="))
         if not (name and number.endswith("%")):
             name, number = super().convert(value, param, ctx)
-        return symbol_of(name), number
+        return name, number
 
 
 class RangeType(click.ParamType[Any]):
@@ -226,7 +226,7 @@ class RangeType(click.ParamType[Any]):
         except ValueError:
             example = f"{'e=' * self.named}0.7:0.8{':11' * self.points}"
             self.fail(f"{value!r} must be {self.name}, such as {example}", param, ctx)
-        return (*([symbol_of(name)] if self.named else []), *ends, *points)
+        return (*([name] if self.named else []), *ends, *points)
 
     def _end(self, text: str) -> float | str | None:
         """Return an end; a text with a unit unchanged, which the function converts."""
@@ -253,7 +253,7 @@ class DistributionType(click.ParamType[Any]):
         kind, *numbers = (part.strip() for part in description.split(":"))
         width = numbers[-1] if numbers else kind
         if name.strip() and len(numbers) <= 1 and has_unit(width):
-            return symbol_of(name.strip()), description
+            return name.strip(), description
         try:
             amounts = [each if has_unit(each) else float(each) for each in numbers]
             if not (name.strip() and kind and numbers):
@@ -261,4 +261,4 @@ class DistributionType(click.ParamType[Any]):
         except ValueError:
             problem = f"{value!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
             self.fail(f"{problem}NAME=PER CENT, such as d=5%", param, ctx)
-        return symbol_of(name.strip()), [kind, *amounts]
+        return name.strip(), [kind, *amounts]

@@ -31,6 +31,16 @@ def test_diagram_of_a_system(cli, tmp_path):
     assert "depth is 4 there, 5 here" in deeper.err
 
 
+def test_a_parameter_of_a_system_may_have_a_name_of_a_data_sheet(cli, tmp_path):
+    (tmp_path / "own.py").write_text(
+        FORK.replace("p.a", "p.stiffness").replace('"a"', '"stiffness"')
+    )
+    few = ["--values", "2", "--starts", "1", "--depth", "0", "--no-figure", "--no-progress"]
+    done = cli("diagram", "own.py:fork", "stiffness=0.5:1.0", *few)
+    assert done.status == 0, done.err
+    assert done.out.startswith("stiffness 0.5 to 1\n")
+
+
 def test_bad_ranges_are_refused(cli):
     done = cli("diagram", "zhao2004", "amplitude=0.3:0.2", "--omega", "0.5")
     assert done.status == 2

@@ -100,7 +100,7 @@ omega = 0.5
 
 
 def test_study_files(cli, tmp_path):
-    (tmp_path / "far.toml").write_text(FILE + 'kind = "sensitivity"\nparameters = ["omega"]\n')
+    (tmp_path / "far.toml").write_text(FILE + 'kind = "sensitivity"\nover = ["omega"]\n')
     done = cli("sensitivity", "far.toml", "--no-figure", "--quantity", "mean speed")
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "sensitivity-table.csv")
