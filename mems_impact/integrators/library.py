@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import builtins
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ __all__ = ["FUNCTIONS"]
 
 LARGEST_ROOT = 3037000499  # integer part of the root of the largest 64-bit integer
 SPLITTER = 134217729.0  # 2^27 + 1, which halves the digits of a number (Dekker)
+COMPENSATED = sys.version_info >= (3, 12)  # sums of real numbers
 MOST_DIGITS = 22  # the power of ten with this exponent is the largest one without rounding error
 ALL_INTEGER = 2.0**52  # from which all real numbers are integers
 
@@ -258,11 +260,18 @@ def reversed(values):
 
 
 def sum(values, start=0):
-    """Return the sum."""
-    result = start
+    """Return the sum, as Python does from 3.12 on with what rounding has lost (Neumaier)."""
+    result, lost = start, 0
     for value in values:
-        result += value
-    return result
+        total = result + value
+        if not COMPENSATED:
+            lost = 0
+        elif abs(result) >= abs(value):
+            lost += (result - total) + value
+        else:
+            lost += (value - total) + result
+        result = total
+    return result + lost if math.isfinite(lost) else result
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {

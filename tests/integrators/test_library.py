@@ -46,6 +46,16 @@ OF_INTEGERS = {
 }
 
 
+TERMS = [(0.1, 0.2, 0.3), (1e16, 1.0, -1e16), (1.0, 1e100, 1.0, -1e100), (1e308, 1e308), (2.5,)]
+
+
+@pytest.mark.parametrize("terms", TERMS, ids=str)
+def test_a_sum_of_reals_has_the_bits_of_python(terms):
+    """From Python 3.12 on with the digits that rounding loses."""
+    compiled = njit(**JIT)(take_snapshot(lambda terms: sum(terms)).frozen()[0])
+    assert compiled(terms) == sum(terms)
+
+
 def outcome(function, *arguments):
     """The value, or None if an exception is raised."""
     try:

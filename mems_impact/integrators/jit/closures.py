@@ -32,7 +32,10 @@ from numba.core.extending import _Intrinsic
 from numba.extending import overload
 
 from mems_impact.integrators import library
-from mems_impact.integrators.jit import trigonometry
+from mems_impact.integrators.jit import (
+    trigonometry,
+    unset_variables,  # noqa: F401  # registers a rewrite
+)
 from mems_impact.integrators.jit.integer_arithmetic import CHECKED, COPIES
 from mems_impact.integrators.jit.numba_support import INNER, JIT, as_reals
 
