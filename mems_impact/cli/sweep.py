@@ -118,7 +118,7 @@ def _show(table: pd.DataFrame, place: object) -> None:
 def _headline(changes: list[ImpactChange], parameter: str, unit: str) -> str:
     """Return between which values the device switches on and off, as a sentence."""
     if not changes:
-        return f"The device does not switch in this range of {parameter}."
+        return f"The device does not switch between the computed values of {parameter}."
     phrases = [
         f"{'on' if each.begins else 'off'} at {each.before:.9g} to {each.after:.9g}{unit} "
         f"({DIRECTION_WORDS[each.direction]})"

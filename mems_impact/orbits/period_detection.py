@@ -279,7 +279,7 @@ def detect_period(
         length *= 2.0
     lasted = f"{elapsed:.9g}" if amount is None else amount("time", elapsed)
     raise OrbitError(
-        reason=f"the motion does not return to a previous state within a time of {lasted}",
+        reason=f"no return to a previous state was found within a time of {lasted}",
         remedy="raise transient (in units of time), give a guess closer to a cycle, or set "
         "time_scale= for a slow system; a chaotic motion does not converge",
         partial=start,

@@ -88,10 +88,8 @@ def _add_flags(func_ir: Any, block: Any, before: set[str], unset: set[str], firs
         assign(f"$set.{name}", ir.Const(False, block.loc), block.loc)
     for statement in block.body:
         for variable in (each for read, each in reads if read is statement):
-            loc, flag = (
-                statement.loc,
-                block.scope.get_or_define(f"$set.{variable.name}", loc=block.loc),
-            )
+            name, loc = variable.name, statement.loc
+            flag = block.scope.get_or_define(f"$set.{name}", loc=loc)
             called = assign("$require", ir.Global("_require", _require, loc), loc)
             assign(f"$required.{name}", ir.Expr.call(called, [flag], (), loc), loc)
         body.append(statement)
