@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
@@ -34,7 +34,16 @@ from mems_impact.systems.statistics import (
 )
 from mems_impact.systems.validation import check_start_side
 
-__all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions", "map_attractors"]
+__all__ = [
+    "SAME_ATTRACTOR_RTOL",
+    "STUDY_OPTIONS",
+    "Attractor",
+    "InitialCondition",
+    "RecurrenceOptions",
+    "map_attractors",
+    "same_attractor",
+    "states_at_returns",
+]
 
 STUDY_OPTIONS = Options(method="auto")
 
@@ -50,6 +59,7 @@ LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
 )
 MAX_PERIOD_FACTOR = 4  # of `longest`: the longest period of a motion unsettled otherwise
+SAME_ATTRACTOR_RTOL = 1e-3  # distance of equal orbits, in sizes of the states
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -477,6 +487,33 @@ def _is_neutral(growth: float, periods: int) -> bool:
         Number of periods over which it has grown.
     """
     return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
+
+
+def same_attractor(
+    system: HybridSystem, one: Attractor, other: Attractor, sizes: Mapping[str, float]
+) -> bool:
+    """Return whether two motions share an attractor, by their returns.
+
+    Orbits are the same if a state is, other motions if their ranges intersect. `sizes` has the
+    sizes of the states that are compared.
+    """
+    kinds = (PERIODIC, OFF, RESTING)
+    if (one.motion in kinds) != (other.motion in kinds):
+        return False
+    columns = [system.states.index(name) for name in sizes]
+    a, b = (states_at_returns(system, each)[:, columns] for each in (one, other))
+    if one.motion in kinds:
+        allowed = SAME_ATTRACTOR_RTOL * np.array(list(sizes.values()))
+        return one.period == other.period and bool((np.abs(b - a[0]) <= allowed).all(axis=1).any())
+    return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
+
+
+def states_at_returns(system: HybridSystem, attractor: Attractor) -> Floats:
+    """Return the states at the returns; the last state of a motion without returns."""
+    states, final = attractor.states, attractor.final
+    if states is not None and len(states):
+        return states
+    return np.array([[math.nan if final is None else final[name] for name in system.states]])
 
 
 def _is_near_return(system: HybridSystem, states: Floats) -> bool:

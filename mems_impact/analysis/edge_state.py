@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mems_impact._util.arrays import Floats
 from mems_impact.analysis.attractor import (
+    SAME_ATTRACTOR_RTOL,
     Attractor,
     InitialCondition,
     RecurrenceOptions,
     map_attractors,
+    same_attractor,
+    states_at_returns,
 )
 from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = ["EdgeState", "edge_state"]
 
-MATCH_RTOL = 1e-3  # distance of equal attractors, relative to the size of the larger
 MAX_BISECTIONS = 80
 MAX_CONTINUATIONS = 16  # runs of a motion that does not settle
 ORBIT_RTOL = 1e-2  # distance from the last state at which an orbit is the edge state
@@ -176,34 +177,24 @@ class _Tracking:
         for each in self.known:
             if each.period and each.states is not None:
                 distances = np.abs(y[:, None] - each.states)[..., self.free]
-                size = MATCH_RTOL * np.maximum(np.abs(each.states).max(axis=0)[self.free], 1e-300)
+                size = SAME_ATTRACTOR_RTOL * np.maximum(
+                    np.abs(each.states).max(axis=0)[self.free], 1e-300
+                )
                 if (distances <= size).all(axis=2).any(axis=1).all():
                     return True
         return False
 
     def is_same(self, one: Attractor, other: Attractor) -> bool:
-        """Return whether two motions have the same attractor, by their returns."""
-        if (one.motion, one.period) != (other.motion, other.period):
-            return False
-        boxes = [self._box(each) for each in (one, other)]
-        size = MATCH_RTOL * np.maximum(np.abs(boxes).max(axis=(0, 1)), self._smallest())
-        if one.period or one.motion == "resting":
-            return bool((np.abs(boxes[0] - boxes[1]) <= size).all())
-        (low, high), (other_low, other_high) = boxes
-        return bool(((low <= other_high) & (other_low <= high)).all())
-
-    def _box(self, attractor: Attractor) -> Floats:
-        """Return smallest and largest values of the components at the returns."""
-        states = attractor.states
-        if states is None or not len(states):
-            names = self.system.states
-            states = np.array([[attractor.final[name] for name in names]])  # type: ignore[index]
-        return np.array([states.min(axis=0), states.max(axis=0)])[:, self.free]
-
-    def _smallest(self) -> Floats:
-        least_size = self.options.atol / self.options.rtol
-        names = [self.system.states[i] for i in self.free]
-        return np.array([1e3 * float(self.system.out(name, least_size)) for name in names])
+        """Return whether two motions have the same attractor."""
+        visited = [states_at_returns(self.system, each) for each in (one, other)]
+        largest = np.abs(np.concatenate(visited)).max(axis=0)
+        least = 1e3 * self.options.atol / self.options.rtol
+        names = {i: self.system.states[i] for i in self.free}
+        sizes = {
+            name: max(float(largest[i]), float(self.system.out(name, least)))
+            for i, name in names.items()
+        }
+        return same_attractor(self.system, one, other, sizes)
 
     def distance(self, one: HybridState, other: HybridState) -> float:
         """Return the distance of two states."""

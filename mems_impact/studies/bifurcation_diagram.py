@@ -19,11 +19,13 @@ from mems_impact._util.arrays import Floats
 from mems_impact._util.progress import Report, progress_bar
 from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.analysis.attractor import (
+    SAME_ATTRACTOR_RTOL,
     STUDY_OPTIONS,
     Attractor,
     InitialCondition,
     RecurrenceOptions,
     map_attractors,
+    same_attractor,
     span_of,
 )
 from mems_impact.analysis.branch import (
@@ -93,7 +95,6 @@ AnyPoint = SpecialPoint | EquilibriumPoint
 
 DIAGRAM_RECURRENCE = RecurrenceOptions(chaos_persistence=1.0)
 SAME_VALUE_RTOL = 1e-7  # largest relative difference of the values of one special point
-SAME_ATTRACTOR_RTOL = 1e-3  # largest distance of two attractors, in sizes of the components
 REST_RTOL = 1e-3  # relative range of states at rest
 PROBE_POINTS = 12  # orbits of an emanating branch after which it is compared with known branches
 SEARCHED_VALUES = 5  # values of the parameter at which Newton's method starts from many states
@@ -458,10 +459,9 @@ class AttractorSearch:
         return box
 
     @cached_property
-    def _sizes(self) -> dict[int, float]:
+    def _sizes(self) -> dict[str, float]:
         """Sizes of the states that attractors are compared by."""
-        states = self.system.states
-        return {states.index(name): max(map(abs, pair)) for name, pair in self.box.items()}
+        return {name: max(map(abs, pair)) for name, pair in self.box.items()}
 
     def _distinct(
         self, value: float, starts: Sequence[State], known_motions: Sequence[Motion]
@@ -484,7 +484,7 @@ class AttractorSearch:
         )
         for each in attractors:
             if each.motion != FAILED and not any(
-                _same_attractor(each, other.attractor, self._sizes) for other in motions
+                same_attractor(system, each, other.attractor, self._sizes) for other in motions
             ):
                 motions.append(Motion(value, each))
         return motions
@@ -526,25 +526,6 @@ def _halton(number: int, size: int) -> list[float]:
             share += digit * part
         point.append(share)
     return point
-
-
-def _same_attractor(one: Attractor, other: Attractor, sizes: Mapping[int, float]) -> bool:
-    """Return whether two motions share an attractor.
-
-    Orbits are the same if their states are, other motions if their ranges intersect. `sizes` has
-    the sizes of the components that are compared.
-    """
-    kinds = (PERIODIC, OFF, RESTING)
-    if (one.motion in kinds) != (other.motion in kinds):
-        return False
-    if one.states is None or other.states is None or not (len(one.states) and len(other.states)):
-        return one.motion == other.motion
-    free = list(sizes)
-    a, b = one.states[:, free], other.states[:, free]
-    if one.motion in kinds:
-        excess = np.abs(b - a[0]) - SAME_ATTRACTOR_RTOL * np.array(list(sizes.values()))
-        return one.period == other.period and bool((excess <= 0.0).all(axis=1).any())
-    return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
 
 
 # --- The construction of a diagram

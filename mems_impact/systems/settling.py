@@ -40,6 +40,9 @@ CONTRACTION = 0.8  # ratio of the squared changes of both halves above which the
 STEADY = 0.99  # least decrease of the distance from a limit over two thirds of the sequence
 UNEXPLAINED = 1e-5  # largest share of the squared changes that multipliers leave
 STATE_NOISE = 1e-5  # relative change of a state that does not count
+STATE_ERROR = 1e-8  # relative error of a state
+LEAST_CHANGE = 1e3  # change of a state that counts in full, in errors
+STATE_RESIDUAL = 4.0  # change of a state that multipliers may leave, in errors
 SHARE = 0.1  # least error of an extrapolation, relative to what remains
 
 
@@ -132,9 +135,12 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
     """Return the limit of a sequence that few multipliers explain, None for other sequences."""
     moving = np.ptp(states, axis=0) > STATE_NOISE
     changes = np.diff(np.column_stack([b, states[:, moving]]), axis=0)
-    changes /= np.abs(changes).max(axis=0)
+    largest = np.abs(changes).max(axis=0)
+    sizes = np.append(largest[0], np.maximum(largest[1:], LEAST_CHANGE * STATE_ERROR))
+    changes /= sizes
+    errors = np.append(0.0, np.full(len(sizes) - 1, STATE_RESIDUAL * STATE_ERROR)) / sizes
     orders = range(1, 1 + min(MAX_ORDER, (b.size - 2) // 2))
-    found = [_of_order(b, n, noise, changes) for n in orders]
+    found = [_of_order(b, n, noise, changes, errors) for n in orders]
     ordered = sorted((each for each in found if each is not None), key=lambda each: each.error)
     if not ordered:
         return None
@@ -143,7 +149,7 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
     far = abs(value - last)
     # A second order and a part of the sequence agree, or the order is by chance.
     part = b.size - b.size // 4
-    earlier = _of_order(b[:part], order, noise, changes[: part - 1])
+    earlier = _of_order(b[:part], order, noise, changes[: part - 1], errors)
     others = [*ordered[1:2], *([] if earlier is None else [earlier])]
     error = max([error, *(abs(value - each.value) for each in others)])
     known = len(others) > 1 and error <= FIT_RATIO * max(far, spread) and far <= REACH * spread
@@ -156,7 +162,9 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
     )
 
 
-def _of_order(b: Floats, order: int, noise: float, changes: Floats) -> _Extrapolation | None:
+def _of_order(
+    b: Floats, order: int, noise: float, changes: Floats, errors: Floats
+) -> _Extrapolation | None:
     """Return the extrapolation with some multipliers; None if they do not explain the changes."""
     count = len(changes) - order
     rows = np.stack([changes[i : i + count] for i in range(order + 1)], axis=-1)
@@ -164,7 +172,8 @@ def _of_order(b: Floats, order: int, noise: float, changes: Floats) -> _Extrapol
     free = np.linalg.lstsq(flat[:, :-1] - flat[:, -1:], -flat[:, -1], rcond=None)[0]
     weights = np.append(free, 1.0 - free.sum())
     rest = rows @ weights
-    if ((rest**2).sum(axis=0) > UNEXPLAINED * (changes**2).sum(axis=0)).any():
+    allowed = UNEXPLAINED * (changes**2).sum(axis=0) + count * errors**2
+    if ((rest**2).sum(axis=0) > allowed).any():
         return None
     limits = np.stack([b[i : i + count + 1] for i in range(order + 1)], axis=1) @ weights
     value = float(limits[-1])
@@ -186,7 +195,7 @@ def _drift(limits: Floats, noise: float) -> float:
         return 2.0 * spread
     first, last = abs(float(moves[0])), abs(float(moves[-1]))
     if moves.size < 2 or not last < first:
-        return math.inf
+        return REACH * spread
     ratio = (last / first) ** (1.0 / (moves.size - 1))
     return max(2.0 * spread, last * ratio / (1.0 - ratio)) if ratio < 1.0 else math.inf
 
