@@ -66,7 +66,7 @@ def small(path):
 
 
 def difference(one, other):
-    """Return by how much two pictures differ where they differ most, and that place."""
+    """Return the largest difference of two pictures, and its place."""
     if abs(one.height - other.height) > ABOUT:
         return 1.0, (0.0, 1.0)
     a, b = (_smooth(picture.convert("RGB").resize(one.size)) for picture in (one, other))

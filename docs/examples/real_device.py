@@ -46,7 +46,7 @@ leads = air.adding(mi.SeriesResistance(resistance=1e4, parasitic_capacitance=3e-
 
 
 def mismatch(b, speed=7.5e-4, e=0.8):
-    """Return by how much this e misses Hunt and Crossley's, where b is 3/2 of the damping."""
+    """Return the residual of Hunt and Crossley's equation for e; b is 3/2 of the damping."""
     return b * (1 + e) * speed - math.log((1 + b * speed) / (1 - b * e * speed))
 
 

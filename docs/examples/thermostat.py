@@ -102,7 +102,7 @@ rest_off = -np.linalg.solve(A, [0.0, 0.5 * p["outside"]])
 
 
 def closes(unknowns):
-    """Return by how much the cycle fails to close: two temperatures after each switch."""
+    """Return the residual of a closed cycle: two temperatures after each switch."""
     on, off, h_low, h_high = unknowns
     warm = rest_on + expm(A * on) @ ([h_low, p["low"]] - rest_on)
     cold = rest_off + expm(A * off) @ ([h_high, p["high"]] - rest_off)

@@ -11,8 +11,8 @@ __all__ = ["pause_collection"]
 def pause_collection() -> Iterator[None]:
     """Suspend the garbage collector, for work that makes many objects and few cycles.
 
-    It takes a tenth of the time of a compilation, which makes many objects that stay. In a process
-    that has compiled it reads them all again and again: a twentieth of the time of a map.
+    The collector takes a tenth of the time of a compilation, which makes many lasting objects.
+    After a compilation it reads these objects repeatedly: a twentieth of the time of a map.
     """
     enabled = gc.isenabled()
     gc.disable()

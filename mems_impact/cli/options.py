@@ -1,6 +1,6 @@
 """Options that commands share: device, drive, files.
 
-Those of a drive are collected in click's context, so that a command need not name each of them.
+Click's context collects the options of a drive, so that a command need not name each option.
 """
 
 from __future__ import annotations

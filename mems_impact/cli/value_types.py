@@ -44,7 +44,7 @@ KICKED: Literal["kicked"] = "kicked"
 
 
 def number_of(text: str, unit: str) -> float:
-    """Return a text such as 70 or "70 V" as a number in `unit`; ValueError if it is none."""
+    """Return a text such as 70 or "70 V" as a number in `unit`; ValueError for others."""
     if not has_unit(text):
         return float(text)
     context = click.get_current_context(silent=True)
@@ -71,7 +71,7 @@ def parameter_unit(name: str) -> str:
 def symbol_of(name: str) -> str:
     """Return the symbol of a parameter of a device that a data sheet names; others unchanged.
 
-    The frequency is that of the drive.
+    The frequency is the frequency of the drive.
     """
     from mems_impact.actuator.parameters import parameter_named
 

@@ -693,7 +693,7 @@ class HybridSystem(Result, ABC):
             Parameters that become inputs, but none of the forcing period. Co-simulation holds them
             between communication points.
         initial : State or mapping of str to float, optional
-            Initial state; by default that of the system.
+            Initial state; by default the initial state of the system.
         options : Options, optional
             Tolerances of co-simulation. Its method is DOP853.
 

@@ -186,7 +186,7 @@ def _of_order(
 
 
 def _drift(limits: Floats, noise: float) -> float:
-    """Return by how far successive extrapolations may be from the limit.
+    """Return a bound of the distance of successive extrapolations from the limit.
 
     Steady moves belong to a multiplier that the extrapolation does not resolve.
     """

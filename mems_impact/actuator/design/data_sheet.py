@@ -464,8 +464,8 @@ class DataSheet(Mapping[str, Any]):
     def pull_in_force(self) -> float | None:
         """Largest force of spring and electrodes on the frame during a slow pull-in [N].
 
-        It is attained just before the blow, at the pull-in voltage with the block at the stopper;
-        terms other than electrodes are neglected.
+        The force is attained just before the blow, at the pull-in voltage with the block at the
+        stopper; terms other than electrodes are neglected.
         """
         if "pull_in" not in self._values:
             return None

@@ -205,8 +205,8 @@ def _dynamic_pull_in(actuator: Actuator) -> float:
 def resting_voltage(actuator: Actuator) -> float:
     """Compute the voltage above which a block on the right stopper stays there.
 
-    It is ``sqrt(k delta / alpha) (d - delta)``, from the balance of attraction and spring with the
-    frame at rest. With terms, attraction and adhesion balance all static forces; see
+    The voltage is ``sqrt(k delta / alpha) (d - delta)``, from the balance of attraction and spring
+    with the frame at rest. With terms, attraction and adhesion balance all static forces; see
     `pull_in_voltage`.
 
     Parameters

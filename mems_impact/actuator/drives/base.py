@@ -338,13 +338,13 @@ class Drive(Checked, ABC):
         Parameters
         ----------
         voltage, time : float
-            The new units in the old ones, > 0: voltages are divided by the one and times by the
-            other, so that v_new(t) = v(time t) / voltage.
+            The new units in the old units, > 0: voltages are divided by `voltage` and times by
+            `time`, so that v_new(t) = v(time t) / voltage.
 
         Notes
         -----
-        It uses `units`. Override it only if a field is not simply a voltage, a time, a frequency or
-        a dimensionless number.
+        The method uses `units`. Override it only if a field is not simply a voltage, a time, a
+        frequency or a dimensionless number.
         """
         return self.replace(**scaled_fields(self, self.units, DeviceScales.of_drive(voltage, time)))
 
@@ -355,8 +355,8 @@ class Drive(Checked, ABC):
 
         Notes
         -----
-        It makes a drive with these values. Override it, with the same arithmetic, if the results
-        are simple functions of a few numbers: continuation calls it thousands of times.
+        The method makes a drive with these values. Override it, with the same arithmetic, if the
+        results are simple functions of a few numbers: continuation calls it thousands of times.
         """
         drive = self.varied(changes, checked=False) if changes else self
         if scales is not DIMENSIONLESS:

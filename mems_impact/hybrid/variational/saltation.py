@@ -3,7 +3,7 @@
 One call propagates perturbations through all arcs and events of an orbit.
 
 Functions over `integrators.interface`, interpreted and compiled. Along a run perturbations follow
-its event log, and after each event their base state is that of the run. The run has its own
+its event log, and after each event their base state is the state of the run. The run has its own
 integrator, so that perturbations do not change it even by rounding; a second integrator, of the
 extended flow, propagates the columns.
 """

@@ -1,7 +1,7 @@
 """Assembly of components into one flow with guards and transitions.
 
 The modes of a system are the product of the modes of its parts: the mode of each part is a digit of
-the number of the mode. In every mode the flow is that of the user plus the forces of the parts;
+the number of the mode. In every mode the flow is the user's flow plus the forces of the parts;
 `statics` computes the accelerations of bodies that contacts hold.
 
 After an event the mode that fits the state is selected, by the mechanics of all parts at once:
