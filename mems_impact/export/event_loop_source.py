@@ -221,7 +221,7 @@ def rest_at_contact(engine, s, y, guard):  # type: ignore[no-untyped-def]
         if a < 0.0:
             interval = 2.0 * previous_speed / -a
             remaining = 2.0 * speed / -a / (1.0 - speed / previous_speed)
-    if remaining == math.inf:
+    if not abs(remaining) < math.inf:
         return False
     for j in range(s.n):
         y_before[j] = y[j]

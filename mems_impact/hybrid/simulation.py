@@ -688,6 +688,10 @@ class Simulation:
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
             reason = "a chatter sequence has ended"
             remedy = "give mode and state of the sticking contact as rest= of the Impact"
+        if status == workspace.NO_SUCH_MODE and failure == workspace.NO_ZERO:
+            name = automaton.guards[int(Events.from_rows(self.last_rows).guard[-1])].name
+            reason = f"rounding errors hide the zero of the margin of {name!r}, which is flat there"
+            remedy = "give the gap itself as the margin, such as h in place of h - sin(h)"
         mode_failure = self.problem.mode_failure
         if status == workspace.NO_SUCH_MODE and failure <= workspace.NO_FIT and mode_failure:
             at = HybridState(

@@ -218,6 +218,8 @@ FLYING, RESTING = mi.modes("flying", "resting")
 FLAT = {
     "cube": lambda mode, t, y, p: (y.h / p.size) ** 3,
     "fifth power": lambda mode, t, y, p: (y.h / p.size) ** 5,
+    "signed square": lambda mode, t, y, p: y.h * abs(y.h) / p.size**2,
+    "cube of sinh": lambda mode, t, y, p: math.sinh(y.h / p.size) ** 3,
 }
 
 
@@ -231,6 +233,8 @@ FLAT = {
                 ("cube", (50.0, 9.8, 0.8, 1.0)),
                 ("cube", (3e-6, 9.81, 0.7, 1e-6)),
                 ("fifth power", (50.0, 9.8, 0.8, 1.0)),
+                ("signed square", (0.7, 9.8, 0.93, 0.4)),
+                ("cube of sinh", (0.7, 1.6, 0.35, 1.3)),
             )
             for method in ("adams", "dop853")
         ),
@@ -264,6 +268,60 @@ def test_a_flat_margin_has_the_events_of_its_sign(margin, h, g, e, size, method,
     events = fall([impact], 1.2 * end)
     assert events["event"].iloc[-1] == "chatter ends"
     assert events["t"].iloc[-1] == pytest.approx(end, rel=1e-8)
+
+
+def bouncer(margin, force, initial, **parameters):
+    """A ball over the floor at 0.37, where the bounces leave the position as it is."""
+    return mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, force(t)) if mode == FLYING else (0.0, 0.0),
+        modes=(FLYING, RESTING),
+        initial=initial,
+        parameters=parameters,
+        guards=[
+            mi.Impact(
+                "floor",
+                margin,
+                lambda mode, t, y, p: (FLYING, (y.x, -p.e * y.v)),
+                rest=lambda mode, t, y, p: (RESTING, (y.x, 0.0)),
+                modes=(FLYING,),
+            )
+        ],
+    )
+
+
+@pytest.mark.parametrize(
+    "margin",
+    [
+        lambda mode, t, y, p: y.x - 0.37 - math.sin(y.x - 0.37),
+        lambda mode, t, y, p: y.x - 0.37 - math.tanh(y.x - 0.37),
+        lambda mode, t, y, p: math.copysign(math.exp(-0.01 / (y.x - 0.37) ** 2), y.x - 0.37),
+    ],
+    ids=["h - sin h", "h - tanh h", "flat to all orders"],
+)
+@pytest.mark.parametrize("e", [0.35, 0.9])
+@ways
+def test_a_zero_that_rounding_hides_is_refused(margin, e, options):
+    ball = bouncer(margin, lambda t: -2.3, {"x": 1.6}, e=e)
+    with pytest.raises(mi.RunError, match="hide the zero of the margin of 'floor'"):
+        mi.simulate(
+            ball, duration=1.1 * math.sqrt(2.46 / 2.3) * (1.0 + e) / (1.0 - e), options=options
+        )
+
+
+def test_chatter_at_a_flat_zero_under_a_varying_force():
+    """The same ball with its gap as the margin, whose chatter is located by rates."""
+    ends = []
+    for power in (1, 3):
+        ball = bouncer(
+            lambda mode, t, y, p, power=power: (y.x - 0.37) ** power,
+            lambda t: -2.3 - 1.9 * math.sin(1.3 * t),
+            {"x": 1.1},
+            e=0.6,
+        )
+        events = mi.simulate(ball, duration=8.0, options=WAYS[1]).events
+        ends.append(events.query("event == 'chatter ends'")["t"].iloc[0])
+    assert ends[1] == pytest.approx(ends[0], abs=3e-9)
 
 
 # --- Friction

@@ -12,7 +12,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.hybrid.event_loop.event_detection import first_violated_guard, rk4_probe
+from mems_impact.hybrid.event_loop.event_detection import (
+    TINY_BIAS,
+    first_violated_guard,
+    margin_error_scales,
+    rk4_probe,
+    rounding_error,
+)
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     ACCUMULATION_STATE,
@@ -24,10 +30,13 @@ from mems_impact.hybrid.event_loop.workspace import (
     HIT_INTERVAL,
     HIT_MODE,
     HIT_OTHERS,
+    HIT_REMAINING,
     HIT_SPEED,
     HIT_TIME,
     IMPACT,
     MARGINS_AT,
+    MARGINS_BEFORE,
+    NO_ZERO,
     NONE,
     SIZE,
     STATE_AHEAD,
@@ -44,9 +53,17 @@ from mems_impact.integrators import interface
 # `margin_error_scales`) and the highest flight of its sequence, or below the absolute tolerance.
 # The sequence is then completed, while the gap still has significant digits.
 NEGLIGIBLE_FLIGHT_HEIGHT = 5e-11
-# A margin is flat at zero if early in a flight it is higher by this factor than its rate shows. The
-# lengths of the flights then give their ratio.
-FLAT_RATIO, EARLY_PART = 10.0, 2.0**-5
+# A margin is flat at zero if early in a flight it is higher by the first factor than its rate
+# shows. Otherwise a rate above the second part of that one step before shows a simple zero. The
+# lengths of the flights then give their ratio, and their squares the heights. Such a flight is
+# weak, too, if its early height is below the last factor times the rounding errors.
+FLAT_RATIO, SLOW_RATIO, EARLY_PART, ROUNDING_FACTOR = 10.0, 3e-2, 2.0**-5, 1e2
+FLATTEST = 2.0**-48  # of margins at times that differ by a factor of 8: the power 16
+LOOKS, SHORTEST_LOOK = 20, 1e3 * EPS  # at times that decrease by this factor
+# At a flat zero two predictions of the accumulation point make a sequence if they agree within the
+# first part of the last flight. Within the second one the earlier of them is kept, since flights
+# lose digits as they become short.
+SEQUENCE_RTOL, PREDICTION_RTOL = 0.1, 1e-4
 SHORT_FLIGHT_FACTOR = 1e3  # flights shorter than predicted by this factor belong to no sequence
 LONG_FLIGHT_FACTOR = 100.0  # flights longer than predicted by this factor end a sequence
 CHATTER_END_RTOL = 1e-4  # error of the accumulation point relative to the last flight
@@ -76,6 +93,8 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         y_before[j] = y[j]
         y_contact[j] = y[j]
     contact_mode = interface.transition(engine, mode, code, t, y_contact)
+    if remaining == -math.inf:
+        contact_mode = NO_ZERO
     if not is_finite(s, y_contact):
         remaining = 0.0  # the caller reports the failure
     if remaining > 0.0:
@@ -90,6 +109,8 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         a_start = acceleration(engine, s, mode, t, y_contact, guard, h)
         a_end = acceleration(engine, s, mode, t + remaining, y_end, guard, h)
         relative_change = (a_end - a_start) / a_start if a_start != 0.0 else math.inf
+        if table_row(s, HIT_REMAINING)[guard] > 0.0:
+            relative_change = 0.0  # the flights show it, and the rates of a flat margin do not
         is_steady = relative_change * relative_change * remaining <= CHATTER_END_RTOL * interval
         remaining = max(0.0, remaining - 2.0 / 3.0 * relative_change * (interval + remaining))
         if not (is_steady and carry_to_accumulation(engine, s, t, remaining, guard)):
@@ -129,7 +150,7 @@ def remaining_chatter_time(
     that led to the same mode.
 
     Requires `margin_error_scales`. The time is infinite if there is no sequence that can be
-    completed yet.
+    completed yet, and negative infinity if rounding errors of the margin hide the next impacts.
     """
     m, speed = s.m, table_row(s, MARGINS_AT)[s.m + guard]
     hit_time, hit_begin, hit_interval = (
@@ -139,6 +160,7 @@ def remaining_chatter_time(
     )
     hit_speed, hit_height = table_row(s, HIT_SPEED), table_row(s, HIT_HEIGHT)
     hit_mode, hit_others = table_row(s, HIT_MODE), table_row(s, HIT_OTHERS)
+    hit_remaining = table_row(s, HIT_REMAINING)
     hit_time[guard] = t
     # Flights in different modes shrink by different ratios: compare impacts that lead to the same
     # mode. A mode that does not recur is replaced by the present one.
@@ -153,26 +175,33 @@ def remaining_chatter_time(
     interval = t - t_previous
     hit_begin[guard], hit_interval[guard], hit_speed[guard] = t, interval, speed
     hit_mode[guard] = s.mode
+    is_steep = speed > SLOW_RATIO * abs(table_row(s, MARGINS_BEFORE)[m + guard])
+    if interval == math.inf and not is_steep:
+        early = min(EARLY_PART * s.scale, 0.5 * (next_switch(s, t) - t))
+        is_flat = is_flat_zero(engine, s, t, y, guard, early)
+        hit_remaining[guard] = math.inf if is_flat else 0.0
+        if is_flat and is_hidden(engine, s, t, y, guard, early):
+            return -math.inf, interval
     if interval == math.inf or (interval == 0.0 and s.transitions_now > 1):
         return math.inf, interval
     is_shorter = interval < previous_interval < math.inf
     height = 0.25 * previous_speed * interval
     size, gain = table_row(s, SIZE)[guard], table_row(s, GAIN)[guard]
     max_height = max(hit_height[guard], height) if is_shorter else height
-    if height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + max_height), s.atol * gain):
+    is_strong = height >= max(NEGLIGIBLE_FLIGHT_HEIGHT * (size + max_height), s.atol * gain)
+    if is_strong and is_steep and hit_remaining[guard] == 0.0:
         hit_height[guard] = max_height
         return math.inf, interval
     early = EARLY_PART * interval
-    height_ahead = margin_ahead(engine, s, t, y, guard, early)
-    if height_ahead > FLAT_RATIO * max(0.0, speed) * early:
-        max_height = max(hit_height[guard], height_ahead) if is_shorter else height_ahead
-        hit_height[guard] = max_height
-        if not (is_shorter and height_ahead < NEGLIGIBLE_FLIGHT_HEIGHT * max_height):
-            return math.inf, interval
-        ratio = interval / previous_interval
-        return interval * ratio / (1.0 - ratio), interval
+    is_known = is_shorter and hit_remaining[guard] > 0.0
+    if is_known or is_flat_zero(engine, s, t, y, guard, early):
+        if not is_known and is_hidden(engine, s, t, y, guard, early):
+            return -math.inf, interval
+        ratio = interval / previous_interval if is_shorter else 0.0
+        return remaining_flat_time(engine, s, t, y, guard, ratio, previous_speed), interval
+    hit_remaining[guard] = 0.0
     hit_height[guard] = max_height
-    if previous_speed <= 0.0:
+    if is_strong or previous_speed <= 0.0:
         return math.inf, interval
     ratio = speed / previous_speed
     # A sequence needs three impacts, so that a run restarted before them detects it too.
@@ -197,6 +226,82 @@ def remaining_chatter_time(
     if 2.0 * LONG_FLIGHT_FACTOR * previous_speed < -a * interval:
         return 0.0, interval
     return math.inf, interval
+
+
+def remaining_flat_time(
+    engine: Any, s: Any, t: float, y: Any, guard: int, ratio: float, previous_ratio: float
+) -> float:
+    """Return the remaining time of a sequence at a flat zero, as `remaining_chatter_time` does.
+
+    `ratio` is that of the last two flights, 0 if the last one is not shorter. Under a slowly
+    varying acceleration the ratios q of flights T change as q = r (1 - k T).
+    """
+    longest, remaining = table_row(s, HIT_HEIGHT), table_row(s, HIT_REMAINING)
+    interval = table_row(s, HIT_INTERVAL)[guard]
+    is_predicted = 0.0 < remaining[guard] < math.inf and ratio > 0.0
+    predicted = remaining[guard] - interval
+    longest[guard] = max(longest[guard], interval) if is_predicted else interval
+    table_row(s, HIT_SPEED)[guard] = ratio
+    remaining[guard] = math.inf
+    if ratio > 0.0:
+        before = interval / ratio
+        change = 0.0
+        if is_predicted and previous_ratio > 0.0:
+            shortening = max(before / previous_ratio - before, EPS * before)
+            change = (ratio / previous_ratio - 1.0) / shortening
+        limit = min(ratio * (1.0 + change * before), 1.0 - EPS)
+        correction = 1.0 - change * interval / (1.0 - limit * limit)
+        remaining[guard] = max(interval * limit / (1.0 - limit) * correction, TINY_BIAS)
+    difference = abs(remaining[guard] - predicted) if is_predicted else math.inf
+    is_sequence = difference < SEQUENCE_RTOL * interval
+    if difference <= PREDICTION_RTOL * interval:
+        remaining[guard] = predicted
+    # The next impact must not be below the rounding errors.
+    early = EARLY_PART * interval * (ratio * ratio if is_sequence else 1.0)
+    height = margin_ahead(engine, s, t, y, guard, early)
+    margin_error_scales(engine, s, s.mode, t + early, table_row(s, STATE_AHEAD))
+    is_weak = height < ROUNDING_FACTOR * rounding_error(s, guard)
+    margin_error_scales(engine, s, s.mode, t, y)
+    is_short = interval * interval < NEGLIGIBLE_FLIGHT_HEIGHT * longest[guard] * longest[guard]
+    if is_sequence and (is_weak or is_short):
+        return float(remaining[guard])
+    return 0.0 if is_weak else math.inf
+
+
+def is_flat_zero(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> bool:
+    """Return whether the margin of `guard` rises over `h` much more than its rate shows."""
+    speed = table_row(s, MARGINS_AT)[s.m + guard]
+    return margin_ahead(engine, s, t, y, guard, h) > FLAT_RATIO * max(0.0, speed) * h
+
+
+def is_hidden(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> bool:
+    """Return whether the margin of `guard`, flat at zero, loses its sign in its own operations.
+
+    Look at times that decrease from `h`, until rounding errors of state or time reach the margin.
+    The sixth difference shows errors of the operations, since a smooth margin hardly has one.
+    Overwrites STATE_AHEAD; requires and restores `margin_error_scales`, in ``s.mode``.
+    """
+    g, y_ahead, y_near = table_row(s, G), table_row(s, STATE_AHEAD), table_row(s, STATE_SHIFTED)
+    result, height = False, margin_ahead(engine, s, t, y, guard, h)
+    for _ in range(LOOKS):
+        h *= 0.125
+        last, height = height, margin_ahead(engine, s, t, y, guard, h)
+        difference, coefficient = 0.0, 1.0
+        for k in range(7):
+            part = 1.0 - k / 64.0
+            for j in range(s.n):
+                y_near[j] = y[j] + part * (y_ahead[j] - y[j])
+            interface.margins(engine, s.mode, t + part * h, y_near, g)
+            difference += coefficient * g[guard]
+            coefficient *= (k - 6.0) / (k + 1.0)
+        margin_error_scales(engine, s, s.mode, t + h, y_ahead)
+        rounding = rounding_error(s, guard)
+        noise = abs(difference)
+        if abs(height) < ROUNDING_FACTOR * rounding or h < SHORTEST_LOOK * (abs(t) + s.scale):
+            break
+        result = result or height < FLATTEST * abs(last) or (noise > rounding and height < noise)
+    margin_error_scales(engine, s, s.mode, t, y)
+    return result
 
 
 def margin_ahead(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> float:

@@ -175,10 +175,13 @@ def is_decreasing(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> b
     margin, rate = table_row(s, MARGINS_AT)[i], table_row(s, MARGINS_AT)[m + i]
     if rate < -rounding_error(s, m + i) - integration_error(s, m + i):
         h = min(STENCIL_RATIO * s.scale, 0.5 * (next_switch(s, t) - t))
-        y_ahead = table_row(s, STATE_AHEAD)
-        rk4_probe(engine, s, mode, t, y, h, y_ahead)
-        interface.margins(engine, mode, t + h, y_ahead, g)
-        if not -rate * h <= FLAT_RATE_RATIO * abs(g[i] - margin):
+        y_ahead, is_flat = table_row(s, STATE_AHEAD), False
+        for _ in range(2):  # the margin may be at its next zero at one of two times
+            rk4_probe(engine, s, mode, t, y, h, y_ahead)
+            interface.margins(engine, mode, t + h, y_ahead, g)
+            is_flat = is_flat or -rate * h <= FLAT_RATE_RATIO * abs(g[i] - margin)
+            h *= 0.25
+        if not is_flat:
             return True
     return changes_ahead(engine, s, mode, i, t, y) < 0
 

@@ -3,7 +3,8 @@
 A flight is an arc between two impacts: a margin begins near zero, rises and falls again. An error d
 of the position shifts the impact at its end by d/u, where u is the impact speed. If the flight is
 hardly higher than the tolerance, this error is of the order of the flight itself, and propagates to
-the next flight. So flights are integrated to the relative tolerance of their height. Functions over
+the next flight. So flights are integrated to the relative tolerance of their height. At a flat zero
+the flights before predict it. Functions over
 `integrators.interface`, as in `event_detection`.
 """
 
@@ -19,6 +20,10 @@ from mems_impact.hybrid.event_loop.event_detection import (
 )
 from mems_impact.hybrid.event_loop.workspace import (
     EPS,
+    HIT_BEGIN,
+    HIT_HEIGHT,
+    HIT_INTERVAL,
+    HIT_REMAINING,
     IMPACT,
     MARGINS_AFTER,
     SLOPE,
@@ -59,7 +64,14 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
         has_scales = False
         for i in range(m):
             rate_drop = margins[m + i] - g[m + i]
-            if table_row(s, IMPACT)[i] == 1 and rate_drop > 0.0:
+            remaining = table_row(s, HIT_REMAINING)[i]
+            if 0.0 < remaining < math.inf and table_row(s, HIT_BEGIN)[i] == t:
+                interval = table_row(s, HIT_INTERVAL)[i]
+                flight = interval * remaining / (interval + remaining)
+                height = (flight / table_row(s, HIT_HEIGHT)[i]) ** 2  # part of the highest flight
+                if height < share:
+                    share, flight_time = height, flight
+            elif table_row(s, IMPACT)[i] == 1 and rate_drop > 0.0 and remaining == 0.0:
                 margin, rate, a = max(margins[i], 0.0), margins[m + i], rate_drop / h
                 height = margin + 0.5 * rate * rate / a
                 flight = (rate + math.sqrt(2.0 * a * height)) / a

@@ -18,9 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.hybrid.event_loop.chatter import complete_chatter, is_finite
+from mems_impact.hybrid.event_loop.chatter import (
+    complete_chatter,
+    is_finite,
+    is_flat_zero,
+    is_hidden,
+)
 from mems_impact.hybrid.event_loop.event_detection import (
     TINY_BIAS,
+    bisect_margin,
     certainly_decreasing,
     changes_ahead,
     detect_crossings,
@@ -191,6 +197,11 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             interface.state(engine, y)
             guard = first_violated_guard(engine, s, s.mode, t, y, NONE, NONE)
             s.negative_by_error = any_margin_below(s)
+            if guard != NONE and table_row(s, MARGINS_AFTER)[guard] < -violation_threshold(
+                s, guard
+            ):
+                # The step ends far below the zero, so that its uncertain crossing was one.
+                t_event = bisect_margin(engine, s, guard, t_start, t)
 
         t_end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         at_switch = status == interface.STOPPED and guard == NONE
@@ -262,12 +273,13 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         rate_changes[i] = 0.0
         is_waiting, is_falling = waiting[i] == 1, margins[m + i] < 0.0
         is_violated = False
-        if margins[i] < 0.0 or is_waiting:
+        if margins[i] < 0.0 or is_waiting or (margins[i] == 0.0 and is_falling):
             margin_error_scales(engine, s, s.mode, s.t, y)
             is_violated = margins[i] < -violation_threshold(s, i)
+            if is_waiting or is_falling:
+                is_falling = is_decreasing(engine, s, s.mode, i, s.t, y)
         noise = 0.0  # of the time that the margin receives
         if is_waiting:
-            is_falling = is_decreasing(engine, s, s.mode, i, s.t, y)
             noise = rounding_error(s, i) if table_row(s, TIMED)[i] == 1 else 0.0
         stays_below = is_violated and is_waiting
         is_lifted = margins[i] <= 0.0 and not is_falling and not stays_below
@@ -464,8 +476,8 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
 def is_lifted_by_rebound(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Return whether a margin increases after an impact, although it has no rate before it.
 
-    At a flat zero, as of a cube, the rate does not show the speed. Overwrites CONTACT_STATE and the
-    rows of `changes_ahead`.
+    At a flat zero, as of a cube, the rate does not show the speed. `complete_chatter` refuses one
+    that rounding errors hide. Overwrites CONTACT_STATE and the rows of `changes_ahead`.
     """
     y_after = table_row(s, CONTACT_STATE)
     for i in range(s.n):
@@ -474,7 +486,14 @@ def is_lifted_by_rebound(engine: Any, s: Any, y: Any, guard: int) -> bool:
     if not (0 <= mode < s.modes and is_finite(s, y_after)):
         return False
     margin_error_scales(engine, s, mode, s.t, y_after)
-    return changes_ahead(engine, s, mode, guard, s.t, y_after) > 0
+    if changes_ahead(engine, s, mode, guard, s.t, y_after) > 0:
+        return True
+    mode_before, s.mode = s.mode, mode
+    h = min(s.scale / STEPS_PER_PERIOD, 0.5 * (next_switch(s, s.t) - s.t))
+    result = is_flat_zero(engine, s, s.t, y_after, guard, h)
+    result = result and is_hidden(engine, s, s.t, y_after, guard, h)
+    s.mode = mode_before
+    return bool(result)
 
 
 def is_cycling(s: Any, y: Any) -> bool:

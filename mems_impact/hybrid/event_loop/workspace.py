@@ -52,9 +52,10 @@ class Kind(IntEnum):
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int, list(Status)[:7])
 INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 
-# Special return values of a transition: the run ends; a chatter sequence has no rest transition; no
-# mode fits the state, for a reason that this number or a lower one encodes.
-ENDS, NO_REST, NO_FIT = -3, -2, -4
+# Special return values of a transition: the run ends; a chatter sequence has no rest transition, or
+# the zero of its margin is hidden by rounding errors; no mode fits the state, for a reason that the
+# last number or a lower one encodes.
+ENDS, NO_REST, NO_ZERO, NO_FIT = -3, -2, -4, -5
 
 # Kinds of rows in the event buffer: see `Kind`.
 TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE, HANDOVER = map(int, Kind)
@@ -76,7 +77,9 @@ ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
 Y, OFFSET, CYCLE_MARK = 4, 5, 6
 # Chatter at each guard: HIT_TIME of the last impact; and of the last impact that led to HIT_MODE:
 # its time HIT_BEGIN, the interval before it, the speed of separation, the largest height of the
-# shrinking flights, and the number of impacts since then that led to other modes.
+# shrinking flights, and the number of impacts since then that led to other modes. At a flat zero
+# HIT_HEIGHT is the longest of these flights, HIT_SPEED the ratio of the last two, HIT_REMAINING the
+# predicted time from HIT_BEGIN to the end of the sequence (infinite before it, elsewhere 0).
 HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_HEIGHT = 7, 8, 9, 10
 # Margins and rates at the start and end of the last step, the recent change of the rates, and for a
 # margin that may have an undetected zero the side of zero on which it began, 1 or -1.
@@ -105,7 +108,7 @@ HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state at the start of a collapsed step.
 COLLAPSE_STATE, CONDITION, WAITING_MARK = 35, 36, 37
 # TIMED is 1 for a guard whose margin receives the time since the start of the run.
-TIMED, ROWS = 38, 39
+TIMED, HIT_REMAINING, ROWS = 38, 39, 40
 
 # State of the loop between two calls, with the addresses of its arrays.
 LOOP_STATE = np.dtype(
