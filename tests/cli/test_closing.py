@@ -35,7 +35,7 @@ def test_a_contact_that_does_not_close(cli):
 @pytest.mark.slow
 def test_soft_landing_is_that_of_python(cli, tmp_path):
     done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",
-               "--pause", "5.6e-6", "--over", "width=1e-5:2e-5")  # fmt: skip
+               "--pause", "5.6e-6", "--over", "width=1e-5:2e-5", "--output", "out")  # fmt: skip
     assert done.status == 0
     drive = mi.PulseAndHold(amplitude=110, width=1e-5, hold=90, pause=5.6e-6)
     found = mi.soft_landing(SWITCH, drive, over={"width": (1e-5, 2e-5)})
@@ -52,6 +52,7 @@ def test_soft_landing_is_that_of_python(cli, tmp_path):
         (["simulate", "zhao2004", "--drive", "voltage-step", "--amplitude", "1"],
          "--drive-duration: missing: without a duration, this voltage has no forcing period"),
         (["soft-landing", "zhao2004", "--amplitude", "1"], "missing option '--width'"),
+        (["soft-landing", "abdulrahim2016", "--over", "width=2e-5:1e-5"], "--over width = "),
     ],
 )  # fmt: skip
 def test_wrong_options(cli, arguments, message):

@@ -367,6 +367,10 @@ _READERS: dict[str, _Reader] = {
     "executor": _text,
 }
 _RANGES: dict[str, _Reader] = dict.fromkeys(
-    ("Bounds", "Bounds | None", "Limits | None", "Specification | None"), _ranges
+    (
+        *("Bounds", "Bounds | None", "Limits | None", "Specification | None"),
+        "Mapping[str, tuple[float | str, float | str]] | None",
+    ),
+    _ranges,
 )
 """Readers by annotation, which precede those by name."""
