@@ -89,8 +89,6 @@ class FunctionOptions(click.Option):
         Arguments without an option.
     defaults : mapping of str to object
         Defaults of the command that differ from those of the function.
-    texts : mapping of str to str
-        Descriptions that differ from those in the docstring.
     """
 
     def __init__(
@@ -100,11 +98,9 @@ class FunctionOptions(click.Option):
         path: str,
         omit: Sequence[str] = (),
         defaults: Mapping[str, Any] | None = None,
-        texts: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(declarations)
-        self.path, self.omit = path, omit
-        self.defaults, self.texts = defaults or {}, texts or {}
+        self.path, self.omit, self.defaults = path, omit, defaults or {}
 
     @cached_property
     def arguments(self) -> dict[str, Argument]:
@@ -116,8 +112,7 @@ class FunctionOptions(click.Option):
                 key = argument.owner, argument.name
                 option = OPTION_NAMES.get(key, f"--{argument.name.replace('_', '-')}")
                 default = self.defaults.get(argument.name, argument.default)
-                text = self.texts.get(argument.name, argument.text)
-                found[option] = argument._replace(default=default, text=text)
+                found[option] = argument._replace(default=default)
         return found
 
     @cached_property
