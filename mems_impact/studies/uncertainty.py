@@ -47,6 +47,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, is_number
+from mems_impact.systems.statistics import UNSETTLED
 from mems_impact.tables import merged_columns
 
 __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
@@ -119,6 +120,12 @@ def _indices(samples: Sequence[Floats]) -> Floats:
 
 # --- Spread of quantities, and yield
 
+
+def settled_values(table: pd.DataFrame, columns: Any) -> Any:
+    """Return columns of a table, NaN for motions whose limit is unknown."""
+    return table[columns].where(table[MOTION] != UNSETTLED)
+
+
 SAMPLE = "sample"  # column with the sample of a row, if indices are computed
 ALL = "all"  # name of the last row of yields
 
@@ -162,14 +169,15 @@ class Spread:
 
         One row per quantity: ``from`` and ``to``, the number of ``points`` and their ``share`` with
         Wilson's interval (95 %), ``low`` and ``high``. The last row counts the points that meet all
-        bounds. A point that failed, or has no value, does not meet the specification.
+        bounds. A point that failed, has not settled or has no value does not meet the
+        specification.
         """
         import pandas as pd
 
         points, rows = self.points, []
         good = (points[STATUS] == OK).to_numpy()
         for name, (low, high) in self.specification.items():
-            fine = points[name].between(low, high).to_numpy()
+            fine = settled_values(points, name).between(low, high).to_numpy()
             good = good & fine
             rows.append((name, low, high, fine))
         rows.append((ALL, math.nan, math.nan, good))
@@ -181,7 +189,7 @@ class Spread:
         return pd.DataFrame(entries, columns=headings)
 
     def quantiles(self, q: Sequence[float] = (0.05, 0.5, 0.95)) -> pd.DataFrame:
-        """Return quantiles of the measured quantities, over the points with a value.
+        """Return quantiles of the measured quantities, over the settled points with a value.
 
         Parameters
         ----------
@@ -196,7 +204,7 @@ class Spread:
         values = np.atleast_1d(np.asarray(q, dtype=float))
         if not ((values >= 0.0) & (values <= 1.0)).all():
             raise InvalidParameter("q", q, "between 0 and 1")
-        points = self.points[self.quantities]
+        points = settled_values(self.points, self.quantities)
         table = points.quantile(values.tolist()).T
         table["points"] = points.notna().sum()
         table.attrs = dict(self.table.attrs)
@@ -459,7 +467,7 @@ def tolerance_analysis(
 
     names = analysis.quantities
     with completed_study(study, table):
-        effects = indices_table(draws, names, table[names].to_numpy(), int(seed))
+        effects = indices_table(draws, names, settled_values(table, names).to_numpy(), int(seed))
     effects.attrs = dict(table.attrs)
     return ToleranceAnalysis(
         system=system, drawn=draws.names, specification=bounds, table=table, indices=effects

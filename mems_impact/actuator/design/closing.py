@@ -180,8 +180,7 @@ def closing(
         lengths = [drive.switching_time + count * natural for count in LENGTHS]
     for length in lengths:
         run = run_of(actuator, drive, length, initial, options)
-        since = rest_start(run.trajectory)
-        if length - float(run.system.out("time", since)) > REST_LENGTH * natural:
+        if contact_length(run) > REST_LENGTH * natural:
             break
     return result_of(run, smallest_bounce)
 
@@ -218,6 +217,11 @@ def rest_start(trajectory: Trajectory) -> float:
     return float(times(trajectory)[begins[-1]]) if begins.size else 0.0
 
 
+def contact_length(run: ActuatorRun) -> float:
+    """Return how long the block has been on a stopper at the end, in the device's units."""
+    return run.end - float(run.system.out("time", rest_start(run.trajectory)))
+
+
 def times(trajectory: Trajectory) -> Floats:
     """Return the times of all events since the start of the first forcing period."""
     log = trajectory.events
@@ -245,7 +249,10 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
             flight[i] = when[following] - when[end]
             height[i] = bounce_height(trajectory, end, following, delta, int(side[i]))
     closed = bool(hits.size)
-    stays = closed and contact_side(trajectory.final.mode) == side[0]
+    # A block that moves within a compliant contact may leave it.
+    held = trajectory.final.y[V2] == 0.0
+    held = held or contact_length(run) > REST_LENGTH * natural_period(system.actuator)
+    stays = closed and held and contact_side(trajectory.final.mode) == side[0]
     settled = rest_start(trajectory) if stays else math.nan
     speeds = np.abs(log.before[hits, V2])
     same_side = side == side[0] if closed else np.zeros(0, dtype=bool)
