@@ -79,7 +79,7 @@ CHATTER_ENDS = "chatter ends"
 DRIVE_SWITCHES = "drive switches"
 END = "end of the run"
 SUFFIXES = (
-    "before", "after", "min", "max", "mean", "std", "apart", "from", "to", "gain", "final",
+    "before", "after", "min", "max", "mean", "std", "error", "apart", "from", "to", "gain", "final",
 )  # fmt: skip
 TIME_COLUMNS = ("time", "t", "start", "end")
 
@@ -639,6 +639,11 @@ DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
 def number_column(labels: Labels) -> str:
     """Return the column that numbers the crossings at one value: by period, or consecutively."""
     return PERIOD if labels.forced else NUMBER
+
+
+def error_column(statistic: str) -> str:
+    """Return the column with the error of a statistic."""
+    return f"{statistic} error"
 
 
 def sweep_columns(

@@ -60,6 +60,7 @@ from mems_impact.analysis.steady_state import steady_state
 from mems_impact.errors import Interrupted, InvalidParameter, MemsImpactError, OrbitError
 from mems_impact.studies.sweep import sweep
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
+from mems_impact.systems.settling import SETTLED
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.tables import sweep_summary, unit_of
 
@@ -279,12 +280,20 @@ class ReportMaker:
         run, text = self.run, self.text
         statistics = run.statistics
         cycle = statistics["displacement per period"]
+
+        def known(name: str, unit: str) -> str:
+            """Return a statistic and, unless it has settled, its error."""
+            value, row = text(statistics[name], unit), run.settling.rows.get(name)
+            if row is None or row.kind == SETTLED:
+                return value
+            return f"{value} ± {text(run.settling.remaining(name), unit)}"
+
         rows = {
-            "step per cycle": text(cycle, "m"),
-            "step per blow": text(statistics["displacement per blow"], "m"),
-            "blows per cycle": amount(statistics["blows per period"]),
-            "impacts per cycle": amount(statistics["impacts per period"]),
-            "mean speed": text(statistics["mean speed"], "m/s"),
+            "step per cycle": known("displacement per period", "m"),
+            "step per blow": known("displacement per blow", "m"),
+            "blows per cycle": known("blows per period", ""),
+            "impacts per cycle": known("impacts per period", ""),
+            "mean speed": known("mean speed", "m/s"),
             "largest impact speed": text(statistics["impact speed max"], "m/s"),
             "share of time in which the frame slips": percent(statistics["share slipping"]),
             "motion": self._kind(),

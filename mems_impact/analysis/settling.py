@@ -44,6 +44,8 @@ CHECKPOINTS, MAX_CHECKPOINTS = 64, 120  # of a run; more than 64 where the inter
 MOST_DIGITS = 9  # of a statistic in texts
 GROWTH = 1.05  # factor between lengths that are tried
 PARTS = 4  # of a period, whose statistics give the scale of noise
+DEVIATION = " std"  # ending of the name of a standard deviation, after that of its mean
+MINOR = (" min", " max", DEVIATION)  # endings of statistics that are named if no other one changes
 # Statistics that grow with the window, and its borders.
 TOTALS = ("window first", "window last", "periods", "impacts", "blows", "chatter sequences")
 
@@ -113,7 +115,8 @@ class Settling(SummaryRepr):
     kind : {"settled", "changing", "fluctuating", "unknown"}
         "settled" if all statistics are within `SETTLING_RTOL` of their limits; "changing" if one
         still changes; "fluctuating" if the motion does not become periodic, so that the length of
-        the run limits the precision; "unknown" if the run has less than four periods.
+        the run limits the precision, and chaos may be a transient that outlasts it; "unknown" if
+        the run has less than four periods.
     periods : float
         Length of a run whose statistics settle, in forcing periods, or in time for an autonomous
         system; infinite if it is unknown.
@@ -144,10 +147,10 @@ class Settling(SummaryRepr):
             short = "the run is too short to tell whether its statistics have settled"
             return self.kind if self.kind == SETTLED else short
         rows = {name: row for name, row in self.rows.items() if row.kind == self.kind}
-        name = max(rows, key=lambda each: rows[each].change)
+        name = max(rows, key=lambda each: (not each.endswith(MINOR), rows[each].change))
         percent = f"{100.0 * rows[name].change:.2g} %"
         if self.kind == FLUCTUATING:
-            return f"{name} is known within {percent}"
+            return f"{name} is known within {percent} while the motion persists"
         if not (math.isfinite(rows[name].change) and math.isfinite(self.periods)):
             return f"{name} is still changing, and its limit is unknown: take a longer run"
         length = "periods" if self.system.forced else "duration"
@@ -162,9 +165,9 @@ class Settling(SummaryRepr):
         return f"{text} ({row.kind})" if row.kind == CHANGING else text
 
     def remaining(self, name: str) -> float:
-        """Return a bound of the distance of a statistic from its limit; 0 if it is not defined."""
+        """Return a bound of the distance of a statistic from its limit; NaN if it is undefined."""
         row = self.rows.get(name)
-        return 0.0 if row is None else float(self.system.out(name, row.remaining))
+        return math.nan if row is None else float(self.system.out(name, row.remaining))
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -201,13 +204,16 @@ def settling_of(
     values : mapping of str to float
         The statistics over the window, in scaled units.
     """
-    values = {name: v for name, v in values.items() if _is_judged(name) and math.isfinite(v)}
+    values = {name: v for name, v in values.items() if name not in TOTALS and math.isfinite(v)}
     blocks = _Blocks(system, trajectory, window)
     if blocks.recur:
         rows = {name: SettlingRow(v, v, 0.0, SETTLED, blocks.end) for name, v in values.items()}
     else:
         table, parts = blocks.statistics()
-        rows = {name: blocks.row(name, value, table, parts) for name, value in values.items()}
+        rows = dict[str, SettlingRow]()
+        for name, value in values.items():
+            mean = rows.get(name.removesuffix(DEVIATION)) if name.endswith(DEVIATION) else None
+            rows[name] = blocks.row(name, value, table, parts, mean)
     kinds = {row.kind for row in rows.values()}
     kind = next((each for each in (CHANGING, UNKNOWN, FLUCTUATING) if each in kinds), SETTLED)
     unit = 1.0 if system.forced else float(system.out("time", trajectory.period))
@@ -219,11 +225,6 @@ def digits(change: float, most: int) -> int:
     """Return the number of digits that are known within a relative change."""
     known = most if change == 0.0 else math.ceil(-math.log10(min(change, 1.0)))
     return min(max(1, known), most)
-
-
-def _is_judged(name: str) -> bool:
-    """Return whether a statistic has a limit: a deviation of a periodic motion is rounding."""
-    return name not in TOTALS and not name.endswith(" std")
 
 
 class _Blocks:
@@ -302,24 +303,39 @@ class _Blocks:
         value: float,
         table: Sequence[Mapping[str, float]],
         parts: Sequence[Mapping[str, float]],
+        mean: SettlingRow | None,
     ) -> SettlingRow:
-        """Return the settling of one statistic, by its values over the blocks."""
+        """Return the settling of one statistic, by its values over the blocks.
+
+        A deviation is taken from the limit of the `mean`, and has the size of the mean.
+        """
         series = np.array([block[name] for block in table])
         size = max([abs(value), *(abs(part[name]) for part in parts if math.isfinite(part[name]))])
-        noise = NOISE_RATIO * size
-        limit = limit_of(series, noise, self.states[self.edges[1:]])
+        states = self.states[self.edges[1:]]
+        if mean is None:
+            noise = NOISE_RATIO * size
+            limit = limit_of(series, noise, states)
+        else:
+            means = np.array([block[name.removesuffix(DEVIATION)] for block in table])
+            size = max(size, abs(mean.limit))
+            noise = NOISE_RATIO * size
+            variances = series**2 + (means - mean.limit) ** 2
+            limit = _root(limit_of(variances, noise**2, states))
         if limit.kind == UNKNOWN:
             return SettlingRow(value, value, math.inf, UNKNOWN, math.inf)
         apart = abs(limit.value - value)
-        bound = SETTLING_RTOL * max(abs(limit.value), abs(value)) + noise
+        scale = max(abs(limit.value), abs(value)) if mean is None else size
+        bound = SETTLING_RTOL * scale + noise
         if apart + limit.error <= bound:
             return SettlingRow(value, limit.value, limit.error, SETTLED, self.end)
         # The window is no multiple of the period, or the error outweighs the trend.
         no_trend = limit.kind == CHANGING and math.isfinite(limit.error) and apart <= bound
         if limit.kind == SETTLED or no_trend:
             return SettlingRow(value, limit.value, limit.error, FLUCTUATING, math.inf)
+        if limit.kind == FLUCTUATING:  # both are means; blocks have unequal weights in a ratio
+            return SettlingRow(value, limit.value, limit.error + apart, FLUCTUATING, math.inf)
         periods = self._settled_after(apart / bound if apart > 0.0 else 1.0, limit)
-        return SettlingRow(value, limit.value, limit.error, limit.kind, periods)
+        return SettlingRow(value, limit.value, limit.error, CHANGING, periods)
 
     def _settled_after(self, excess: float, limit: SequenceLimit) -> float:
         """Return the length of a run whose second half keeps the bound, exceeded by a factor."""
@@ -336,6 +352,14 @@ class _Blocks:
         while excess * mean(0.5 * length - origin, length - origin) > now:
             length *= GROWTH
         return length
+
+
+def _root(limit: SequenceLimit) -> SequenceLimit:
+    """Return the limit of a deviation from that of its square."""
+    square = max(limit.value, 0.0)
+    value, high = math.sqrt(square), math.sqrt(square + limit.error)
+    error = max(high - value, value - math.sqrt(max(square - limit.error, 0.0)))
+    return limit._replace(value=value, error=error, ratio=math.sqrt(limit.ratio))
 
 
 def _rounded_up(value: float) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -200,7 +201,9 @@ class SweepStudy(Study):
 
     @property
     def _table_columns(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
-        return self._states, tuple(self.system.sweep_statistics), self.system
+        statistics = self.system.sweep_statistics
+        columns = [(name, sweep_tables.error_column(name)) for name in statistics]
+        return self._states, tuple(chain.from_iterable(columns)), self.system
 
     @cached_property
     def _states(self) -> tuple[str, ...]:
@@ -242,9 +245,10 @@ class SweepStudy(Study):
             if self.steady:
                 run = steady_state(run, progress=watch or False)
             run.warn_of_transient()
-            statistics = {
-                name: system.out(name, run.gathered[name]) for name in system.sweep_statistics
-            }
+            statistics = {}
+            for name in system.sweep_statistics:
+                statistics[name] = system.out(name, run.gathered[name])
+                statistics[sweep_tables.error_column(name)] = run.settling.remaining(name)
         except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return start
@@ -382,12 +386,15 @@ def sweep(
         One row per crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
         blows per period (see `mems_impact.BlowStatistics`), displacement per period and per impact
-        (the step; NaN without an impact), mean speed and status. A value without crossings is one
-        row with NaN in the columns of a crossing. A value that failed is one row with NaN in all
-        columns and the reason, rather than "ok", as status; the sweep continues from the last good
-        state. For an autonomous system, crossings have a number, from 0, in place of the period,
-        and impacts are counted per time. The k-th maxima of all states share a row, with NaN where
-        a state has fewer; a state at rest has one maximum, its value.
+        (the step; NaN without an impact), mean speed, closest approach and status. After each
+        statistic follows its error, a bound of the distance from the attractor's value (see
+        `Settling`): of a motion that does not become periodic, the statistical error; infinite if
+        it is unknown. A value without crossings is one row with NaN in the columns of a crossing. A
+        value that failed is one row with NaN in all columns and the reason, rather than "ok", as
+        status; the sweep continues from the last good state. For an autonomous system, crossings
+        have a number, from 0, in place of the period, and impacts are counted per time. The k-th
+        maxima of all states share a row, with NaN where a state has fewer; a state at rest has one
+        maximum, its value.
 
     Raises
     ------

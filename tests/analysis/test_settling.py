@@ -84,6 +84,35 @@ def test_chaos_has_an_error_that_longer_runs_confirm():
     assert abs(run.gathered["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
 
 
+def test_a_deviation_that_vanishes_with_the_transient():
+    """The orbit has one impact a period, so that its steps are equal."""
+    device = mi.Actuator.from_design(
+        frequency="12 kHz", quality=8, proof_mass="5.24 ug", mass_ratio=6, gap="3 um",
+        travel="1.9 um", electrode_area="0.075 mm^2", friction=(0.35, 0.25), restitution=0.65,
+    )  # fmt: skip
+    run = mi.simulate(device, mi.Sine(amplitude="16.5 V", frequency="6 kHz"), 800)
+    row = run.settling.rows["displacement per impact std"]
+    assert row.kind == "changing"
+    assert row.limit <= row.error < 0.5 * row.value
+    with pytest.warns(mi.TransientWarning, match="displacement per"):
+        mi.energy(run)
+    with pytest.warns(mi.TransientWarning, match="displacement per"):
+        mi.duty_cycle(run)
+
+
+@pytest.mark.parametrize(("amplitude", "omega"), [(0.6, 0.4), (0.4, 0.3)])
+def test_deviations_of_chaos(amplitude, omega):
+    device = mi.load_actuator("zhao2004")
+    drive, start = mi.Sine(amplitude=amplitude, omega=omega), mi.kicked_state(device)
+    run = mi.simulate(device, drive, 300, initial=start)
+    long = mi.simulate(device, drive, 10_000, initial=start, keep="statistics").gathered
+    for name in ("displacement per impact", "displacement per blow"):
+        row = run.settling.rows[f"{name} std"]
+        assert row.kind == "fluctuating"
+        assert 1e-3 * row.value < abs(row.limit - row.value) + row.error < row.value
+        assert abs(row.limit - long[f"{name} std"]) <= 1.5 * row.error
+
+
 def test_a_short_run_is_not_judged():
     run = mi.simulate(_relaxing(0.99), 3)
     assert run.settling.kind == "unknown"

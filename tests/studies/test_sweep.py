@@ -44,12 +44,27 @@ def test_hysteresis_of_the_paper(hysteresis):
     np.testing.assert_allclose(alone["v2 max_x"], alone["v2 max_y"], atol=1e-4)
 
 
+@pytest.mark.parametrize("omega", [0.4, 0.42])
+def test_chaotic_values_have_errors_that_long_runs_confirm(omega):
+    drive, start = mi.Sine(amplitude=0.6, omega=omega), mi.kicked_state(ZHAO)
+    table = mi.sweep(ZHAO, drive, "amplitude", [0.6], transient=50, periods=300, initial=start)
+    row = mi.sweep_summary(table).iloc[0]
+    long = mi.simulate(ZHAO, drive, 10_000, initial=start, keep="statistics").statistics
+    for name in ("displacement per period", "impacts per period", "mean speed"):
+        error = row[f"{name} error"]
+        assert 1e-3 * abs(row[name]) < error < 0.5 * abs(row[name])
+        assert abs(row[name] - long[name]) <= 1.5 * error
+    assert table.attrs["units"] == {}
+
+
 def test_table(hysteresis):
-    assert list(hysteresis.columns) == [
-        "amplitude", "direction", "period", "v2", "v1", "impacts per period", "blows per period",
-        "displacement per period", "displacement per impact", "mean speed", "closest approach",
-        "status",
+    statistics = [
+        "impacts per period", "blows per period", "displacement per period",
+        "displacement per impact", "mean speed", "closest approach",
     ]  # fmt: skip
+    pairs = [name for each in statistics for name in (each, f"{each} error")]
+    first = ["amplitude", "direction", "period", "v2", "v1"]
+    assert list(hysteresis.columns) == [*first, *pairs, "status"]
     assert len(hysteresis) == 2 * 17 * 20
     assert (hysteresis["status"] == "ok").all()
     assert (hysteresis["v2"] > 0).all()

@@ -61,6 +61,28 @@ def test_yields_count_points(found):
     assert "yield" in found.summary()
 
 
+def test_motions_that_have_not_settled_meet_no_specification():
+    """Half of the points take 1e7 periods to the rate 1 of all, and are at 1.5."""
+
+    def flow(mode, t, y, p):
+        return p.rate * (1.0 - y.x), y.x
+
+    system = mi.System(
+        states=("x", "w"), flow=flow, parameters={"rate": 1.0}, period=1.0, cyclic=["w"],
+        observables=[mi.Observable("gain", lambda y, p: y.w)], initial={"x": 1.5},
+    )  # fmt: skip
+    analysis = mi.tolerance_analysis(
+        system, over={"draw": stats.uniform(0.0, 1.0)}, samples=16, sampling="lhs",
+        parameters=lambda draws: {"rate": 1.0 if draws["draw"] < 0.5 else 1e-7},
+        specification={"gain": (1.4, 1.6)},
+        recurrence=mi.RecurrenceOptions(transient=20, periods=10, exponents="none"),
+    )  # fmt: skip
+    assert (analysis.points["motion"] == "unsettled").sum() == 8
+    assert analysis.yields["points"].tolist() == [0, 0]
+    quantiles = analysis.quantiles([0.05, 0.95]).loc["gain"]
+    assert quantiles.tolist() == pytest.approx([1.0, 1.0, 8])
+
+
 def test_quantiles(found):
     table = found.quantiles([0.0, 0.5, 1.0])
     steps = found.points[STEP]

@@ -102,6 +102,11 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     InvalidParameter
         If `motion` is neither, or the run has no events.
 
+    Warns
+    -----
+    TransientWarning
+        If the statistics of the run still change.
+
     See Also
     --------
     DutyCycle, energy, life
@@ -122,6 +127,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
         if motion.keep != "events":
             allowed = "'events' for its duty cycle; simulate again with keep='events'"
             raise InvalidParameter("keep", motion.keep, allowed)
+        motion.warn_of_transient()
         first, last = (min(border, motion.extent[1]) for border in motion.window)
         arcs, window = arcs_of_run(motion, motion.trajectory.events, first), (first, last)
         period = motion.trajectory.period

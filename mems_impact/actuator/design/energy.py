@@ -504,6 +504,11 @@ def energy(
     InvalidParameter
         If `motion` is no run and no orbit, or the run has no events or does not cover the periods.
 
+    Warns
+    -----
+    TransientWarning
+        If the statistics of the window of the run still change.
+
     See Also
     --------
     Energy, plot_energy, duty_cycle
@@ -530,6 +535,8 @@ def energy(
         return _of_orbit(motion, first, last)
     if not isinstance(motion, ActuatorRun):
         raise InvalidParameter("motion", motion, "a run or an orbit of an actuator")
+    if first is None and last is None:
+        motion.warn_of_transient()
     return _of_run(motion, first, last)
 
 

@@ -534,14 +534,13 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
 
 
 def _remaining(targets: Sequence[Target], runs: Mapping[Drive, Run]) -> Floats:
-    """Return the largest possible further change of the targets."""
+    """Return the largest possible change of the targets, 0 of those without a value."""
     settlings = {drive: run.settling for drive, run in runs.items()}
-    return np.array(
-        [
-            0.0 if target.drive is None else settlings[target.drive].remaining(target.quantity)
-            for target in targets
-        ]
-    )
+    changes = [
+        0.0 if target.drive is None else settlings[target.drive].remaining(target.quantity)
+        for target in targets
+    ]
+    return np.nan_to_num(changes, nan=0.0, posinf=math.inf)
 
 
 def _unsettled(

@@ -107,6 +107,11 @@ def life(
         If a number is out of range, `motion` is neither run nor orbit, or the friction is larger
         than the weight and no normal force is given.
 
+    Warns
+    -----
+    TransientWarning
+        If the statistics of the run still change.
+
     See Also
     --------
     WearLife, duty_cycle, energy
