@@ -73,7 +73,7 @@ def test_motions_that_have_not_settled_meet_no_specification():
     )  # fmt: skip
     analysis = mi.tolerance_analysis(
         system, over={"draw": stats.uniform(0.0, 1.0)}, samples=16, sampling="lhs",
-        parameters=lambda draws: {"rate": 1.0 if draws["draw"] < 0.5 else 1e-7},
+        parameters=lambda draw: {"rate": 1.0 if draw < 0.5 else 1e-7},
         specification={"gain": (1.4, 1.6)},
         recurrence=mi.RecurrenceOptions(transient=20, periods=10, exponents="none"),
     )  # fmt: skip
