@@ -81,7 +81,7 @@ def test_from_the_side_with_the_event():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0, 3.0, -1.0])
+@pytest.mark.parametrize("phase", [0.0, 2.0, -1.0])
 @pytest.mark.parametrize("k", [5.0, -0.5])
 def test_from_both_sides_wherever_the_period_begins(phase, k):
     """Contact and release both come to no speed there: which acts is not left to rounding."""

@@ -232,7 +232,7 @@ def random_system(kind, rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["friction", "stop", "both", "two"])
-@pytest.mark.parametrize("seed", [3, 4, 9])  # their branches have special points
+@pytest.mark.parametrize("seed", [3, 9])  # their branches have special points
 def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     rng = np.random.default_rng(seed)
     orbit = mi.find_orbit(random_system(kind, rng), transient=300)

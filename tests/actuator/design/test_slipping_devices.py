@@ -10,7 +10,7 @@ from mems_impact.actuator.design import operating_chart
 from tests.actuator.slipping import LIGHT, PULLED, SLIPPING, random_device
 
 pytestmark = pytest.mark.slow
-SEEDS = range(5)
+SEEDS = range(2)
 
 
 def test_a_frame_that_slips_without_blows():
