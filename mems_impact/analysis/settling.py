@@ -24,6 +24,7 @@ from mems_impact.systems.settling import (
     ENOUGH,
     FLUCTUATING,
     MAX_LAG,
+    REACH,
     SETTLED,
     UNKNOWN,
     SequenceLimit,
@@ -326,8 +327,9 @@ class _Blocks:
         apart = abs(limit.value - value)
         scale = max(abs(limit.value), abs(value)) if mean is None else size
         bound = SETTLING_RTOL * scale + noise
-        if apart + limit.error <= bound:
-            return SettlingRow(value, limit.value, limit.error, SETTLED, self.end)
+        error = min(limit.error, REACH * float(np.nanmax(series) - np.nanmin(series)))
+        if apart + error <= bound:
+            return SettlingRow(value, limit.value, error, SETTLED, self.end)
         # The window is no multiple of the period, or the error outweighs the trend.
         no_trend = limit.kind == CHANGING and math.isfinite(limit.error) and apart <= bound
         if limit.kind == SETTLED or no_trend:

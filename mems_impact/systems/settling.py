@@ -21,6 +21,8 @@ __all__ = [
     "CHANGING",
     "ENOUGH",
     "FLUCTUATING",
+    "MAX_LAG",
+    "REACH",
     "SETTLED",
     "UNKNOWN",
     "SequenceLimit",
