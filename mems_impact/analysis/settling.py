@@ -337,6 +337,8 @@ class _Blocks:
         if limit.kind == FLUCTUATING:  # both are means; blocks have unequal weights in a ratio
             return SettlingRow(value, limit.value, limit.error + apart, FLUCTUATING, math.inf)
         periods = self._settled_after(apart / bound if apart > 0.0 else 1.0, limit)
+        if mean is not None and math.isinf(periods):  # the square of a distance vanishes sooner
+            periods = mean.periods
         return SettlingRow(value, limit.value, limit.error, CHANGING, periods)
 
     def _settled_after(self, excess: float, limit: SequenceLimit) -> float:

@@ -22,12 +22,18 @@ def speed(slipping):
     return orbit.step / (orbit.periods * orbit.period)
 
 
-def test_a_run_reaches_the_limit(slipping, speed):
-    run = mi.simulate(*slipping, periods=300, options=mi.Options(method="auto"))
+@pytest.mark.parametrize("method", ["adams", "auto"])
+def test_a_run_tells_the_limit_and_a_length_that_reaches_it(slipping, speed, method):
+    run = mi.simulate(*slipping, periods=300, options=mi.Options(method=method))
     assert run.settling.kind == "changing"
+    assert "would settle" in str(run.settling)
     row = run.settling.table.set_index("statistic").loc["mean speed"]
     assert abs(row["value"] / speed - 1.0) > 0.05
-    assert abs(row["limit"] - speed) <= row["error"] + 1e-3 * abs(speed)
+    assert row["error"] < 0.1 * abs(speed)
+    assert abs(row["limit"] - speed) <= row["error"]
+    periods = int(run.settling.periods)
+    longer = mi.simulate(*slipping, periods=periods, options=mi.Options(method="auto"))
+    assert longer.statistics["mean speed"] == pytest.approx(speed, rel=2e-3)
 
 
 @pytest.mark.slow
