@@ -23,7 +23,8 @@ def test_maxima_of_each_state():
     """It slips round a circle of the radius hypot(D, v) about x = Fd, and sticks at its top v."""
     table = dropped()
     assert list(table.columns) == [
-        "Fd", "direction", "number", "x", "v", "impacts per time", "status",
+        "Fd", "direction", "number", "x", "v", "impacts per time", "impacts per time error",
+        "status",
     ]  # fmt: skip
     for drop in DROPS:
         rows = table[np.isclose(table["Fd"], 1.0 - drop)]

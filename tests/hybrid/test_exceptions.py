@@ -32,7 +32,7 @@ def test_a_function_that_only_raises(functions, engine):
     errors = mi.FunctionError, mi.RunError
     with pytest.raises(errors, match="raises ValueError: no data") as caught:
         run()
-    assert "test_raising.py, line" in str(caught.value)
+    assert "test_exceptions.py, line" in str(caught.value)
 
 
 def test_friction_that_raises_where_a_run_starts():

@@ -195,7 +195,7 @@ def test_what_is_no_curve(branch):
     one = curve("fold", [1.0, 0.9, 0.7, 0.4], [True] * 4, [])
     other = curve("fold", [1.0, 0.9, 0.7, 0.4], [True] * 4, [])
     other.table = other.table.rename(columns={"A": "e"})
-    with pytest.raises(mi.InvalidParameter, match="omega, A, those of the first"):
+    with pytest.raises(mi.InvalidParameter, match="omega, A, as of the first"):
         mi.plot_curve([one, other])
 
 

@@ -164,7 +164,8 @@ def test_orbit_branch_curve():
 def test_a_sweep_looks_where_periods_begin():
     table = mi.sweep(oscillator(), "A", [0.3, 0.5], transient=100, periods=4, direction="both")
     assert list(table.columns) == [
-        "A", "direction", "period", "x", "v", "impacts per period", "speed", "energy", "status",
+        "A", "direction", "period", "x", "v", "impacts per period", "impacts per period error",
+        "speed", "speed error", "energy", "energy error", "status",
     ]  # fmt: skip
     assert len(table) == 2 * 2 * 4
     silent = table[table["A"] == 0.3]

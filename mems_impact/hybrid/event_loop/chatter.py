@@ -299,7 +299,9 @@ def is_hidden(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> bo
         noise = abs(difference)
         if abs(height) < ROUNDING_FACTOR * rounding or h < SHORTEST_LOOK * (abs(t) + s.scale):
             break
-        result = result or height < FLATTEST * abs(last) or (noise > rounding and height < noise)
+        is_flattest = 0.0 <= height < FLATTEST * abs(last)
+        is_lost = noise > rounding and -ROUNDING_FACTOR * noise < height < noise
+        result = result or is_flattest or is_lost
     margin_error_scales(engine, s, s.mode, t, y)
     return result
 

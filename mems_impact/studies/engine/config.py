@@ -260,7 +260,7 @@ def executor_named(name: str, workers: int | None) -> Any:
 
 def _argument(parameter: inspect.Parameter, value: Any) -> Any:
     name, default = parameter.name, parameter.default
-    reader = _RANGES.get(parameter.annotation, _READERS.get(name))
+    reader = _TYPE_READERS.get(parameter.annotation, _READERS.get(name))
     if reader is not None:
         return reader(name, value)
     if is_dataclass(default) and not isinstance(default, type):
@@ -276,6 +276,12 @@ def _axis(name: str, value: Any) -> tuple[str, Any]:
             if isinstance(points, int) and points > 0:
                 return range_axis(parameter, start, stop, points)
     raise InvalidParameter(name, value, _AXIS)
+
+
+def _names(name: str, value: Any) -> list[str]:
+    if not (isinstance(value, list) and value and all(isinstance(each, str) for each in value)):
+        raise InvalidParameter(name, value, "a list of names")
+    return value
 
 
 def distributions(name: str, value: Any) -> dict[str, Any]:
@@ -366,11 +372,14 @@ _READERS: dict[str, _Reader] = {
     "store": _text,
     "executor": _text,
 }
-_RANGES: dict[str, _Reader] = dict.fromkeys(
-    (
-        *("Bounds", "Bounds | None", "Limits | None", "Specification | None"),
-        "Mapping[str, tuple[float | str, float | str]] | None",
+_TYPE_READERS: dict[str, _Reader] = {
+    "Sequence[str] | None": _names,
+    **dict.fromkeys(
+        (
+            *("Bounds", "Bounds | None", "Limits | None", "Specification | None"),
+            "Mapping[str, tuple[float | str, float | str]] | None",
+        ),
+        _ranges,
     ),
-    _ranges,
-)
+}
 """Readers by annotation, which precede those by name."""

@@ -65,7 +65,7 @@ def test_another_build_is_refused(key, value):
         library.check({**GOOD, key: value})
     assert repr(value) in str(caught.value)
     assert key in str(caught.value)
-    assert "engine='interpreted'" in caught.value.remedy
+    assert "engine 'interpreted'" in caught.value.remedy
 
 
 def test_an_empty_configuration_is_refused():
