@@ -42,13 +42,13 @@ __all__ = [
     "Device",
     "Electrode",
     "Function",
-    "Limit",
     "ParameterIndices",
     "RateLimit",
     "Term",
     "TermContribution",
     "TermKind",
     "Validity",
+    "ValidityLimit",
     "drive_unit",
     "field_energy",
     "is_compliant",
@@ -115,7 +115,7 @@ class RateLimit(NamedTuple):
     max_rate: Function
 
 
-class Limit(NamedTuple):
+class ValidityLimit(NamedTuple):
     """A limit of validity of a term; a run beyond it warns once.
 
     Attributes
@@ -170,7 +170,7 @@ class TermContribution:
         ``energy(y, p)``, the potential energy of the term's conservative forces.
     dissipation : callable
         ``dissipation(y, p)``, the dissipated power, >= 0.
-    limits : tuple of Limit
+    limits : tuple of ValidityLimit
         Limits of validity.
     """
 
@@ -189,7 +189,7 @@ class TermContribution:
     depends_on_x1: bool = False
     energy: Function | None = None
     dissipation: Function | None = None
-    limits: tuple[Limit, ...] = ()
+    limits: tuple[ValidityLimit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -553,7 +553,7 @@ class Validity:
     """
 
     def __init__(
-        self, limits: Sequence[Limit], problem: Problem, start: HybridState, scales: Scales
+        self, limits: Sequence[ValidityLimit], problem: Problem, start: HybridState, scales: Scales
     ) -> None:
         self.limits, self.problem, self.scales = limits, problem, scales
         self.worst = [(0.0, 0.0)] * len(limits)  # value and time

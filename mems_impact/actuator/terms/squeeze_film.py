@@ -15,11 +15,11 @@ from mems_impact.actuator.automaton_with_terms import total_of
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
     Function,
-    Limit,
     ParameterIndices,
     Shape,
     Term,
     TermContribution,
+    ValidityLimit,
 )
 from mems_impact.errors import InvalidParameter
 
@@ -152,7 +152,9 @@ class SqueezeFilm(Term):
         def knudsen(y, p):  # type: ignore[no-untyped-def]
             return p[free_path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both_sides else y[X2])))
 
-        knudsen_limit = Limit("the Knudsen number of the squeeze film", knudsen, MAX_KNUDSEN)
+        knudsen_limit = ValidityLimit(
+            "the Knudsen number of the squeeze film", knudsen, MAX_KNUDSEN
+        )
         return TermContribution(
             force=total_of([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),
@@ -266,7 +268,7 @@ class Film(NamedTuple):
     rates: list[Function]
     energy: Function
     dissipation: Function
-    limit: Limit
+    limit: ValidityLimit
 
 
 def film_of(
@@ -314,7 +316,7 @@ def film_of(
     def excess(y, p):  # type: ignore[no-untyped-def]
         return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
 
-    limit = Limit(EXCESS, excess, MAX_PRESSURE_RATIO)
+    limit = ValidityLimit(EXCESS, excess, MAX_PRESSURE_RATIO)
     return Film(force, list(rates), total_of(energies), total_of(losses), limit)
 
 
