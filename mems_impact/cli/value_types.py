@@ -96,7 +96,7 @@ def assignment(text: str) -> tuple[str, Any]:
     return name, value
 
 
-class QuantityType(click.ParamType[Any]):
+class QuantityType(click.ParamType):
     """A number, or a text with a unit such as "0.6 kHz", of a parameter with this unit.
 
     Without a unit, texts stay texts, for parameters known later.
@@ -135,7 +135,7 @@ def _check_voltage_or_charge(value: str) -> None:
             raise error from None
 
 
-class NumberType(click.ParamType[Any]):
+class NumberType(click.ParamType):
     """A number, as in TOML: whole if its text is."""
 
     name = "number"
@@ -148,7 +148,7 @@ class NumberType(click.ParamType[Any]):
         self.fail(f"{value!r} must be a number", param, ctx)
 
 
-class AssignmentType(click.ParamType[Any]):
+class AssignmentType(click.ParamType):
     """A name and a number: e=0.7."""
 
     name = "NAME=NUMBER"
@@ -186,7 +186,7 @@ class ToleranceType(AssignmentType):
         return name, number
 
 
-class RangeType(click.ParamType[Any]):
+class RangeType(click.ParamType):
     """A range: [NAME=]LOW:HIGH, or [NAME=]START:STOP:POINTS.
 
     Parameters
@@ -237,7 +237,7 @@ class RangeType(click.ParamType[Any]):
         return text if has_unit(text) else float(text)
 
 
-class DistributionType(click.ParamType[Any]):
+class DistributionType(click.ParamType):
     """A parameter and its distribution: e=norm:0.8:0.02, or a standard deviation d=5%."""
 
     name = "NAME=DISTRIBUTION"

@@ -124,6 +124,7 @@ def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--no-progress"]
     command = started("chart", "zhao2004", *arguments, "--output", str(directory))
     while not directory.exists():
+        assert command.poll() is None, command.stderr.read()
         time.sleep(0.01)
     time.sleep(0.3)
     seconds, errors = stopped(command, signal.SIGINT)
