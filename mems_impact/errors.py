@@ -503,7 +503,7 @@ class OrbitError(MemsImpactError, RuntimeError):
     ...     mi.find_orbit(actuator, mi.Sine(amplitude=0.2357, omega=0.45))
     ... except mi.OrbitError as error:
     ...     error.remedy.partition(", ")[0]
-    'raise transient (transient=300)'
+    'raise transient'
     """
 
     def __init__(self, reason: str, remedy: str, partial: object = None) -> None:

@@ -93,7 +93,7 @@ MAP += ("s11", "s12", "s21", "s22")
 
 
 def oblique(mode, t, y, p):
-    """A map whose fixed point (c q, d q) another one crosses where (0.95 + r q) is one."""
+    """A map whose fixed point (c q, d q) another parameter crosses where (0.95 + r q) is one."""
     a, b = y.x - p.c * p.q, y.y - p.d * p.q
     u, w = p.t11 * a + p.t12 * b, p.t21 * a + p.t22 * b
     u, w = (
@@ -168,7 +168,7 @@ def test_curves_of_branch_points_of_maps():
     unfolded = mi.continue_curve(fork, "d", 0.1)
     assert unfolded.ended.startswith("the branch point unfolds: at another value of d than 0,")
     assert len(unfolded) == 1
-    with pytest.raises(mi.InvalidParameter, match="another one"):
+    with pytest.raises(mi.InvalidParameter, match="another parameter"):
         mi.continue_curve(fork, "a", 1.0)
 
 

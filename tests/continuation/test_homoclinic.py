@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mems_impact as mi
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.continuation.homoclinic import (
     cycles_beside,
     homoclinic_value,
@@ -32,7 +33,7 @@ def van_der_pol(mode, t, y, p):
     return y.y, p.m * (1.0 - y.x * y.x) * y.y - y.x
 
 
-def followed(flow, start, m, stop, transient, options=None, steps=STEPS):
+def followed(flow, start, m, stop, transient, options=ORBIT_OPTIONS, steps=STEPS):
     system = mi.System(states=("x", "y"), flow=flow, parameters={"m": m}, initial={"x": start})
     cycle = mi.find_orbit(system, transient=transient, options=options)
     return mi.continue_orbit(cycle, "m", stop, steps=steps)

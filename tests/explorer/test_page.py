@@ -323,7 +323,7 @@ def test_files_are_saved(page, tmp_path):
     script = tmp_path / "zhao2004.py"
     script.write_bytes(base64.b64decode(json.loads(page.text("parcel"))["content"]))
     assert mi.load_actuator(device) == mi.load_actuator("zhao2004").replace(e=0.7)
-    assert mi.load(device) == mi.Sine(amplitude=0.24, omega=0.5)
+    assert mi.load(device).drive == mi.Sine(amplitude=0.24, omega=0.5)
     assert picture.read_bytes().startswith(b"\x89PNG")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -280,7 +280,7 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
             LIGHT, mi.Sine(amplitude=float(volts), omega=3105.0), periods=150, initial=state
         )
         state = run.final
-    found = mi.find_orbit(run)
+    found = mi.find_orbit(run, transient=600)
     assert (found.periods, found.stable, len(found.impacts)) == (1, True, 1)
     lower = mi.Sine(amplitude=0.995 * window.low, omega=3105.0)
     assert mi.find_orbit(LIGHT, lower, guess=state, transient=600).periods > 1
