@@ -17,7 +17,6 @@ REMEDY = (
     "give a saved result, the directory of a study, a TOML file with a table [parameters], "
     "[design], [drive] or [study], a waveform as CSV, or a system as FILE.py:NAME"
 )
-MAX_FILE_BYTES = 10_000_000  # bytes of a TOML file
 
 
 def load(
@@ -158,7 +157,7 @@ def _text_reader(source: str, allow_code: bool) -> Callable[[], Any]:
 
     if source.lower().endswith(SAMPLE_SUFFIXES):
         return lambda: load_drive(source)
-    raw = read_bytes(source, REMEDY, largest=MAX_FILE_BYTES, kind="TOML file")
+    raw = read_bytes(source, REMEDY, kind="TOML file")
     tables = parse_toml(raw, source, REMEDY).keys()
     if "study" in tables:
         return lambda: load_study(source, allow_code=allow_code)

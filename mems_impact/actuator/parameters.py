@@ -647,7 +647,8 @@ def names_in_file(name_or_path: str) -> frozenset[str]:
     if name_or_path in preset_names() or not Path(name_or_path).is_file():
         return frozenset()
     try:
-        return frozenset(parse_toml(_read(name_or_path), name_or_path, ""))
+        raw = read_bytes(name_or_path, "", kind="TOML file")
+        return frozenset(parse_toml(raw, name_or_path, ""))
     except InvalidFile:
         return frozenset()  # the function that loads the file reports the error
 

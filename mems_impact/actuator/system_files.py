@@ -119,7 +119,6 @@ STUDY_REQUEST = CodeRequest(
     kind="study file",
     reader="load",
 )
-MAX_SYSTEM_FILE_BYTES = 10_000_000  # bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +169,7 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
 
 
 def _content(source: str) -> dict[str, Any]:
-    raw = read_bytes(source, STUDY_FILE_REMEDY, largest=MAX_SYSTEM_FILE_BYTES, kind="study file")
+    raw = read_bytes(source, STUDY_FILE_REMEDY, kind="study file")
     return parse_toml(raw, source, 'a table [study] of lines like kind = "map"')
 
 

@@ -109,8 +109,16 @@ _DEEP_NAME = re.compile(
 )
 
 
+MAX_FILE_BYTES = 10_000_000  # bytes of a file that users write
+
+
 def read_bytes(
-    source: str, remedy: str, *, largest: int, kind: str, missing: str = "no such file"
+    source: str,
+    remedy: str,
+    *,
+    largest: int = MAX_FILE_BYTES,
+    kind: str,
+    missing: str = "no such file",
 ) -> bytes:
     """Return the content of the file `source`, a `kind` of at most `largest` bytes."""
     with opened(source, remedy, missing) as file:

@@ -1030,8 +1030,7 @@ def bifurcation_diagram(
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     box = checked_box(system, box or {})
-    chosen = options
-    runs = replace(STUDY_OPTIONS, engine=chosen.engine, method=chosen.method)
+    runs = replace(STUDY_OPTIONS, engine=options.engine, method=options.method)
     first = [system.start_of("up"), system.start_of("down")]
     if initial is not None:
         first.append(system.state_from(initial))
@@ -1062,7 +1061,7 @@ def bifurcation_diagram(
             "initial": [identity_of_state(state) for state in first],
             "recurrence": asdict(recurrence),
             "steps": None if steps is None else asdict(steps),
-            "options": identity_of_options(system.problem(chosen).options),
+            "options": identity_of_options(system.problem(options).options),
         }
         resume = _stored(store, system, inputs, resume)
     elif resume is not None:
@@ -1076,7 +1075,7 @@ def bifurcation_diagram(
             depth,
             longest,
             steps,
-            chosen,
+            options,
             report,
             store,
             inputs,

@@ -201,3 +201,9 @@ def test_a_reader_that_goes_away_is_no_failure_to_report():
     program = f"{sys.executable} -m mems_impact devices | true"
     done = subprocess.run(["sh", "-c", program], capture_output=True, text=True)
     assert "Traceback" not in done.stderr
+
+
+def test_a_study_file_longer_than_any_device_is_a_study(cli, tmp_path):
+    table = 'device = "zhao2004"\n[drive]\nkind = "sine"\n[study]\nkind = "map"\n'
+    (tmp_path / "long.toml").write_text(table + "# a comment\n" * 100_000)
+    assert "study.x: missing" in cli("map", "long.toml").complaint()

@@ -45,7 +45,6 @@ DRIVE_FILE_REMEDY = (
     'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
 )
 _BESIDE = ("name", "description", "units", "parameters", "design")  # what a device file holds
-MAX_DRIVE_FILE_BYTES = 10_000_000  # bytes
 
 
 def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
@@ -58,7 +57,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
         except InvalidParameter as error:
             raise error.located(source) from None
         return record
-    raw = read_bytes(source, DRIVE_FILE_REMEDY, largest=MAX_DRIVE_FILE_BYTES, kind="drive file")
+    raw = read_bytes(source, DRIVE_FILE_REMEDY, kind="drive file")
     content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
     try:
         for name, value in content.items():
