@@ -185,7 +185,9 @@ class _Tracking:
         return False
 
     def is_same(self, one: Attractor, other: Attractor) -> bool:
-        """Return whether two motions have the same attractor."""
+        """Return whether two motions, of one kind and period, have the same attractor."""
+        if (one.motion, one.period) != (other.motion, other.period):
+            return False
         visited = [states_at_returns(self.system, each) for each in (one, other)]
         largest = np.abs(np.concatenate(visited)).max(axis=0)
         least = 1e3 * self.options.atol / self.options.rtol
