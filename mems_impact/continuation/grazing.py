@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,12 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.orbits.newton import newton, solve
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, reduced_components
+from mems_impact.orbits.periodic_orbit import (
+    PeriodicOrbit,
+    defects,
+    make_orbit,
+    reduced_components,
+)
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_signature
 
@@ -521,16 +527,47 @@ def neighbour(loss: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
     """
     # Where a segment vanishes, orbits with a segment of zero length form another branch, whose
     # tangent has no preferred sign.
-    for distance in (side * each for side in (1.0, -1.0) for each in RESTART_DISTANCES):
-        for shooting, point in _admissible_near(loss, parameter, distance):
-            if not _joins(loss, shooting, point):
+    distances = [side * each for side in (1.0, -1.0) for each in RESTART_DISTANCES]
+    for begun, distance in product(_starts(loss, parameter), distances):
+        for shooting, point in _admissible_near(begun, parameter, distance):
+            if not _joins(begun, shooting, point):
                 continue
             direction = tangent(point)
             free = shooting.free
-            moved = _first_state(shooting, point)[free] - loss.orbit.state[free]
-            onward = moved @ direction[: len(free)] + _gain(loss, point) * direction[-1]
+            moved = _first_state(shooting, point)[free] - begun.orbit.state[free]
+            onward = moved @ direction[: len(free)] + _gain(begun, point) * direction[-1]
             return shooting, point, direction if onward >= 0.0 else -direction
     raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
+
+
+def _starts(loss: BranchEvent, parameter: str) -> Iterator[BranchEvent]:
+    """Yield a loss, then the same with its orbit begun one forcing period later.
+
+    An event that meets the start of an orbit of several periods meets the start of a later period
+    of the other, where a run passes it.
+    """
+    yield loss
+    orbit, shooting = loss.orbit, loss.orbit.shooting
+    if orbit.periods == 1 or shooting.phase is not None:
+        return
+    cycles = [segment.cycle for segment in orbit.segments]
+    first, f = cycles.count(0), len(shooting.free)
+    before = sum(cycles[i] == 0 for i in shooting.events)
+    order = [*range(first, len(cycles)), *range(first)]
+    segments = tuple(
+        replace(orbit.segments[i], cycle=(cycles[i] - 1) % orbit.periods) for i in order
+    )
+    blocks = np.arange(f * len(cycles)).reshape(-1, f)[order].ravel()
+    times = f * len(cycles) + np.roll(np.arange(len(shooting.events)), -before)
+    unknowns = np.concatenate([blocks, times])
+    try:
+        later = orbit.equations((parameter,), segments, pinned={})
+        point = later.evaluate(orbit.point.unknowns[unknowns], np.array([loss.value]))
+        begun = make_orbit(later, point)
+    except CONTINUATION_ERRORS:
+        return
+    direction = np.append(loss.direction[:-1][unknowns], loss.direction[-1])
+    yield replace(loss, orbit=begun, direction=direction)
 
 
 def _admissible_near(

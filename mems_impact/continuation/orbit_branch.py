@@ -331,15 +331,18 @@ def points_of(
         reason = f"is {present}, must be between the bounds {lowest} and {highest}"
         raise InvalidParameter(parameter, None, "", problem=reason)
     shooting = orbit.equations((parameter,))
+    start = orbit.point.unknowns
     try:
-        point = solve(shooting, orbit.point.unknowns, np.array([value]))
+        if np.ndim(direction):  # of many orbits at one value, the one across it
+            away = np.asarray(direction)
+            point = correct(shooting, np.append(start, value), away).point
+            first_direction = tangent(point, away)
+        else:
+            point = solve(shooting, start, np.array([value]))
+            first_direction = float(np.sign(direction)) * tangent(point)
     except CONTINUATION_ERRORS as error:
         branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
         return
-    if np.ndim(direction):
-        first_direction = tangent(point, np.asarray(direction))
-    else:
-        first_direction = float(np.sign(direction)) * tangent(point)
     steps = steps or StepControl()
     try:
         problem = _BranchProblem(branch, shooting, low, high, steps, reconnecting, functions)

@@ -250,8 +250,10 @@ class StepQuota:
         self.steps = min(self.steps, self.last)
 
 
-def create_engine(problem: Problem) -> EngineBinding:
+def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
     """Create the engine that the problem's options require.
+
+    Margins and transitions take the state without its last `columns` components.
 
     Raises
     ------
@@ -278,6 +280,7 @@ def create_engine(problem: Problem) -> EngineBinding:
         approaches=[guard.impact for guard in automaton.guards],
         section=problem.section,
         bounds=automaton.bounds,
+        columns=columns,
     )
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):

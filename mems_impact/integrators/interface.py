@@ -173,6 +173,8 @@ class Equations:
         Crossings of ``y[component] = level``, the last root function.
     bounds : bool, optional
         Whether compiled functions check array bounds.
+    columns : int, optional
+        Number of components at the end of the state that `flow` only takes: perturbations.
     """
 
     flow: Callable[..., Any]
@@ -186,6 +188,7 @@ class Equations:
     section: tuple[int, float, int] | None = None
     bounds: bool = True
     modes: int = 1
+    columns: int = 0
 
     @property
     def crossing(self) -> tuple[int, float, int]:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.continuation.branch_switching import switch_at_period_doubling
+from mems_impact.continuation.branch_switching import (
+    first_orbit_on_branch,
+    switch_at_period_doubling,
+)
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.simulation import run
@@ -213,6 +216,19 @@ def test_orbits_of_twice_the_period_at_one_value_of_the_parameter_lead_to_others
     # Beyond it the current reaches its peak in every second period only.
     assert again.label == "PD"
     assert again.value == pytest.approx(rise * (1.0 + decay**2), abs=1e-8)
+    assert twice.ended == "V reached its bound"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_peak_at_the_start_of_either_period_is_passed(sign):
+    """The two senses of the null vector at a doubling give one orbit, begun a period apart."""
+    branch = mi.continue_orbit(mi.find_orbit(BOOST, transient=100), "V", 25.0)
+    special = branch.special_points[0].numeric
+    orbit, away = switch_at_period_doubling(special.orbit, "V")
+    doubled = np.append(orbit.point.unknowns, special.value) - away
+    orbit, away = first_orbit_on_branch(orbit.shooting, doubled, sign * away, (1.0,))
+    twice = follow(orbit, "V", low=12.0, high=19.2, direction=away)
+    assert [each.kind for each in twice.special_points] == ["peak"]
     assert twice.ended == "V reached its bound"
 
 

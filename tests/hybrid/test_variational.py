@@ -266,6 +266,26 @@ def test_differences_in_time_stay_on_their_side_of_a_switch(room):
     assert event.jump_by_time[0] == pytest.approx(slope, abs=accuracy)
 
 
+def _width_as_margin(mode, t, y, p, g, r):
+    g[0], r[0] = y[-1], float(len(y))
+
+
+def _width_as_state(mode, code, t, y, p):
+    y[-1] += float(len(y))
+    return mode
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_margins_and_transitions_take_no_columns(engine, method):
+    """With the columns they would read, and after a failure write, beyond the state of an event."""
+    system = replace(SWITCHED, margins=_width_as_margin, transition=_width_as_state)
+    made = problem(system, (0.7,), period=2.0, engine=engine, method=method, **TIGHT)
+    event = Variational(made, np.zeros((1, 1))).event(0, 0, 0.5, np.array([3.0]))
+    assert (event.margins[0], event.rates[0], event.after[0]) == (3.0, 1.0, 4.0)
+    np.testing.assert_allclose(event.jump_by_state, [[1.0]], atol=1e-12)
+
+
 def test_run_and_arc_agree():
     made = stop_problem(amplitude=0.2)
     arc = Variational(made, np.zeros((1, 7))).arc(0, np.array([0.1, 0.2]), 0.0, made.period)

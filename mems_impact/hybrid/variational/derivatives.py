@@ -105,7 +105,7 @@ class Variational:
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
         parameters = np.concatenate([self._block, scratch])
         self._problem = with_columns(problem, extended, parameters, self._size)
-        self._binding = create_engine(self._problem)
+        self._binding = create_engine(self._problem, self._size - self.n)
         self._variational = variational_workspace(problem, self.k, self._size)
         # State and columns at the start of an arc.
         self._start = np.zeros(self._size)

@@ -100,7 +100,9 @@ class LyapunovIntegrator:
         self._columns, self._size = count, n * (1 + count)
         self.chunk, self.uneven = chunk, uneven
         self._run = create_engine(problem)
-        self._extended = create_engine(_extended_problem(problem, self._size, self._rtol))
+        self._extended = create_engine(
+            _extended_problem(problem, self._size, self._rtol), n * count
+        )
         self._workspace = variational_workspace(problem, 0, self._size)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])

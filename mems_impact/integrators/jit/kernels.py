@@ -125,8 +125,11 @@ def kernels(
     n: int,
     m: int,
     bounds: bool = True,
+    columns: int = 0,
 ) -> Kernels:
     """Compile the functions of an automaton with `n` states and `m` guards to C functions.
+
+    Margins and transitions take the state without its last `columns` components.
 
     They are compiled again if any dependency has changed. With `bounds` they check array bounds.
     The parameters are followed by a fault record (`mems_impact.integrators.python_functions`) of
@@ -134,19 +137,19 @@ def kernels(
     """
     snapshot = take_snapshot(flow, margins, transition)
     with _compilation_lock:
-        return _kernels(snapshot, n, m, bounds)
+        return _kernels(snapshot, n, m, bounds, columns)
 
 
 @cache
-def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
+def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool, columns: int) -> Kernels:
     if not snapshot.lasting:
         announce_uncached(snapshot.volatile_dependencies)
     # Each function by itself, so that a change of one requires no compilation of the others.
     flow, margins, transition = (take_snapshot(function) for function in snapshot.functions)
     return Kernels(
         _flow_kernel(flow, n, bounds),
-        _margins_kernel(margins, n, m, bounds),
-        _transition_kernel(transition, n, bounds),
+        _margins_kernel(margins, n - columns, m, bounds),
+        _transition_kernel(transition, n - columns, bounds),
     )
 
 
@@ -375,7 +378,9 @@ class CompiledEngine(SingleMethodEngine):
     ) -> None:
         n, m, parameters = equations.n, equations.m, np.asarray(equations.parameters, dtype=float)
         flow, margins, transition = equations.flow, equations.margins, equations.transition
-        self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
+        self._kernels = kernels(
+            flow, margins, transition, n, m, equations.bounds, equations.columns
+        )
         # The handle has addresses in this block, which lives as long as the engine. The kernels
         # write a fault record after the parameters.
         sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}

@@ -283,4 +283,6 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     found = mi.find_orbit(run, transient=600)
     assert (found.periods, found.stable, len(found.impacts)) == (1, True, 1)
     lower = mi.Sine(amplitude=0.995 * window.low, omega=3105.0)
-    assert mi.find_orbit(LIGHT, lower, guess=state, transient=600).periods > 1
+    run = mi.simulate(LIGHT, lower, periods=600, initial=state)
+    speeds = run.impacts["v2 before"][-40:]
+    assert speeds.max() > 1.1 * speeds.min()  # chaotic, about orbits of two and more periods
