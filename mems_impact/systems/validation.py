@@ -782,7 +782,7 @@ class DryRun:
                 period = self.clock.period
                 shift = period if period is not None and next_point.t >= period else 0.0
                 next_point, end = EvaluationPoint(mode, next_point.t - shift, y), end - shift
-            if fallen or next_point.t != at.t + h:
+            if next_point is not step[0]:  # an event or a switch may have changed the mode
                 ahead = self.checked.flow(next_point)
                 later = self.margins(next_point)
             at, slope, now = next_point, ahead, later

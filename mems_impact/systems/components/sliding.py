@@ -11,7 +11,8 @@ its surfaces, where these hold the state themselves. The *room* of a mode is the
 all these motions from leaving, a rate: for one surface the lesser of the speeds at which the two
 flows approach it. Its zero is an exit, which leads into the motion that leaves.
 
-An exit is not unique if a second motion leaves within `EXIT_SPAN`. Two more changes end sliding on
+An exit is not unique if a second motion leaves within `EXIT_SPAN`, or if the flows around two
+surfaces can still hold the state, as where one region alone lets it go. Two more changes end sliding on
 an intersection: the combinations become several velocities, and a spiral around it expands.
 """
 
@@ -42,6 +43,7 @@ PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that 
 UNIQUE_RTOL = "2e-7"  # relative difference of the velocities of one motion
 ROW_RTOL = "1e-14"  # square of it, below which a row of the symmetric system is redundant
 EXIT_SPAN = 1e-8  # time scales within which two exits are one event
+SIDE_RTOL = 1e-6  # relative to both products, below which a vertex lies on the line of another
 EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding error
 
 
@@ -202,6 +204,40 @@ class Sliding:
             ],
         )
 
+    def staying(self) -> tuple[str, str]:
+        """Return the sources that tell whether a state may stay on the intersection of two surfaces.
+
+        Zero lies inside the polygon of the derivatives of both heights: no line through zero and a
+        vertex has all other vertices on one side.
+        """
+        lines = ["one, two = 0.0, 0.0"]
+        for i, j in itertools.combinations(range(self.k), 2):
+            lines += [
+                f"if {self.digits[i]} == {SLIDING} and {self.digits[j]} == {SLIDING}:",
+                f"    one, two = l{i + 1}, l{j + 1}",
+            ]
+        sides = [
+            "left, right = first * two, second * one",
+            f"if abs(left - right) > {SIDE_RTOL!r} * (abs(left) + abs(right)):",
+            "    low, high = low or left < right, high or left > right",
+        ]
+        parted = [
+            "low, high = False, False",
+            *self.flows(),
+            *indented(indented([*lines, *sides])),
+            "return low and high",
+        ]
+        stays = [
+            f"result = {self.count} == 2",
+            *self.flows(),
+            *indented(indented([*lines, "result = result and parted(mode, one, two, t, y, p)"])),
+            "return result",
+        ]
+        return (
+            function("parted(mode, first, second, t, y, p)", [*self.digit_lines(), *parted]),
+            function("stays(mode, t, y, p)", [*self.digit_lines(), *stays]),
+        )
+
     def lapse(self) -> tuple[str, str]:
         """Return the sources of margin and transition of the end of unique sliding."""
         if self.k < 2:
@@ -307,7 +343,7 @@ class Sliding:
             return [self.verdict()]
         slides = function("slides(mode)", [*self.digit_lines(), f"return {self.count}"])
         several = [slides, self.ambiguity(), self.spiral(), *self.lapse()] if self.k > 1 else []
-        several += [self.coincidence()] if self.k > 1 else []
+        several += [*self.staying(), self.coincidence()] if self.k > 1 else []
         return [self.rival(), *several, self.verdict()]
 
     def exit(self) -> list[str]:
@@ -369,6 +405,11 @@ class Sliding:
                 "    if pair >= 0:",
                 f"        return {NO_FIT - 1} - pair",
             ]
+            if self.k > 1:
+                lines += [
+                    "    if stays(before, t, y, p):",
+                    f"        return {NO_FIT - 1} - before * {self.modes} - mode",
+                ]
         return function(
             "verdict(mode, before, fired, own, jumped, t, y, p)", [*lines, "return mode"]
         )
@@ -504,7 +545,9 @@ def check_coincidence(surfaces: Sequence[tuple[CodeNames, SwitchingSurface]]) ->
         except ValueError:
             continue  # depends on parameters: a run finds out
         products = np.outer(first, second)
-        if (np.abs(products - products.T) <= 1e-12 * np.abs(products).max()).all():
+        sizes = np.abs(products) + np.abs(products.T)
+        sizes[:-1, :-1] = sizes[:-1, :-1].max()  # a level may have any size beside the factors
+        if (np.abs(products - products.T) <= 1e-12 * sizes).all():
             raise InvalidParameter("parts", [a.name, b.name], f"different surfaces: {ONE_SURFACE}")
 
 
