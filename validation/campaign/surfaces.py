@@ -4,7 +4,8 @@ x' = A x - b x^3 + c + B s (1 + d sin(x_n)), where s_i is the sign of h_i x + q_
 and curved surfaces in a third of the cases. In a third a body, u'' = x_0 + s_0 - u - u'/5, strikes
 a stop at u = 1/5 with the restitution 0.7. The reference replaces the signs by tanh(h/w) and
 integrates by LSODA for two widths w; a case counts as far as the two agree. Where the package says
-that the motion is not unique, motions of the reference that start beside its state must part.
+that the motion is not unique, motions of the reference must part that start beside its state, with
+widths that differ between the surfaces.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ WIDTHS = (1e-4, 1e-5)
 PARTED = 3e-2  # difference of two references that agree no longer
 PLACE, RESTITUTION = 0.2, 0.7  # of the stop
 MAX_IMPACTS = 60  # of the reference
-ASIDE, SHIFTS, LOOK = 3e-6, 16, 0.3  # distance and number of starts beside a state, time until parted
+ASIDE, SHIFTS, LOOK = (1e-5, 1e-4), 8, 0.3  # distances and number of starts aside, and time
 AMPLIFIED = 30.0  # distance of motions that are not unique, over that of their starts
 SHARE, FLOOR = 0.5, 1e-6  # of the difference of the references, that the package may be off
 
@@ -92,7 +93,7 @@ def drawn(rng: np.random.Generator, k: int) -> dict[str, Floats]:
 
 
 def smoothed(
-    numbers: dict[str, Floats], stops: bool, start: Floats, width: float, end: float = END
+    numbers: dict[str, Floats], stops: bool, start: Floats, width: float | Floats, end: float = END
 ) -> Floats:
     """Return the end of the reference's motion, nan if it fails or has more than `MAX_IMPACTS`."""
 
@@ -121,6 +122,24 @@ def smoothed(
     return np.full_like(y, np.nan)
 
 
+def parted(
+    rng: np.random.Generator,
+    numbers: dict[str, Floats],
+    stops: bool,
+    place: Floats,
+    distance: float,
+) -> float:
+    """Return by how much motions part that start beside a state, over the distance."""
+    k = len(numbers["h"])
+    asides = np.pad(distance * rng.normal(size=(SHIFTS, k + 1)), ((1, 0), (0, 2)))
+    widths = distance / 50.0 * 10.0 ** rng.uniform(-0.5, 0.5, (len(asides), k))
+    ends = [
+        smoothed(numbers, stops, place + aside, width, LOOK)
+        for aside, width in zip(asides, widths, strict=True)
+    ]
+    return float(np.ptp(ends, axis=0).max()) / distance
+
+
 def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     """Run a case of the package beside the reference."""
     rng = np.random.default_rng([seed, number])
@@ -144,9 +163,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         run = mi.simulate(model, duration=END, initial=initial, options=options)
     except mi.RunError as error:
         place = np.array([error.state[name] for name in model.states])
-        asides = np.pad(ASIDE * rng.normal(size=(SHIFTS, k + 1)), ((1, 0), (0, 2)))
-        ends = [smoothed(numbers, stops, place + aside, WIDTHS[1] / 100, LOOK) for aside in asides]
-        parts = float(np.ptp(ends, axis=0).max()) / ASIDE
+        parts = max(parted(rng, numbers, stops, place, distance) for distance in ASIDE)
         verdict.horizon = 0.0
         if not parts > AMPLIFIED or "not unique" not in str(error):
             verdict.story = f"refused, while distances grow by {parts:.1e} only: {error}"

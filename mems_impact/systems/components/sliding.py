@@ -12,8 +12,9 @@ all these motions from leaving, a rate: for one surface the lesser of the speeds
 flows approach it. Its zero is an exit, which leads into the motion that leaves.
 
 An exit is not unique if a second motion leaves within `EXIT_SPAN`, or if the flows around two
-surfaces can still hold the state, as where one region alone lets it go. Two more changes end sliding on
-an intersection: the combinations become several velocities, and a spiral around it expands.
+surfaces can still hold the state, as where one region alone lets it go. Two more changes end
+sliding on an intersection: the combinations become several velocities, and a spiral around it
+expands.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that 
 UNIQUE_RTOL = "2e-7"  # relative difference of the velocities of one motion
 ROW_RTOL = "1e-14"  # square of it, below which a row of the symmetric system is redundant
 EXIT_SPAN = 1e-8  # time scales within which two exits are one event
-SIDE_RTOL = 1e-6  # relative to both products, below which a vertex lies on the line of another
+SIDE_RTOL = 1e-6  # area beside those of the largest rates, below which two vertices are on a line
 EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding error
 
 
@@ -205,7 +206,7 @@ class Sliding:
         )
 
     def staying(self) -> tuple[str, str]:
-        """Return the sources that tell whether a state may stay on the intersection of two surfaces.
+        """Return the sources that tell whether an intersection of two surfaces may hold a state.
 
         Zero lies inside the polygon of the derivatives of both heights: no line through zero and a
         vertex has all other vertices on one side.
@@ -217,9 +218,9 @@ class Sliding:
                 f"    one, two = l{i + 1}, l{j + 1}",
             ]
         sides = [
-            "left, right = first * two, second * one",
-            f"if abs(left - right) > {SIDE_RTOL!r} * (abs(left) + abs(right)):",
-            "    low, high = low or left < right, high or left > right",
+            "side_of = first * two / other_size - second * one / one_size",
+            f"low = low or side_of < -{SIDE_RTOL!r}",
+            f"high = high or side_of > {SIDE_RTOL!r}",
         ]
         parted = [
             "low, high = False, False",
@@ -227,14 +228,20 @@ class Sliding:
             *indented(indented([*lines, *sides])),
             "return low and high",
         ]
+        sizes = ["one_size, other_size = max(one_size, abs(one)), max(other_size, abs(two))"]
+        call = "parted(mode, one / one_size, two / other_size, one_size, other_size, t, y, p)"
         stays = [
-            f"result = {self.count} == 2",
+            "one_size, other_size = 0.0, 0.0",
             *self.flows(),
-            *indented(indented([*lines, "result = result and parted(mode, one, two, t, y, p)"])),
+            *indented(indented([*lines, *sizes])),
+            f"result = {self.count} == 2 and one_size > 0.0 and other_size > 0.0",
+            *self.flows(),
+            *indented(indented([*lines, f"result = result and {call}"])),
             "return result",
         ]
+        head = "parted(mode, first, second, one_size, other_size, t, y, p)"
         return (
-            function("parted(mode, first, second, t, y, p)", [*self.digit_lines(), *parted]),
+            function(head, [*self.digit_lines(), *parted]),
             function("stays(mode, t, y, p)", [*self.digit_lines(), *stays]),
         )
 

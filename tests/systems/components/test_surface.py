@@ -342,6 +342,14 @@ def branching(mode, t, y, p):  # from z = 1 the velocity along z depends on the 
     return -1.0 * mode.sx, -1.0 * mode.sy, 1.0 + max(0.0, y.z - 1.0) * mode.sx * mode.sy
 
 
+def retained(mode, t, y, p):  # at z = 1 only the flow of x > 0 > y lets a state go
+    return (
+        0.35 - 2.6 * mode.sx - 2.75 * mode.sy,
+        -0.975 + 0.5 * (1.0 - y.z) + 1.5 * mode.sx + 0.525 * mode.sy,
+        1.0,
+    )
+
+
 @pytest.mark.parametrize(
     ("flow", "end", "motions"),
     [
@@ -349,6 +357,8 @@ def branching(mode, t, y, p):  # from z = 1 the velocity along z depends on the 
         (fused, 1.75, ("sliding-above", "above-sliding")),
         (expanding, 1.0, ("sliding-sliding", "above-above")),
         (branching, 1.0, ("sliding-sliding", "sliding-sliding")),
+        # The means (0.9, -0.7) of the signs may hold it longer.
+        (retained, 1.0, ("sliding-sliding", "above-below")),
     ],
 )
 def test_sliding_that_ceases_to_be_unique_is_an_error_with_two_motions(flow, end, motions):
@@ -379,6 +389,40 @@ def test_equal_axes_leave_an_intersection_together():
     run = mi.simulate(crossing(flow, {"x": 0.5, "y": 0.3}), duration=4.0, options=PLAIN)
     # From z = 1 both grow with z - 1.
     assert (run.final.x, run.final.y) == pytest.approx((4.5, 4.5), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "mode"),
+    [(1.7, -2.4, "above-below"), (-1.7, 2.4, "below-above"), (-1.7, 0.3, "below-sliding")],
+)
+def test_a_switch_throws_a_state_off_an_intersection(a, b, mode):
+    def flow(mode, t, y, p):
+        late = t >= 0.8
+        return (p.a if late else 0.4) - mode.sx, (p.b if late else -0.1) - mode.sy
+
+    system = mi.System(
+        states=("x", "y"), flow=flow, parameters={"a": a, "b": b}, initial={"x": 0.2, "y": 0.1},
+        parts=[mi.SwitchingSurface("sx", "x"), mi.SwitchingSurface("sy", "y")], switches=(0.8,),
+    )  # fmt: skip
+    run = mi.simulate(system, duration=2.0, options=PLAIN)
+    away = [1.2 * (abs(u) - 1.0) * math.copysign(1.0, u) if abs(u) > 1.0 else 0.0 for u in (a, b)]
+    assert run.final.mode == mode
+    assert (run.final.x, run.final.y) == pytest.approx(away, abs=1e-9)
+
+
+def test_two_levels_in_small_units():
+    def flow(mode, t, y, p):
+        return ((0.3 - mode.a - 0.4 * mode.b) * 1e-13,)
+
+    charge = mi.System(
+        states=("q",), flow=flow, initial={"q": 5e-13}, typical={"q": 1e-13},
+        parts=[mi.SwitchingSurface("a", "q", level=2e-13),
+               mi.SwitchingSurface("b", "q", level=-1e-13)],
+    )  # fmt: skip
+    run = mi.simulate(charge, duration=4.0, options=PLAIN)
+    # Above both levels q' = -1.1e-13; between them q' = 0.9e-13.
+    assert run.events["t"].tolist() == pytest.approx([3.0 / 1.1], rel=1e-9)
+    assert run.final.mode == "sliding-above"
 
 
 def unit_circle(t, y, p):
