@@ -149,7 +149,8 @@ class Settling(SummaryRepr):
             return self.kind if self.kind == SETTLED else short
         rows = {name: row for name, row in self.rows.items() if row.kind == self.kind}
         name = max(rows, key=lambda each: (not each.endswith(MINOR), rows[each].change))
-        percent = f"{100.0 * rows[name].change:.2g} %"
+        change = 100.0 * rows[name].change
+        percent = f"{change:.2g} %" if change < 99.5 else f"{change:,.0f} %"
         if self.kind == FLUCTUATING:
             return f"{name} is known within {percent} while the motion persists"
         if not (math.isfinite(rows[name].change) and math.isfinite(self.periods)):
