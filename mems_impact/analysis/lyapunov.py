@@ -40,6 +40,7 @@ SMALL_EXPONENT_RATIO = 0.1
 SIGNIFICANCE = 4.0  # standard errors by which an exponent with a sign differs from zero
 ZERO_EXPONENT = 1e-3  # per period; a smaller exponent has no sign, however small its error
 MAX_ZERO_ERROR = 0.01  # per period; a zero exponent with a larger error is undecided
+UNDECIDED = "undecided"
 REST_SPEED = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
 
 
@@ -61,7 +62,8 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
     str
         "chaotic": above zero by more than 4 standard errors and 1e-3. "periodic": below zero by as
         much, or zero for a motion that repeats, as near a bifurcation. "quasi-periodic": zero to
-        within 0.01 for a motion that was not found to repeat. "undecided": none of these.
+        within 0.01, and not below zero by more than 4 standard errors, for a motion that was not
+        found to repeat. "undecided": none of these.
 
     See Also
     --------
@@ -78,7 +80,10 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
         return CHAOTIC
     if exponent < -border or (returns and abs(exponent) <= border):
         return PERIODIC
-    return QUASI_PERIODIC if border <= MAX_ZERO_ERROR and returns is not True else "undecided"
+    # A transient that decays slowly has a small exponent, but one with a sign.
+    decays = exponent < -SIGNIFICANCE * error
+    neutral = border <= MAX_ZERO_ERROR and returns is not True and not decays
+    return QUASI_PERIODIC if neutral else UNDECIDED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,7 +172,7 @@ class LyapunovSpectrum(Result):
             exponent, error = self.per_period[first], self.errors[first] * self.period
             return classify(float(exponent), float(error), returns=self.returns)
         free = len(free_components(self.system.automaton))
-        return PERIODIC if self.exponents.size == free else "undecided"
+        return PERIODIC if self.exponents.size == free else UNDECIDED
 
     @property
     def along_flow(self) -> list[int]:
@@ -392,6 +397,6 @@ def _spectrum(
     )
     # A repeating motion has a zero exponent if it is one of a continuum: the distance of two bodies
     # that stick to each other.
-    if not converged or spectrum.kind != QUASI_PERIODIC:
+    if not converged or spectrum.kind not in (QUASI_PERIODIC, UNDECIDED):
         return spectrum
     return replace(spectrum, returns=returns(problem, stretching.final, forced=system.forced))

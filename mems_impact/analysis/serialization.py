@@ -125,7 +125,7 @@ register(
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
     settling.Settling, settling.SettlingRow,
-    Options, HybridState, Events, Samples, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
+    Options, HybridState, Events, Samples, Arc, Event, AdmissibilityViolation,
     ShootingEvaluation, ParameterPoint, Segment, Phase,
     BranchPoint, OrbitBranch, SlowPassage, CurvePoint, OrbitCurve,
     TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
@@ -135,6 +135,18 @@ KINDS: tuple[type, ...] = (
     special_points.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
     manifold.Manifold, edge_state.EdgeState,
 )  # fmt: skip
+
+
+def periodic_orbit(**parts: Any) -> PeriodicOrbit:
+    """Return a periodic orbit whose arcs and events are those of its segments."""
+    orbit = PeriodicOrbit(**parts)
+    point, count = orbit.point, len(orbit.segments)
+    if {len(point.arcs), len(point.events), len(point.starts), len(point.ends)} != {count}:
+        raise ValueError(f"an orbit of {count} segments has other numbers of arcs and events")
+    return orbit
+
+
+register(PeriodicOrbit, constructor=periodic_orbit)
 for kind in (*KINDS, *ORBIT_TESTS, FunctionTest):
     register(kind)
 for kind in (OrbitFunction, EquilibriumFunction):  # without the function of the user

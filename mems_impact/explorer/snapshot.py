@@ -20,7 +20,7 @@ import mems_impact as mi
 from mems_impact._util.arrays import Floats
 from mems_impact._util.formatting import stability_name
 from mems_impact._util.progress import Watch
-from mems_impact._util.warning_scopes import collected_warnings
+from mems_impact._util.warning_scopes import collected_warnings, first_of_each
 from mems_impact.actuator.automaton import slips
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
@@ -70,8 +70,8 @@ class DiagramSnapshot:
         As `mems_impact.sweep` returns it.
     state : str
         The shown column.
-    failed : str
-        Why some values failed; empty if none did.
+    message : str
+        Which values failed or have not settled; empty if none.
     special_points : DataFrame
         Label, parameter and state of the special points of the branch through the orbit of the run.
     continued : bool
@@ -81,7 +81,7 @@ class DiagramSnapshot:
     request: DiagramRequest
     table: pd.DataFrame
     state: str
-    failed: str
+    message: str
     special_points: pd.DataFrame
     continued: bool = False
 
@@ -155,9 +155,11 @@ def diagram_of(
     """
     system = request.setting.system(subject)
     arguments = sweep_arguments(system, request.setting, spec, request.points)
-    table = mi.sweep(system, **arguments, options=subject.options, progress=watch or False)
+    with collected_warnings() as collected:
+        table = mi.sweep(system, **arguments, options=subject.options, progress=watch or False)
     reasons = table.loc[table["status"] != "ok", "status"]
-    failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""
+    messages = [f"{len(reasons)} values failed: {reasons.iloc[0]}"] if len(reasons) else []
+    messages += [each.message for each in first_of_each(collected)]
     states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
     numbers = np.empty(0)
     empty = {"label": np.empty(0, str), request.setting.parameter: numbers, states[0]: numbers}
@@ -165,7 +167,7 @@ def diagram_of(
         request=request,
         table=table,
         state=states[0],
-        failed=failed,
+        message="; ".join(messages),
         special_points=pd.DataFrame(empty),
     )
 
@@ -190,11 +192,14 @@ def with_special_points(
     columns = list(diagram.special_points)
     tables = [diagram.special_points]
     try:
-        orbit = mi.find_orbit(take_snapshot(subject, setting, watch).run)
-        for stop, back in ((high, low), (low, high)):
-            if stop != value:
-                branch = mi.continue_orbit(orbit, name, stop, back=back, progress=watch or False)
-                tables.append(branch.special_table.reindex(columns=columns))
+        with collected_warnings():  # the page shows those of the run
+            orbit = mi.find_orbit(take_snapshot(subject, setting, watch).run)
+            for stop, back in ((high, low), (low, high)):
+                if stop != value:
+                    branch = mi.continue_orbit(
+                        orbit, name, stop, back=back, progress=watch or False
+                    )
+                    tables.append(branch.special_table.reindex(columns=columns))
     except mi.MemsImpactError:
         pass  # the points found so far are shown
     special_points = pd.concat(tables, ignore_index=True).dropna()

@@ -427,8 +427,8 @@ def plot_sweep(
     For an actuator these are v2 on the section x2 = 0, step and speed of the frame; for any other
     system its first displayed state and its observables. A thin line marks the first value at which
     impacts begin or cease. Marks at the lower edge show values without a state: triangles where the
-    motion never crosses the section, crosses where the run failed. Without impacts there is no
-    step.
+    measured part has no crossing of the section, crosses where the run failed. Without impacts
+    there is no step.
 
     Parameters
     ----------
@@ -536,7 +536,7 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
     """Mark the values without a crossing at the lower edge."""
     parameter, good = rows.columns[0], rows["status"] == "ok"
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
-    label = f"never crosses {crosses(rows.attrs) or 'the section'}"
+    label = f"no crossing of {crosses(rows.attrs) or 'the section'}"
     if rows.attrs.get("maxima"):
         label = "no maximum"
     # Another state may have more maxima than this one.

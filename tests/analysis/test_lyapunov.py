@@ -26,6 +26,29 @@ def test_kinds():
     assert mi.classify(2e-3, 1e-4) == "chaotic"
     assert mi.classify(-3e-4, 1e-5, returns=True) == "periodic"
     assert mi.classify(0.05, 0.05) == mi.classify(0.3, math.nan) == "undecided"
+    assert mi.classify(-3e-4, 1e-5) == "undecided"
+
+
+@pytest.mark.parametrize(
+    ("damping", "kind"), [(0.0, "quasi-periodic"), (2e-5, "undecided"), (1e-4, "undecided")]
+)
+def test_a_slow_transient_is_not_quasi_periodic(damping, kind):
+    omega = 1.41
+
+    def flow(mode, t, y, p):
+        return y.v, -y.x - 2.0 * p.damping * y.v + p.a * math.cos(omega * t)
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        parameters={"damping": damping, "a": 0.8},
+        period=2.0 * math.pi / omega,
+        initial={"x": 0.5},
+    )
+    spectrum = mi.lyapunov(system)
+    # Perturbations decay as exp(-damping t).
+    assert spectrum.exponents[0] == pytest.approx(-damping, rel=1e-3, abs=1e-10)
+    assert spectrum.kind == kind
 
 
 def _spreading(mode, t, y, p):

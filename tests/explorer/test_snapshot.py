@@ -155,12 +155,20 @@ def test_the_diagram_is_a_sweep_over_the_slider():
     assert sorted(diagram.table["amplitude"].unique()) == pytest.approx([0, 0.12, 0.24, 0.36, 0.48])
     x, y = diagram.dots("down")
     assert x.shape == y.shape
-    assert diagram.failed == ""
+    assert diagram.message == ""
     table = mi.sweep(
         zhao().system, "amplitude", [0.24], direction="down", transient=60, periods=16,
         options=zhao().options,
     )  # fmt: skip
     assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
+
+
+def test_warnings_of_a_diagram_are_its_message(recwarn):
+    setting = replace(first_setting(zhao()), parameter="omega")
+    request = DiagramRequest(setting=setting, points=9)
+    diagram = diagram_of(zhao(), request, slider_spec(zhao(), "omega"))
+    assert "is still changing" in diagram.message
+    assert not [each for each in recwarn if each.category is mi.TransientWarning]
 
 
 @pytest.mark.slow

@@ -61,8 +61,24 @@ def test_values_that_never_cross_the_section(tmp_path):
     ax = mi.plot_sweep(silent_table())
     assert drawn(ax, "v") == [0.1, 0.1]  # one for each direction
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend[:3] == ["$f$ increased", "$f$ decreased", "never crosses $x_2 = 0$"]
+    assert legend[:3] == ["$f$ increased", "$f$ decreased", "no crossing of $x_2 = 0$"]
     ax.figure.savefig(tmp_path / "sweep.png")
+
+
+@pytest.mark.parametrize(("periods", "missing"), [(1, True), (3, False)])
+def test_a_part_without_a_crossing_is_no_motion_without_one(periods, missing):
+    # The period is three forcing periods, with one rising zero.
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -p.k * y.x),
+        parameters={"k": 1.0 / 9.0},
+        period=2.0 * np.pi,
+        section=("x", 0.0),
+        initial={"x": 0.1, "v": 1.0 / 3.0},
+    )
+    table = mi.sweep(system, "k", [1.0 / 9.0], transient=1, periods=periods)
+    legend = mi.plot_sweep(table).get_legend().get_texts()
+    assert ("no crossing of $x = 0$" in [text.get_text() for text in legend]) == missing
 
 
 def test_statistics_stand_below_the_state():

@@ -357,6 +357,10 @@ DAMAGES = {
         "is damaged",
     ),
     "no object": (lambda header: header["result"].update(options={"new": 1}), "is damaged"),
+    "mode that is no integer": (
+        lambda header: header["result"]["trajectory"]["dict"]["start"].update(mode=1e308),
+        "mode of HybridState is 1e.308, no integer",
+    ),
     "wrong option": (lambda header: header["result"]["options"].update(rtol=7.0), "rtol = 7"),
     "only a number": (lambda header: header.update(result=3), "holds no result"),
 }
@@ -370,6 +374,18 @@ def test_a_damaged_header_is_reported(saved, damage):
     with pytest.raises(mi.InvalidFile, match=message) as caught:
         mi.load(saved[2], system=oscillator())
     assert "\n" not in str(caught.value)
+
+
+def test_an_orbit_with_other_numbers_of_arcs_is_reported(tmp_path):
+    orbit = mi.find_orbit(oscillator())
+    orbit.save(tmp_path / "orbit.zip")
+
+    def repeat(header):
+        header["result"]["numeric"]["point"]["arcs"] *= 2
+
+    rewritten(tmp_path / "orbit.zip", repeat)
+    with pytest.raises(mi.InvalidFile, match=r"is damaged .* other numbers of arcs"):
+        mi.load(tmp_path / "orbit.zip", system=oscillator())
 
 
 @pytest.mark.parametrize("part", ["margins", "eigenvalues", "stable"])

@@ -217,7 +217,7 @@ class BifurcationPanel:
             crossed = system.states[section[0]]
             section_caption = f"at {crossed} = {system.out(crossed, section[1]):g}"
         self.layout.yaxis.axis_label = f"{diagram.state}{unit} {section_caption}"
-        self.show_message(diagram.failed, stale=False)
+        self.show_message(diagram.message, stale=False)
         self.show(picture)
 
     def show_message(self, text: str, *, stale: bool) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from itertools import count
 from typing import Any
 
@@ -71,7 +71,16 @@ def register(
         names = getattr(kind, "_fields", None) or [each.name for each in fields(kind) if each.init]
         parts = lambda value: {each: getattr(value, each) for each in names}  # noqa: E731
     make = constructor or kind
-    entry = StorableClass(name or kind.__name__, parts, reading or (lambda found, _: make(**found)))
+    typed = fields(kind) if is_dataclass(kind) and constructor is None else ()
+    integers = [each.name for each in typed if each.type in ("int", int)]
+
+    def restored(found: dict[str, Any], _: Reader) -> Any:
+        for each in integers:
+            if type(found.get(each, 0)) is not int:
+                raise ValueError(f"{each} of {kind.__name__} is {found[each]!r}, no integer")
+        return make(**found)
+
+    entry = StorableClass(name or kind.__name__, parts, reading or restored)
     _by_type[kind] = _by_name[entry.name] = entry
 
 
