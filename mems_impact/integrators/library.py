@@ -1,7 +1,8 @@
 """Functions of Python's library, written over numbers, for compilers that do not know them.
 
-The values are Python's, up to rounding where Python's own are not exact. Where Python raises
-`ValueError` for a real number they are nan.
+The values are Python's, up to rounding where Python's own are not exact. Where Python raises an
+arithmetic exception, they contain the root of a negative number, or an exponential that is too
+large.
 """
 
 from __future__ import annotations
@@ -40,7 +41,11 @@ def dist(p, q):
 
 def fmod(x, y):
     """Return the remainder with the sign of x."""
-    return np.fmod(float(x), float(y))
+    return _defined(np.fmod(float(x), float(y)), float(x), float(y))
+
+
+def _defined(value, x, y):
+    return math.sqrt(-1.0) if math.isnan(value) and x == x and y == y else value
 
 
 def hypot(x=0.0, y=0.0, z=None, w=None):
@@ -69,14 +74,15 @@ def cbrt(x):
 
 def ldexp(x, i):
     """Return x 2^i."""
-    return math.ldexp(x, min(max(i, -5000), 5000))
+    value = math.ldexp(x, min(max(i, -5000), 5000))
+    return math.exp(1e3) if math.isinf(value) and math.isfinite(x) else value
 
 
 def log(x, base=None):
     """Return the logarithm to a base."""
     if base is None:
         return math.log(x)
-    return math.log(x) / math.log(base) if base > 0.0 else math.nan
+    return math.log(x) / (math.sqrt(-1.0) if base <= 0.0 else math.log(base))
 
 
 def modf(x):
@@ -98,7 +104,7 @@ def remainder(x, y):
         rest = -other
     elif rest == other:
         rest -= 2.0 * np.fmod(0.5 * (size - rest), divisor)
-    return math.copysign(1.0, x) * rest
+    return _defined(math.copysign(1.0, x) * rest, x, y)
 
 
 def round_to_digits(x, digits):

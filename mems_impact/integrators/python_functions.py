@@ -67,7 +67,7 @@ def recorded_fault(record: Any) -> Fault | None:
 
 # --- Interpreted calls
 
-# Exceptions of Python where compiled code continues with infinity or nan.
+# Exceptions where a function is undefined; margins and flow are nan there.
 _DOMAIN = (ArithmeticError, ValueError)
 
 
@@ -87,12 +87,7 @@ def apply_transition(
     """Return mode and state after a transition."""
     arguments = int(mode), int(code), float(t)
     new_state: Any = list(y)
-    try:
-        new_mode = transition(*arguments, new_state, p)
-    except _DOMAIN:
-        # NumPy floats continue with infinity, as compiled code does; the result may be finite.
-        new_state = np.array(y)
-        new_mode = transition(*arguments, new_state, p)
+    new_mode = transition(*arguments, new_state, p)
     return int(new_mode), [float(value) for value in new_state]
 
 

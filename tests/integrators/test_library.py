@@ -60,16 +60,16 @@ def outcome(function, *arguments):
     """The value, or None if an exception is raised."""
     try:
         return function(*arguments)
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, ValueError, StopIteration):  # the last one where it is undefined
         return None
 
 
 def agree(value, right):
-    """Whether a compiled value is that of Python; where Python raises it is not finite."""
+    """Whether a compiled value is that of Python, and none where Python raises."""
     if value is None:
         return right is None or abs(right) >= 2**63
     if right is None:
-        return not math.isfinite(value)
+        return False
     if math.isnan(right):
         return math.isnan(value)
     if right == 0.0:

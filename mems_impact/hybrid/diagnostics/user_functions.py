@@ -105,7 +105,7 @@ _PACKAGE = str(Path(__file__).resolve().parents[2])
 LIBRARY_FOLDERS = tuple(
     str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib")
 )
-DOMAIN = "compiled it continues with nan or inf there: treat this case separately"
+DOMAIN = "treat this case separately"
 
 
 class UserFunction(NamedTuple):

@@ -1,8 +1,12 @@
-"""Integers of users' functions, with the values of Python.
+"""Arithmetic of users' functions, with the values and the exceptions of Python.
+
+A division by zero, the root of a negative number or an exponential beyond all numbers ends the call
+of a function, with the status of StopIteration: the function is undefined there. numba alone would
+continue with infinity or nan, which a comparison or a minimum may swallow.
 
 Compiled integers have 64 bits, and numba continues beyond them with the last bits. In copies of
 users' functions, whose module is `CHECKED`, an operation whose result needs more bits raises an
-exception instead, which ends the run with an error. Operations of real numbers are numba's.
+exception instead, which ends the run with an error.
 
 A compiled function has one type for a value. numba takes that of a power of integers to be an
 integer, so that 10**-1 is 0, where Python returns 0.1. In all copies such a power is a real number,
@@ -14,7 +18,9 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -37,7 +43,7 @@ from numba.extending import (
 
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 
-__all__ = ["CHECKED", "COPIES", "TOO_LARGE", "power"]
+__all__ = ["CHECKED", "COPIES", "OF_REALS", "TOO_LARGE", "power"]
 
 COPIES = "mems_impact.integrators.jit.closures"  # module of the copies of functions
 CHECKED = "mems_impact.integrators.jit"  # module of those of users' functions
@@ -49,6 +55,13 @@ MAX_BITS = 1023  # of a constant that is a real number
 LARGEST_EXPONENT = 16  # of powers by multiplication, as in exported C
 
 WORD, DOUBLE = types.int64, types.float64
+ZERO = llvm.Constant(llvm.DoubleType(), 0.0)
+DIVISIONS = (operator.truediv, operator.mod, operator.floordiv)
+# Functions of `math` of one argument that are undefined somewhere, or exceed all numbers.
+UNDEFINED = (
+    "acos", "acosh", "asin", "atanh", "cos", "cosh", "exp", "exp2", "expm1", "gamma", "lgamma",
+    "log", "log10", "log1p", "log2", "sin", "sinh", "sqrt", "tan",
+)  # fmt: skip
 POWERS = (operator.pow, operator.ipow)
 _OPTIONS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}}
 
@@ -75,30 +88,101 @@ def _with_overflow(name: str) -> Any:
     return operation
 
 
-def _of_reals(function: Callable[..., Any], result: Any) -> Any:
-    """Return an intrinsic that converts integer operands to real numbers, if they are exact."""
+def _of_reals(
+    function: Callable[..., Any],
+    result: Any = DOUBLE,
+    count: int = 2,
+    exact: bool = False,
+    exponent: int | None = None,
+) -> Any:
+    """Return an intrinsic of a real function, or of a power, which converts integer operands.
 
-    @intrinsic
-    def operation(_typing: Any, a: Any, b: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            operands = []
-            for kind, value in zip(signature.args, args, strict=True):
-                if kind == WORD:
-                    shifted = builder.add(value, llvm.Constant(value.type, EXACT))
-                    bound = llvm.Constant(value.type, 2 * EXACT)
-                    _raise_if(context, builder, builder.icmp_unsigned(">", shifted, bound), INEXACT)
-                operands.append(context.cast(builder, value, kind, DOUBLE))
-            signature = result(DOUBLE, DOUBLE)
+    If `exact`, an integer operand that is no real number raises an exception. Where Python raises
+    an exception, the call ends with the status of StopIteration: the function is undefined there.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        operands = []
+        for kind, value in zip(signature.args, args, strict=True):
+            if exact and kind == WORD:
+                shifted = builder.add(value, llvm.Constant(value.type, EXACT))
+                bound = llvm.Constant(value.type, 2 * EXACT)
+                _raise_if(context, builder, builder.icmp_unsigned(">", shifted, bound), INEXACT)
+            operands.append(context.cast(builder, value, kind, DOUBLE))
+        signature = result(*[DOUBLE] * count)
+        if exponent is None:
             kind = context.typing_context.resolve_value_type(function)
             kind.get_call_type(context.typing_context, signature.args, {})
-            return context.get_function(kind, signature)(builder, operands)
+            value = context.get_function(kind, signature)(builder, operands)
+        else:
+            value = _multiplied(builder, operands[0], exponent)
+        if result == DOUBLE:
+            with _where_undefined(builder, function, value, operands):
+                context.call_conv.return_stop_iteration(builder)
+        return value
 
-        return result(a, b), codegen
+    if count == 1:
+
+        @intrinsic
+        def operation(_typing: Any, a: Any) -> Any:
+            return result(a), codegen
+
+    else:
+
+        @intrinsic
+        def operation(_typing: Any, a: Any, b: Any) -> Any:
+            return result(a, b), codegen
 
     return operation
 
 
+@contextmanager
+def _where_undefined(
+    builder: Any, function: Any, value: Any, operands: list[Any]
+) -> Iterator[None]:
+    """Execute the instructions of the ``with`` where Python raises an exception.
+
+    A division does so by zero, a square root of a negative number. Powers and other functions of
+    ``math`` do so if the result is nan and no argument is, or if the result is infinite and all
+    arguments are finite.
+    """
+    if function in DIVISIONS or function is math.sqrt:
+        relation = "<" if function is math.sqrt else "=="
+        undefined = builder.fcmp_ordered(relation, operands[-1], ZERO)
+        with builder.if_then(undefined, likely=False):
+            yield
+        return
+    with builder.if_then(_any_differ(builder, (_excess(builder, value), ZERO)), likely=False):
+        nan_from_nan = _any_differ(builder, *((each, each) for each in operands))
+        infinite_too = _any_differ(builder, *((_excess(builder, each), ZERO) for each in operands))
+        is_nan = _any_differ(builder, (value, value))
+        defined = builder.select(is_nan, nan_from_nan, infinite_too)
+        with builder.if_then(builder.not_(defined)):
+            yield
+
+
+def _multiplied(builder: Any, base: Any, exponent: int) -> Any:
+    """Return a power by multiplication, with the bits of numba's."""
+    value = llvm.Constant(base.type, 1.0)
+    while exponent:
+        if exponent & 1:
+            value = builder.fmul(value, base)
+        exponent >>= 1
+        base = builder.fmul(base, base)
+    return value
+
+
+def _excess(builder: Any, value: Any) -> Any:
+    """Return zero for a finite number, and nan for another."""
+    return builder.fsub(value, value)
+
+
+def _any_differ(builder: Any, *pairs: Any) -> Any:
+    return reduce(builder.or_, [builder.fcmp_unordered("!=", *pair) for pair in pairs])
+
+
 _add, _subtract, _multiply = map(_with_overflow, ("add", "sub", "mul"))
+_divide = _of_reals(operator.truediv)  # ends a call, by zero
 
 
 def _python(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -120,14 +204,14 @@ def _absolute(a):  # type: ignore[no-untyped-def]
 @_python
 def _floor_divide(a, b):  # type: ignore[no-untyped-def]
     if b == 0:
-        raise ZeroDivisionError("division by zero")
+        return int(_divide(a, b))
     return _subtract(0, a) if b == -1 else a // b
 
 
 @_python
 def _modulo(a, b):  # type: ignore[no-untyped-def]
     if b == 0:
-        raise ZeroDivisionError("division by zero")
+        return int(_divide(a, b))
     return 0 if b == -1 else a % b
 
 
@@ -175,6 +259,8 @@ def _conversion(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def convert(x):  # type: ignore[no-untyped-def]
         if not -(2.0**63) <= x < 2.0**63:
+            if not math.isfinite(x):
+                return int(_divide(x, 0.0))
             raise OverflowError(TOO_LARGE)
         return function(x)
 
@@ -199,8 +285,15 @@ OPERATIONS: dict[Any, Any] = {
 }
 COMPARISONS = (operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne)
 FOLDED = {*OPERATIONS, operator.and_, operator.or_, operator.xor, operator.invert} - {abs}
-OF_REALS = {function: _of_reals(function, types.boolean) for function in COMPARISONS}
-OF_REALS[operator.truediv] = _of_reals(operator.truediv, DOUBLE)
+OF_REALS: dict[Any, Any] = {
+    **{each: _of_reals(each, types.boolean, exact=True) for each in COMPARISONS},
+    **{getattr(math, name): _of_reals(getattr(math, name), count=1) for name in UNDEFINED},
+    **{each: _of_reals(each) for each in (operator.pow, pow, math.pow)},
+    **{each: _of_reals(each, exact=True) for each in DIVISIONS},
+}
+SMALL_POWERS = [
+    _of_reals(operator.pow, count=1, exponent=each) for each in range(LARGEST_EXPONENT + 1)
+]
 
 
 @register_rewrite("after-inference")
@@ -239,16 +332,19 @@ class CheckedArithmetic(Rewrite):
         is_of_reals = types.Float in kinds and function not in (operator.mod, operator.floordiv)
         if LARGE in kinds and len(kinds) > 1 and not is_of_reals:
             raise NumbaTypeError("it has an integer beyond 64 bits among integers")
-        if types.Integer not in kinds:
-            converted = CONVERSIONS.get(function) if kinds == [types.Float] else None
-            return (converted, operands) if converted and _kind(result) is types.Integer else None
-        if function in (operator.pow, pow) and kinds == [types.Float, types.Integer]:
-            exponent = getattr(declared[1], "literal_value", math.inf)
-            return (_real_power, operands) if abs(exponent) > LARGEST_EXPONENT else None
-        if types.Float in kinds or function is operator.truediv:
-            return (OF_REALS[function], operands) if function in OF_REALS else None
-        if function in CONVERSIONS and len(operands) == 1:
-            return _same, operands
+        if function in CONVERSIONS and len(kinds) == 1 and _kind(result) is types.Integer:
+            return CONVERSIONS[function] if kinds == [types.Float] else _same, operands
+        if function is power and types.Float in kinds:
+            function = operator.pow
+        if function in POWERS and kinds == [types.Float, types.Integer]:
+            exponent: Any = getattr(declared[1], "literal_value", math.inf)
+            if expression.op != "call" and 0 <= exponent <= LARGEST_EXPONENT:
+                return SMALL_POWERS[exponent], operands[:1]
+        is_real = function in OF_REALS and _kind(result) in (types.Float, types.Boolean)
+        if is_real or (function in COMPARISONS and types.Float in kinds and kinds[0] != kinds[1]):
+            return OF_REALS[function], operands
+        if types.Float in kinds or types.Integer not in kinds:
+            return None
         return (OPERATIONS[function], operands) if function in OPERATIONS else None
 
     def apply(self) -> Any:
@@ -325,6 +421,8 @@ def _power(base, exponent):  # type: ignore[no-untyped-def]
 
 def _power_of_integers(base, exponent):  # type: ignore[no-untyped-def]
     result = float(base) ** float(exponent)
+    if exponent < 0 and base == 0:
+        return _divide(1, base)
     if exponent > 0 and not abs(result) <= EXACT:
         raise OverflowError(INEXACT)
     return result

@@ -117,6 +117,10 @@ class KernelCode:
         with self.only_if(self._status.is_error):
             yield
 
+    def is_fault(self) -> Any:
+        """Return whether the user's function has failed for another reason than its domain."""
+        return self._builder.not_(self._status.is_stop_iteration)
+
     def result(self, if_failed: int) -> Any:
         """Return the integer that the function has returned, or `if_failed`."""
         kind, typing = self._function.signature.return_type, cpu_target.typing_context

@@ -161,7 +161,8 @@ def _flow_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
         state, slope = code.vector(code.y, code.count(n)), code.vector(code.out, code.count(n))
         parameters = code.vector(code.parameters, code.size)
         with code.call(code.mode, code.t, state, parameters, slope):
-            code.record_fault(FLOW, n)
+            with code.only_if(code.is_fault()):  # a step beyond its domain is shortened
+                code.record_fault(FLOW, n)
             code.fill(code.out, n, math.nan)
         return code.mode
 
@@ -180,8 +181,9 @@ def _margins_kernel(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernel:
         g = code.vector(code.out, code.count(m))
         r = code.vector(code.after(code.out, code.count(m)), code.count(m))
         with code.call(code.mode, code.t, state, parameters, g, r):
-            code.record_fault(MARGINS, n)
-            code.fill(code.out, m, math.nan)
+            with code.only_if(code.is_fault()):  # a step beyond its domain is shortened
+                code.record_fault(MARGINS, n)
+            code.fill(code.out, 2 * m, math.nan)
         return code.mode
 
     kinds = (_word, _real, VECTOR, VECTOR, VECTOR, VECTOR)

@@ -22,6 +22,7 @@ from numba.core import cgutils
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, overload
 
+from mems_impact.integrators.jit.integer_arithmetic import OF_REALS
 from mems_impact.integrators.jit.numba_support import FOR_C, INNER
 
 __all__ = ["SUBSTITUTES", "cos", "sin"]
@@ -149,8 +150,8 @@ def _overload(
         return implementation
 
 
-_overload(sin, math.sin, _sine)
-_overload(cos, math.cos, _cosine)
+_overload(sin, OF_REALS[math.sin], _sine)
+_overload(cos, OF_REALS[math.cos], _cosine)
 
 SUBSTITUTES: dict[Any, Callable[..., Any]] = {math.sin: sin, math.cos: cos}
 """Functions of compiled code by those of Python."""

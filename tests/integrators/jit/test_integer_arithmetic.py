@@ -27,7 +27,7 @@ def outcome(function, *arguments):
     """The value, or None if Python raises an exception."""
     try:
         return function(*arguments)
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, ValueError, StopIteration):  # the last one where it is undefined
         return None
 
 
