@@ -169,6 +169,7 @@ from .studies.optimize import pareto_front as pareto_front
 from .studies.sensitivity import Sensitivity as Sensitivity
 from .studies.sensitivity import bifurcation_margins as bifurcation_margins
 from .studies.sensitivity import sensitivity as sensitivity
+from .studies.sweep import Sweep as Sweep
 from .studies.sweep import sweep as sweep
 from .studies.uncertainty import ToleranceAnalysis as ToleranceAnalysis
 from .studies.uncertainty import tolerance_analysis as tolerance_analysis
@@ -184,7 +185,6 @@ from .systems.observables import Quantity as Quantity
 from .systems.state import State as State
 from .systems.state import modes as modes
 from .systems.system import System as System
-from .tables import sweep_summary as sweep_summary
 from .tables import to_xarray as to_xarray
 
 __all__: list[str]

@@ -465,7 +465,7 @@ class WorkersLost(MemsImpactError, RuntimeError):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> try:
-    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
+    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=200).table
     ... except mi.WorkersLost as error:
     ...     table = error.partial  # of the finished chunks
     >>> len(table) > 0

@@ -30,6 +30,7 @@ PICTURES = {
     ("studies.basins", "Basins"): "plot_basins",
     ("studies.operating_map", "OperatingMap"): "plot_map",
     ("studies.optimize", "ParetoFront"): "plot_pareto",
+    ("studies.sweep", "Sweep"): "plot_sweep",
     ("studies.uncertainty", "ToleranceAnalysis"): "plot_tolerance_analysis",
 }
 """The public function that draws a result of each class, by module and name."""

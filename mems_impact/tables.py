@@ -717,33 +717,7 @@ def sweep(
 
 
 def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each value of a sweep, in the order in which they were computed.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `sweep`, or read back from a file: its first column is the parameter.
-
-    Returns
-    -------
-    DataFrame
-        Parameter, direction, status, impacting (whether impacts occur in the measured time; False
-        if the point failed), the statistics of the sweep, smallest and largest value of the first
-        state on the section, and the number of crossings.
-
-    See Also
-    --------
-    sweep, plot_sweep
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
-    >>> mi.sweep_summary(table)[["amplitude", "impacting"]].values.tolist()
-    [[0.2, False], [0.24, True]]
-    """
+    """Return one row for each value of the table of a sweep; see `Sweep.statistics`."""
     table = without_units(table)
     parameter, count, state = table.columns[0], table.columns[2], table.columns[3]
     # A sweep may contain a value twice: successive rows with the same value and direction belong

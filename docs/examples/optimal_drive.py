@@ -80,9 +80,7 @@ with mi.style():
                 axes.plot(table["omega"], 1e4 * part, line, color=color)
         values = np.arange(0.48, 0.59, 0.005)
         drive = mi.Sine(amplitude=amplitude, omega=0.48)
-        swept = mi.sweep_summary(
-            mi.sweep(zhao, drive, "omega", values, direction="up", transient=200, periods=40)
-        )
+        swept = mi.sweep(zhao, drive, "omega", values, transient=200, periods=40).statistics
         axes.plot(
             swept["omega"], 1e4 * swept["mean speed"], marker, color=color, markersize=3,
             label=f"$f$ = {amplitude:g}",

@@ -116,10 +116,9 @@ colors = {"preset": "0.5", "air": "#b3901f", "5 Pa": "#00224e"}
 with mi.style():
     axes = Figure(layout="constrained").subplots()
     for name, look in (("air", "^-"), ("5 Pa", "o--")):
-        table = mi.sweep(
+        found = mi.sweep(
             devices[name], slow, "omega", 2 * math.pi * hertz, transient=4, periods=4, options=bdf
-        )
-        found = mi.sweep_summary(table)
+        ).statistics
         size = 1e9 * found["displacement per period"] / found["blows per period"]
         axes.plot(hertz, size, look, color=colors[name], label=name)
         print(name, size.round(1).to_list())
@@ -151,12 +150,11 @@ rows = []
 for name, (volts, frequencies, transient, periods) in studies.items():
     for omega in frequencies:
         drive = mi.Sine(amplitude=volts[0], omega=omega)
-        table = mi.sweep(
+        sweep = mi.sweep(
             devices[name], drive, "amplitude", volts, direction="both", transient=transient,
             periods=periods, options=bdf,
         )  # fmt: skip
-        found = mi.sweep_summary(table)
-        lowest = found[found["impacting"]].groupby("direction")["amplitude"].min()
+        lowest = sweep.statistics.query("impacting").groupby("direction")["amplitude"].min()
         rows.append({"device": name, "omega": omega, "on": lowest["up"], "off": lowest["down"]})
 swept = pd.DataFrame(rows)
 print(swept.to_string(index=False))
@@ -265,7 +263,7 @@ for omega in (650.0, 710.0, 740.0):
     followed = np.interp(omega, on["omega"], on["amplitude"])
     volts = followed * np.array([0.7, 0.97, 1.03])
     drive = mi.Sine(amplitude=volts[0], omega=omega)
-    table = mi.sweep(pumped, drive, "amplitude", volts, transient=150, periods=150, options=bdf)
-    assert mi.sweep_summary(table)["impacting"].to_list() == [False, False, True]
+    sweep = mi.sweep(pumped, drive, "amplitude", volts, transient=150, periods=150, options=bdf)
+    assert sweep.statistics["impacting"].to_list() == [False, False, True]
 assert math.isclose(steps["leads"], steps["air"], rel_tol=1e-5)
 assert math.isclose(ratios[1], 1.0, rel_tol=1e-3)

@@ -87,7 +87,7 @@ print(branch, halves, halves.symmetry, sep="\n")
 
 values = np.linspace(0.82, 0.42, 161)
 dots = [
-    mi.sweep(oscillator, "A", values, transient=100, periods=10, initial=orbit.state)
+    mi.sweep(oscillator, "A", values, transient=100, periods=10, initial=orbit.state).table
     for orbit in (halves.orbits[0], halves.orbits[-1])
 ]
 axes = mi.plot_branch([branch, halves], sweep=pd.concat(dots), quantity="v")

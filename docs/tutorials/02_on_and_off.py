@@ -24,17 +24,16 @@ assert walking.statistics["impacts per period"] == 1.0
 # Each value of a sweep starts from the last state of the previous value. The sweep up starts at rest,
 # the sweep down with a kick.
 
-table = mi.sweep(
+sweep = mi.sweep(
     actuator, drive, "amplitude", np.linspace(0.16, 0.24, 33),
     direction="both", transient=200, periods=20,
 )  # fmt: skip
-mi.plot_sweep(table).figure.savefig("on_and_off.png")
+mi.plot_sweep(sweep).figure.savefig("on_and_off.png")
 
 # %%
-# The summary has one row per value. The lowest voltage with impacts in each direction follows.
+# The statistics have one row per value. The lowest voltage with impacts in each direction follows.
 
-summary = mi.sweep_summary(table)
-on = summary[summary["impacting"]].groupby("direction")["amplitude"].min()
+on = sweep.statistics.query("impacting").groupby("direction")["amplitude"].min()
 print(on)
 
 # %%

@@ -62,7 +62,7 @@ from mems_impact.studies.sweep import sweep
 from mems_impact.studies.uncertainty import Specification, tolerance_analysis
 from mems_impact.systems.settling import SETTLED
 from mems_impact.systems.state import State, is_number, whole
-from mems_impact.tables import sweep_summary, unit_of
+from mems_impact.tables import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -377,12 +377,12 @@ class ReportMaker:
         if not name:
             kind = type(self.drive).__name__
             return Content(problem=f"The {kind} drive has no amplitude to vary.")
-        table = sweep(
+        speeds = sweep(
             self.system, name, self._voltages(name), direction="both", initial=None,
             steady=True, transient=self.lengths["transient"], periods=self.lengths["periods"],
             workers=1,
         )  # fmt: skip
-        summary = sweep_summary(table)
+        summary = speeds.statistics
         text = (
             "The amplitude is raised from rest and lowered from a kick; each value starts from the "
             "motion at the previous one."
@@ -392,7 +392,7 @@ class ReportMaker:
             blocks.append("The block strikes at none of these voltages.")
         blocks.append(
             picture(
-                lambda: plot_speed(table),
+                lambda: plot_speed(speeds.table),
                 "Step per cycle and mean speed of the frame over the amplitude.",
             )
         )

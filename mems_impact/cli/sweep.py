@@ -17,6 +17,7 @@ from mems_impact.cli.value_types import RangeType, symbol_of
 if TYPE_CHECKING:
     import pandas as pd
 
+    from mems_impact.studies.sweep import Sweep
     from mems_impact.tables import ImpactChange
 
 DIRECTION_WORDS = {"up": "increasing", "down": "decreasing"}
@@ -62,13 +63,13 @@ def command(
     low, high = (system.without_unit(parameter, end, "values") for end in (start, stop))
     arguments = arguments_for(FUNCTION, system)
     with output("sweep") as files:
-        table = run_saving_partial(
+        sweep = run_saving_partial(
             lambda: mi.sweep(system, parameter, np.linspace(low, high, points), **arguments),
             lambda table: files.tables(_tables(table)),
         )
-        files.tables(_tables(table))
-        files.draw(lambda: mi.plot_sweep(table).figure)
-        _show(table, files.written[1] if files.directory else "--json")
+        files.tables(_tables(sweep.table))
+        files.draw(lambda: mi.plot_sweep(sweep).figure)
+        _show(sweep, files.written[1] if files.directory else "--json")
         files.show()
 
 
@@ -78,15 +79,14 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {"table": table, "summary": sweep_summary(table)}
 
 
-def _show(table: pd.DataFrame, place: object) -> None:
+def _show(sweep: Sweep, place: object) -> None:
     import pandas as pd
 
-    from mems_impact.tables import impact_changes, sweep_summary
+    from mems_impact.tables import impact_changes
 
-    summary = sweep_summary(table)
-    parameter = summary.columns[0]
+    summary, parameter = sweep.statistics, sweep.parameter
     unit = unit_of(summary, parameter)
-    changes = impact_changes(table)
+    changes = impact_changes(sweep.table)
     add_json_tables(
         {
             "summary": summary,

@@ -104,8 +104,8 @@ def _sweep(
     low, high = float(values[0]), float(values[-1])
     more = [f"{key}={value!r}" for key, value in arguments.items()]
     yield f"values = np.linspace({low!r}, {high!r}, {len(values)})"
-    yield f"table = mi.sweep(system, {name!r}, values, {', '.join((*more, *options))})"
-    yield 'mi.plot_sweep(table).figure.savefig("sweep.png", dpi=200)'
+    yield f"sweep = mi.sweep(system, {name!r}, values, {', '.join((*more, *options))})"
+    yield 'mi.plot_sweep(sweep).figure.savefig("sweep.png", dpi=200)'
 
 
 def _tables(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -156,7 +156,8 @@ def diagram_of(
     system = request.setting.system(subject)
     arguments = sweep_arguments(system, request.setting, spec, request.points)
     with collected_warnings() as collected:
-        table = mi.sweep(system, **arguments, options=subject.options, progress=watch or False)
+        sweep = mi.sweep(system, **arguments, options=subject.options, progress=watch or False)
+    table = sweep.table
     reasons = table.loc[table["status"] != "ok", "status"]
     messages = [f"{len(reasons)} values failed: {reasons.iloc[0]}"] if len(reasons) else []
     messages += [each.message for each in first_of_each(collected)]

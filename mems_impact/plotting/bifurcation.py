@@ -37,12 +37,13 @@ from mems_impact.plotting.style import (
     styled,
     thickness,
 )
-from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.tables import NUMBER, PERIOD, impact_changes, sweep_summary, without_units
 
 if TYPE_CHECKING:
     from mems_impact.analysis.branch import Curve
     from mems_impact.studies.bifurcation_diagram import BifurcationDiagram
+    from mems_impact.studies.engine.store import StoredStudy
+    from mems_impact.studies.sweep import Sweep
 
 __all__ = ["draw_switches", "plot_branch", "plot_curve", "plot_diagram", "plot_sweep"]
 
@@ -80,7 +81,7 @@ class Diagram(Protocol):
 @styled
 def plot_branch(
     branch: Diagram | Sequence[Diagram],
-    sweep: pd.DataFrame | None = None,
+    sweep: Sweep | pd.DataFrame | None = None,
     ax: Any = None,
     *,
     quantity: str | None = None,
@@ -94,8 +95,8 @@ def plot_branch(
     Parameters
     ----------
     branch : Branch or EquilibriumBranch, or sequence of these
-    sweep : DataFrame, optional
-        From `mems_impact.sweep` over the same parameter, drawn as dots below the branches.
+    sweep : Sweep or DataFrame, optional
+        A sweep over the same parameter, or its table, drawn as dots below the branches.
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
     quantity : str, optional
@@ -133,7 +134,7 @@ def plot_branch(
             raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
     parameter, state = first.columns[0], _ordinate(first, quantity)
-    dots = None if sweep is None else without_units(sweep)
+    dots = None if sweep is None else without_units(getattr(sweep, "table", sweep))
     over = [diagram.table.columns[0] for diagram in diagrams]
     over += [] if dots is None else [dots.columns[0]]
     if set(over) != {parameter}:
@@ -420,7 +421,7 @@ BRANCH_COLUMNS = ("direction", "status")
 
 @styled
 def plot_sweep(
-    table: pd.DataFrame | StoredStudy, ax: Any = None, *, quantity: str | None = None
+    sweep: Sweep | StoredStudy | pd.DataFrame, ax: Any = None, *, quantity: str | None = None
 ) -> Any:
     """Draw a sweep over its parameter: the first state on the section, and statistics.
 
@@ -432,9 +433,9 @@ def plot_sweep(
 
     Parameters
     ----------
-    table : DataFrame or StoredStudy
-        From `mems_impact.sweep`, or read back from a file; then only the state by default.
-        Or the store of a sweep, running or finished.
+    sweep : Sweep, StoredStudy or DataFrame
+        A sweep, its running or finished store, or a table of either. A table read back from a file
+        shows only the state by default.
     ax : matplotlib Axes, optional
         Where to draw one quantity; a new figure by default.
     quantity : str, optional
@@ -450,24 +451,24 @@ def plot_sweep(
     Raises
     ------
     InvalidParameter
-        If `table` is not from a sweep, or the quantity is unknown.
+        If `sweep` is not a sweep, or the quantity is unknown.
 
     See Also
     --------
-    sweep, sweep_summary, plot_branch
+    sweep, Sweep, plot_branch
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
-    >>> mi.plot_sweep(table, quantity="speed").figure.savefig("sweep.png")
+    >>> sweep = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=200, periods=10)
+    >>> mi.plot_sweep(sweep, quantity="speed").figure.savefig("sweep.png")
     """
-    table = without_units(table.table if isinstance(table, StoredStudy) else table)
+    table = without_units(getattr(sweep, "table", sweep))
     if not set(BRANCH_COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
-        problem = "not a table of mems_impact.sweep (a summary has no section)"
-        raise InvalidParameter("table", None, "", problem=problem)
+        allowed = "a Sweep, as mems_impact.sweep returns it, or its table or store"
+        raise InvalidParameter("sweep", type(sweep).__name__, allowed)
     quantities = _quantities(table)
     if quantity is not None and quantity not in quantities:
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -39,8 +39,7 @@ from mems_impact.studies.engine.study import (
     row_label,
 )
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
-from mems_impact.systems.base import HybridSystem
-from mems_impact.systems.result import Result
+from mems_impact.systems.result import ParameterResult
 from mems_impact.systems.serialization.identity import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
@@ -355,8 +354,8 @@ class AttractorContinuationStudy(Study):
         return state.replace(time=min(state.time / before * after, math.nextafter(after, 0.0)))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AttractorBranches(Result):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class AttractorBranches(ParameterResult):
     """Attractors over a parameter.
 
     Attributes
@@ -389,23 +388,11 @@ class AttractorBranches(Result):
     ('amplitude', ['off', 'period 1'])
     """
 
-    system: HybridSystem = field(repr=False)
-    parameter: str
-    table: pd.DataFrame = field(repr=False)
-    branches: pd.DataFrame = field(repr=False)
-
-    def __repr__(self) -> str:
-        names = ", ".join(self.branches[ATTRACTOR])
-        return f"AttractorBranches({self.parameter}: {names})"
+    branches: pd.DataFrame
 
     def summary(self) -> dict[str, Any]:
-        """Return parameter, range and number of branches."""
-        values = self.table[self.parameter]
-        return {
-            "system": repr(self.system),
-            self.system.label(self.parameter): f"{values.min():g} to {values.max():g}",
-            "branches": ", ".join(self.branches[ATTRACTOR]),
-        }
+        """Return the system, the values of the parameter and the names of the branches."""
+        return {**super().summary(), "branches": ", ".join(self.branches[ATTRACTOR])}
 
 
 def continue_attractors(

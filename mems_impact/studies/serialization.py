@@ -7,6 +7,7 @@ from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.studies.optimize import Optimum, ParetoFront
 from mems_impact.studies.sampling import Axis, Grid, Sample
 from mems_impact.studies.sensitivity import Sensitivity
+from mems_impact.studies.sweep import Sweep
 from mems_impact.studies.uncertainty import ToleranceAnalysis
 from mems_impact.systems.serialization.codec import register
 
@@ -16,6 +17,7 @@ register(Axis)
 register(Grid)
 register(Sample)
 register(OperatingMap)
+register(Sweep)
 register(Basins)
 register(AttractorBranches)
 register(BifurcationDiagram)

@@ -31,9 +31,10 @@ from mems_impact.hybrid.problem import is_compiled
 from mems_impact.hybrid.simulation import INSTANT_RTOL
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
-from mems_impact.studies.engine.study import STATUS, Columns, Study
+from mems_impact.studies.engine.study import OK, STATUS, Columns, Study
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import ParameterResult
 from mems_impact.systems.serialization.identity import (
     identity,
     identity_of_options,
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["sweep"]
+__all__ = ["Sweep", "sweep"]
 
 # --- Sweeps as studies, with a chain of values per direction
 
@@ -315,6 +316,64 @@ def _value_progress(watch: Watch | None, done: int) -> Watch | None:
 
 # --- Sweeps
 
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Sweep(ParameterResult):
+    """Motions while a parameter is varied slowly.
+
+    Attributes
+    ----------
+    system : System
+        At its own value of the parameter.
+    parameter : str
+    table : DataFrame
+        One row per crossing of the section: the parameter, direction ("up" or "down"), period
+        (counted from the end of the transient), v2, v1, and for each value impacts per period,
+        blows per period (see `mems_impact.BlowStatistics`), displacement per period and per impact
+        (the step; NaN without an impact), mean speed, closest approach and status. After each
+        statistic follows its error, a bound of the distance from the attractor's value (see
+        `Settling`): of a motion that does not become periodic, the statistical error; infinite if
+        it is unknown. A value without crossings is one row with NaN in the columns of a crossing. A
+        value that failed is one row with NaN in all columns and the reason, rather than "ok", as
+        status; the sweep continues from the last good state. For an autonomous system, crossings
+        have a number, from 0, in place of the period, and impacts are counted per time. The k-th
+        maxima of all states share a row, with NaN where a state has fewer; a state at rest has one
+        maximum, its value.
+
+    See Also
+    --------
+    sweep, plot_sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> sweep = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=200, periods=10)
+    >>> sweep
+    Sweep(amplitude = 0.2 to 0.24, 2 values; direction up)
+    >>> sweep.statistics[["amplitude", "impacting"]].values.tolist()
+    [[0.2, False], [0.24, True]]
+    """
+
+    @cached_property
+    def statistics(self) -> pd.DataFrame:
+        """One row for each value, in the order of computation.
+
+        Parameter, direction, status, impacting (whether impacts occur in the measured time; False
+        if the value failed), the statistics of the table, smallest and largest value of the first
+        state on the section, and the number of crossings.
+        """
+        return sweep_tables.sweep_summary(self.table)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the values of the parameter, the directions, and how many values failed."""
+        failed = int((self.statistics[STATUS] != OK).sum())
+        directions = ", ".join(self.table[sweep_tables.DIRECTION].unique())
+        rows = {**super().summary(), "direction": directions}
+        return {**rows, "failed": failed} if failed else rows
+
+
 TRANSIENT, PERIODS = 300, 60  # defaults for a system with forcing
 CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
 
@@ -337,7 +396,7 @@ def sweep(
     executor: Executor | Callable[[], Executor] | None = None,
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
-) -> pd.DataFrame:
+) -> Sweep:
     """Sweep one parameter slowly; every value starts from the final state of the previous one.
 
     Parameters
@@ -382,19 +441,7 @@ def sweep(
 
     Returns
     -------
-    DataFrame
-        One row per crossing of the section: the parameter, direction ("up" or "down"), period
-        (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        blows per period (see `mems_impact.BlowStatistics`), displacement per period and per impact
-        (the step; NaN without an impact), mean speed, closest approach and status. After each
-        statistic follows its error, a bound of the distance from the attractor's value (see
-        `Settling`): of a motion that does not become periodic, the statistical error; infinite if
-        it is unknown. A value without crossings is one row with NaN in the columns of a crossing. A
-        value that failed is one row with NaN in all columns and the reason, rather than "ok", as
-        status; the sweep continues from the last good state. For an autonomous system, crossings
-        have a number, from 0, in place of the period, and impacts are counted per time. The k-th
-        maxima of all states share a row, with NaN where a state has fewer; a state at rest has one
-        maximum, its value.
+    Sweep
 
     Raises
     ------
@@ -410,7 +457,7 @@ def sweep(
 
     See Also
     --------
-    sweep_summary, plot_sweep, steady_state, operating_map, continue_orbit
+    Sweep, plot_sweep, steady_state, operating_map, continue_orbit
 
     Notes
     -----
@@ -421,9 +468,8 @@ def sweep(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
-    >>> summary = mi.sweep_summary(table)
-    >>> summary["impacting"].tolist()  # from rest: off, then on
+    >>> sweep = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=200, periods=10)
+    >>> sweep.statistics["impacting"].tolist()  # from rest: off, then on
     [False, True]
     """
     if direction not in CHAINS:
@@ -456,7 +502,7 @@ def sweep(
             study.case(number)  # check all values before the first is computed
     for start in study.starts.values():
         system.hybrid_state(start, system.problem(options))
-    return run_study(
+    table = run_study(
         study,
         store=store,
         executor=executor,
@@ -465,6 +511,7 @@ def sweep(
         # In memory, chunks of one value lose the least by an interruption.
         chunk=1 if store is None and executor is None else None,
     )
+    return Sweep(system=system, parameter=parameter, table=table)
 
 
 def _spans(

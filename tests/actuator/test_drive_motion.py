@@ -324,8 +324,8 @@ def test_a_device_in_si_moves_as_the_dimensionless_one(name):
 
 def test_a_sweep_over_the_duty():
     square = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
-    table = mi.sweep(ZHAO, square, "duty", [0.05, 0.3], direction="up", transient=40, periods=5)
-    summary = mi.sweep_summary(table)
+    sweep = mi.sweep(ZHAO, square, "duty", [0.05, 0.3], direction="up", transient=40, periods=5)
+    summary = sweep.statistics
     assert list(summary["duty"]) == [0.05, 0.3]
     assert list(summary["impacting"]) == [False, True]
 
@@ -333,6 +333,6 @@ def test_a_sweep_over_the_duty():
 def test_a_sweep_over_a_number_of_a_drive_within():
     table = mi.sweep(
         ZHAO, DRIVES["burst of pulses"], "wave.width", [2.0, 3.0], transient=1, periods=1
-    )
+    ).table
     assert table.columns[0] == "wave.width"
     assert set(table["status"]) == {"ok"}

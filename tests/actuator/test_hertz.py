@@ -61,7 +61,7 @@ def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
     runs = [mi.simulate(MITA, each, 20) for each in (drive, other)]
     assert runs[0].final.as_dict() == pytest.approx(runs[1].final.as_dict(), rel=1e-9)
     assert mi.load(runs[0].save(tmp_path / "run.zip") or tmp_path / "run.zip").drive == drive
-    table = mi.sweep(MITA, drive, "frequency", [100.0, 110.0], transient=2, periods=2)
+    table = mi.sweep(MITA, drive, "frequency", [100.0, 110.0], transient=2, periods=2).table
     assert table.columns[0] == "frequency"
     assert table.attrs["units"]["frequency"] == "Hz"
     quiet = drive.replace(amplitude=10.0)

@@ -328,7 +328,7 @@ def test_a_chart_without_types_has_the_voltages_at_single_frequencies():
     drive = mi.Sine(amplitude=on, omega=0.5 * resonance)
     slowly = np.array([0.5, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 1.005])  # without overshoot
     raised = mi.sweep(device, drive, "amplitude", slowly * on, direction="up", periods=20)
-    assert mi.sweep_summary(raised)["impacting"].tolist() == [False] * 8 + [True]
+    assert raised.statistics["impacting"].tolist() == [False] * 8 + [True]
 
 
 def test_a_stopper_before_pull_in_bounds_the_search():

@@ -16,7 +16,7 @@ def dropped(**arguments):
     """Sweep the friction drop of the block on the belt, over two or three cycles a value."""
     system = belt(v=0.3, Fs=1.0)
     spans = {"transient": 8.0, "duration": 12.0, "options": PLAIN}
-    return mi.sweep(system, "Fd", [1.0 - drop for drop in DROPS], **spans, **arguments)
+    return mi.sweep(system, "Fd", [1.0 - drop for drop in DROPS], **spans, **arguments).table
 
 
 def test_maxima_of_each_state():
@@ -51,13 +51,14 @@ def rotor(**more):
 
 
 def test_a_section_and_both_ways():
-    table = mi.sweep(
+    sweep = mi.sweep(
         rotor(section=("x", 0.0)), "a", [0.5, 1.0], direction="both", section=-1,
         transient=40.0, duration=13.0, initial=mi.State(x=0.4), options=PLAIN,
     )  # fmt: skip
+    table = sweep.table
     assert table["y"].to_numpy() == pytest.approx(np.sqrt(table["a"]), abs=1e-9)
     assert len(table) == 8  # two rounds a value
-    summary = mi.sweep_summary(table)
+    summary = sweep.statistics
     assert summary["a"].tolist() == [0.5, 1.0, 1.0, 0.5]
     assert summary["crossings"].tolist() == [2, 2, 2, 2]
     assert not summary["impacting"].any()
@@ -68,14 +69,14 @@ def test_what_is_at_rest_has_one_maximum():
     table = mi.sweep(
         system, "a", [0.5, 1.0], transient=30.0, duration=13.0, initial=mi.State(x=0.4),
         options=PLAIN,
-    )  # fmt: skip
+    ).table  # fmt: skip
     for a, rows in table.groupby("a"):
         assert rows["x"].to_numpy() == pytest.approx(math.sqrt(a), abs=1e-9)
         assert rows["y"].to_numpy() == pytest.approx(math.sqrt(a), abs=1e-9)
     at_rest = mi.sweep(
         system, "a", [-1.0], transient=5.0, duration=2.0, initial=mi.State(x=0.0, y=0.0),
         options=PLAIN,
-    )  # fmt: skip
+    ).table  # fmt: skip
     assert at_rest[["number", "x", "y"]].to_numpy().tolist() == [[0.0, 0.0, 0.0]]
 
 
@@ -100,7 +101,7 @@ def test_jumps_are_maxima_and_impacts_are_counted_per_time():
         guards=[mi.Impact("floor", height, bounce)],
         initial={"x": 1.0},
     )
-    table = mi.sweep(ball, "g", [2.0], transient=0.5, duration=10.0, options=PLAIN)
+    table = mi.sweep(ball, "g", [2.0], transient=0.5, duration=10.0, options=PLAIN).table
     assert table["x"].dropna().to_numpy() == pytest.approx(1.0, abs=1e-9)
     assert table["v"].dropna().to_numpy() == pytest.approx(2.0, abs=1e-9)
     assert table["v"].count() == 5

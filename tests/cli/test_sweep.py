@@ -23,7 +23,9 @@ def test_summary_table_and_figure(cli, tmp_path):
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
     assert set(table["direction"]) == {"up", "down"}
     summary = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
-    pd.testing.assert_frame_equal(summary, mi.sweep_summary(table), rtol=1e-15)
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.2, omega=0.5))
+    statistics = mi.Sweep(system=system, parameter="amplitude", table=table).statistics
+    pd.testing.assert_frame_equal(summary, statistics, rtol=1e-15)
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -76,7 +78,7 @@ def test_a_parameter_of_the_device(cli, tmp_path):
 
 
 def test_failed_values_are_said(cli, monkeypatch):
-    table = mi.sweep(
+    sweep = mi.sweep(
         mi.load_actuator("zhao2004"),
         mi.Sine(amplitude=0.2, omega=0.5),
         "amplitude",
@@ -84,8 +86,8 @@ def test_failed_values_are_said(cli, monkeypatch):
         transient=1,
         periods=1,
     )
-    table.loc[table["amplitude"] == 0.24, "status"] = "it broke"
-    monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
+    sweep.table.loc[sweep.table["amplitude"] == 0.24, "status"] = "it broke"
+    monkeypatch.setattr(mi, "sweep", lambda *_, **__: sweep, raising=False)
     done = cli(*ARGUMENTS)
     assert done.status == 0
     assert "1 failed" in done.out

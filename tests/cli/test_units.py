@@ -37,11 +37,11 @@ def test_branch(cli):
 
 def test_sweep(cli, monkeypatch):
     drive = mi.Sine(amplitude=20.0, omega=1000.0)
-    table = mi.sweep(
+    sweep = mi.sweep(
         mi.load_actuator("mita2003"), drive, "amplitude", [20, 50], transient=1, periods=1
     )
-    table.loc[table["amplitude"] == 50, "status"] = "it broke"
-    monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
+    sweep.table.loc[sweep.table["amplitude"] == 50, "status"] = "it broke"
+    monkeypatch.setattr(mi, "sweep", lambda *_, **__: sweep, raising=False)
     out = cli("sweep", "mita2003", "amplitude=20:50:2", *VOLTAGE).out
     assert "increasing amplitude: impacts at 1 of 2 values, 1 failed" in out
     assert "  failed at 50 V: it broke" in out

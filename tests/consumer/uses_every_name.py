@@ -177,9 +177,7 @@ def orbits(system: mi.HybridSystem, actuator: mi.Actuator, drive: mi.Drive) -> N
 
 
 def studies(system: mi.HybridSystem, orbit: mi.Orbit) -> None:
-    table = mi.sweep(system, "A", [0.1, 0.2])
-    mi.sweep_summary(table)
-    mi.plot_sweep(table)
+    mi.plot_sweep(assert_type(mi.sweep(system, "A", [0.1, 0.2]), mi.Sweep))
     axes = {"x": ("A", [0.1]), "y": ("omega", [1.0])}
     found = mi.operating_map(system, x=axes["x"], y=axes["y"], recurrence=mi.RecurrenceOptions())
     assert_type(found, mi.OperatingMap)

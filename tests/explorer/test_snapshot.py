@@ -159,7 +159,7 @@ def test_the_diagram_is_a_sweep_over_the_slider():
     table = mi.sweep(
         zhao().system, "amplitude", [0.24], direction="down", transient=60, periods=16,
         options=zhao().options,
-    )  # fmt: skip
+    ).table  # fmt: skip
     assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
 
 

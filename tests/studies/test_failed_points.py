@@ -91,7 +91,9 @@ def test_a_function_that_fails_at_a_point_is_a_row_with_what_it_raised(which):
 def test_it_is_a_row_of_a_sweep(which):
     system = oscillator(**FAILING[which])
     _check(
-        mi.sweep(system, "A", [0.4, 0.5], direction="both", transient=2, periods=1, options=OPTIONS)
+        mi.sweep(
+            system, "A", [0.4, 0.5], direction="both", transient=2, periods=1, options=OPTIONS
+        ).table
     )
 
 

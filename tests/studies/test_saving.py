@@ -21,18 +21,21 @@ def study_of(kind):
     given = {"recurrence": BRIEF, "options": FAST}
     if kind == "map":
         return mi.operating_map(*device(), x=("amplitude", [0.2, 0.24]), y=("e", [0.8]), **given)
+    if kind == "sweep":
+        return mi.sweep(*device(), "amplitude", [0.2, 0.24], transient=20, periods=5, options=FAST)
     if kind == "basins":
         return mi.basins(*device(), x=("x2", [0.0, 0.2]), y=("v2", [0.0, 0.6]), **given)
     return mi.tolerance_analysis(*device(), over={"e": stats.norm(0.8, 0.01)}, samples=2, **given)
 
 
-@pytest.mark.parametrize("kind", ["map", "basins", "tolerances"])
+@pytest.mark.parametrize("kind", ["map", "sweep", "basins", "tolerances"])
 def test_a_result_comes_back_as_it_was(kind, tmp_path):
     found = study_of(kind)
     found.save(tmp_path / "found.zip")
     again = mi.load(tmp_path / "found.zip")
     assert again == found
     assert again.table.attrs == found.table.attrs
+    assert repr(again) == repr(found)
     for other in (pickle.loads(pickle.dumps(found)), copy.deepcopy(found)):
         assert other == found
     if kind == "map":

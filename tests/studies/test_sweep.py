@@ -18,6 +18,10 @@ SHORT = {"transient": 10, "periods": 4}
 
 
 def swept(values=(0.2, 0.22, 0.24), parameter="amplitude", **arguments):
+    return sweep_over(values, parameter, **arguments).table
+
+
+def sweep_over(values=(0.2, 0.22, 0.24), parameter="amplitude", **arguments):
     return mi.sweep(ZHAO, DRIVE, parameter, values, **(SHORT | arguments))
 
 
@@ -28,7 +32,7 @@ def hysteresis():
 
 
 def test_hysteresis_of_the_paper(hysteresis):
-    summary = mi.sweep_summary(hysteresis)
+    summary = hysteresis.statistics
     up, down = (summary[summary["direction"] == name] for name in ("up", "down"))
     on = up.loc[up["impacting"], "amplitude"].min()
     off = down.loc[~down["impacting"], "amplitude"].max()
@@ -48,29 +52,30 @@ def test_hysteresis_of_the_paper(hysteresis):
 def test_chaotic_values_have_errors_that_long_runs_confirm(amplitude, omega):
     drive, start = mi.Sine(amplitude=amplitude, omega=omega), mi.kicked_state(ZHAO)
     values = [amplitude]
-    table = mi.sweep(ZHAO, drive, "amplitude", values, transient=50, periods=300, initial=start)
-    row = mi.sweep_summary(table).iloc[0]
+    sweep = mi.sweep(ZHAO, drive, "amplitude", values, transient=50, periods=300, initial=start)
+    row = sweep.statistics.iloc[0]
     long = mi.simulate(ZHAO, drive, 6_000, initial=start, keep="statistics").statistics
     for name in ("displacement per period", "impacts per period", "mean speed"):
         error = row[f"{name} error"]
         assert 1e-3 * abs(row[name]) < error < 0.5 * abs(row[name])
         assert abs(row[name] - long[name]) <= 1.5 * error
-    assert table.attrs["units"] == {}
+    assert sweep.table.attrs["units"] == {}
 
 
 def test_table(hysteresis):
+    table = hysteresis.table
     statistics = [
         "impacts per period", "blows per period", "displacement per period",
         "displacement per impact", "mean speed", "closest approach",
     ]  # fmt: skip
     pairs = [name for each in statistics for name in (each, f"{each} error")]
     first = ["amplitude", "direction", "period", "v2", "v1"]
-    assert list(hysteresis.columns) == [*first, *pairs, "status"]
-    assert len(hysteresis) == 2 * 17 * 20
-    assert (hysteresis["status"] == "ok").all()
-    assert (hysteresis["v2"] > 0).all()
-    assert sorted(set(hysteresis["period"])) == list(range(20))
-    down = hysteresis[hysteresis["direction"] == "down"]
+    assert list(table.columns) == [*first, *pairs, "status"]
+    assert len(table) == 2 * 17 * 20
+    assert (table["status"] == "ok").all()
+    assert (table["v2"] > 0).all()
+    assert sorted(set(table["period"])) == list(range(20))
+    down = table[table["direction"] == "down"]
     assert down["amplitude"].is_monotonic_decreasing
 
 
@@ -167,7 +172,8 @@ def test_failed_values_are_rows(monkeypatch):
         return simulate(system, *rest, **more)
 
     monkeypatch.setattr(sweep, "simulate", failing)
-    table = swept(initial=mi.State(v2=1.0), workers=1)
+    result = sweep_over(initial=mi.State(v2=1.0), workers=1)
+    table = result.table
     failed = table[table["amplitude"] == 0.22]
     assert len(failed) == 1
     assert failed[["period", "v2", "v1", "impacts per period"]].isna().all(axis=None)
@@ -175,7 +181,8 @@ def test_failed_values_are_rows(monkeypatch):
     # The next value starts where the failed one did.
     assert starts[3] == starts[2] != starts[1]  # after one to compile
     assert (table.loc[table["amplitude"] != 0.22, "status"] == "ok").all()
-    summary = mi.sweep_summary(table)
+    assert repr(result) == "Sweep(amplitude = 0.2 to 0.24, 3 values; direction up; failed 1)"
+    summary = result.statistics
     assert summary["impacting"].tolist()[1] is False
     assert summary["crossings"].tolist() == [4, 0, 4]
 
@@ -189,7 +196,7 @@ def test_stopper_that_closes_in_on_the_block():
 
 def test_value_without_crossing_is_a_row():
     held = mi.Sine(amplitude=0.1, omega=0.5, bias=2.0)
-    table = mi.sweep(ZHAO, held, "amplitude", [0.1, 0.2], **SHORT)
+    table = mi.sweep(ZHAO, held, "amplitude", [0.1, 0.2], **SHORT).table
     assert len(table) == 2
     assert table["v2"].isna().all()
     assert (table["status"] == "ok").all()
@@ -333,7 +340,7 @@ def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
         parts=[mi.Stopper("stop", "x", "v", upper="d", restitution=0.5)],
     )
     plain = {"duration": 1.0, "options": mi.Options(engine="interpreted", method="dop853")}
-    table = mi.sweep(resting, "d", [0.9, 1.0, 1.2], direction="both", transient=20, **plain)
+    table = mi.sweep(resting, "d", [0.9, 1.0, 1.2], direction="both", transient=20, **plain).table
     assert table["x"].to_list() == pytest.approx(table["d"].to_list(), abs=1e-9)
     sticking = mi.System(
         states=("x", "v"),
@@ -341,7 +348,7 @@ def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
         parameters={"speed": 0.1},
         parts=[mi.Friction("belt", "v", mu=0.9, static=1.0, surface="speed")],
     )
-    table = mi.sweep(sticking, "speed", [0.1, 0.2], transient=1.0, **plain)
+    table = mi.sweep(sticking, "speed", [0.1, 0.2], transient=1.0, **plain).table
     assert table["v"].to_list() == pytest.approx([0.1, 0.2], abs=1e-12)
     # It settles at 1/2 above the level, slides along it while both flows lead there, and settles at
     # 1 below it.
@@ -352,6 +359,6 @@ def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
         parts=[mi.SwitchingSurface("valve", "T", level="level")],
     )
     levels = [0.4, 0.6, 0.8, 1.1]
-    table = mi.sweep(sliding, "level", levels, direction="both", transient=40, **plain)
+    table = mi.sweep(sliding, "level", levels, direction="both", transient=40, **plain).table
     settled = np.clip(table["level"], 0.5, 1.0).to_list()
     assert table["T"].to_list() == pytest.approx(settled, abs=1e-9)

@@ -89,7 +89,8 @@ def test_tolerances_and_distributions():
 def test_sweeps_and_branches():
     lengths = {"transient": 2, "periods": 2}
     tables = [
-        mi.sweep(SI, "amplitude", values, **lengths) for values in ([10.0, 20.0], ["10 V", "20 V"])
+        mi.sweep(SI, "amplitude", values, **lengths).table
+        for values in ([10.0, 20.0], ["10 V", "20 V"])
     ]
     assert tables[0].equals(tables[1])
     orbit = mi.find_orbit(SI)

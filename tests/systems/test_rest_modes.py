@@ -46,7 +46,7 @@ def body(*guards, **more):
 
 def swept(system, values=WALLS, parameter="wall"):
     given = {"direction": "up", "transient": 20, "periods": 1, "options": PLAIN}
-    return mi.sweep(system, parameter, values, **given)
+    return mi.sweep(system, parameter, values, **given).table
 
 
 @pytest.mark.quick(1)

@@ -162,7 +162,8 @@ def test_orbit_branch_curve():
 
 
 def test_a_sweep_looks_where_periods_begin():
-    table = mi.sweep(oscillator(), "A", [0.3, 0.5], transient=100, periods=4, direction="both")
+    sweep = mi.sweep(oscillator(), "A", [0.3, 0.5], transient=100, periods=4, direction="both")
+    table = sweep.table
     assert list(table.columns) == [
         "A", "direction", "period", "x", "v", "impacts per period", "impacts per period error",
         "speed", "speed error", "energy", "energy error", "status",
@@ -173,7 +174,7 @@ def test_a_sweep_looks_where_periods_begin():
     z = 0.3 / complex(1.0 - omega**2, 2.0 * zeta * omega)
     assert np.abs(silent["x"] - z.real).max() < 1e-6
     assert np.abs(silent["v"] + omega * z.imag).max() > 0.0
-    summary = mi.sweep_summary(table)
+    summary = sweep.statistics
     assert summary["impacting"].tolist() == [False, True, True, False]
     assert summary["crossings"].tolist() == [4] * 4
 

@@ -167,8 +167,8 @@ def test_saved_and_pickled_in_the_units_in_which_it_counted(tmp_path):
 def test_a_sweep_is_in_the_users_units():
     values = np.array([0.3, 0.5, 0.6])
     how = {"transient": 5, "periods": 2, "options": PLAIN, "workers": 1}
-    one = mi.sweep(oscillator(), "A", values, **how)
-    other = mi.sweep(oscillator(L, T, typical=SIZES), "A", values * L / T**2, **how)
+    one = mi.sweep(oscillator(), "A", values, **how).table
+    other = mi.sweep(oscillator(L, T, typical=SIZES), "A", values * L / T**2, **how).table
     assert (other["x"] == one["x"] * L).all()
     assert (other["v"] == one["v"] * L / T).all()
     assert (other["speed"].dropna() == one["speed"].dropna() * L / T).all()

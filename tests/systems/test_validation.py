@@ -466,7 +466,7 @@ def test_a_sweep_continues_past_rates_that_are_wrong_for_some_of_its_values():
     system = late_swing(wrong_late, period=2.0 * math.pi)
     table = mi.sweep(
         system, "length", [50.0, 90.0], transient=1, periods=9, options=INTERPRETED, workers=1
-    )
+    ).table
     status = table.groupby("length")["status"].first()
     assert "rate of 'stop'" in status[50.0]
     assert status[90.0] == "ok"

@@ -145,6 +145,10 @@ def swept(points):
     return sweep("omega", points, ("v", "x"), STATISTICS, FORCED)
 
 
+def statistics_of(table):
+    return mi.Sweep(system=FORCED, parameter="omega", table=table).statistics
+
+
 def test_sweep():
     table = swept([point(0.1), point(0.2, crossings=0, status="lost"), point(0.3)])
     assert table["omega"].tolist() == [0.1, 0.1, 0.2, 0.3, 0.3]
@@ -157,13 +161,13 @@ def test_sweep():
 def test_sweep_of_nothing():
     table = swept([])
     assert len(table) == 0
-    assert len(mi.sweep_summary(table)) == 0
+    assert len(statistics_of(table)) == 0
 
 
-def test_sweep_summary(tmp_path):
+def test_statistics_of_a_sweep(tmp_path):
     points = [point(0.1), point(0.1), point(0.2, crossings=0, status="lost"), point(0.2, "down")]
     table = swept(points)
-    summary = mi.sweep_summary(table)
+    summary = statistics_of(table)
     assert summary["omega"].tolist() == [0.1, 0.1, 0.2, 0.2]
     assert summary["direction"].tolist() == ["up", "up", "up", "down"]
     assert summary["crossings"].tolist() == [2, 2, 0, 2]
@@ -172,10 +176,10 @@ def test_sweep_summary(tmp_path):
     assert summary["v max"].tolist()[0] == 7.25
     assert summary["speed"].isna().tolist() == [False, False, True, False]
     table.to_csv(tmp_path / "sweep.csv", index=False)
-    again = mi.sweep_summary(pd.read_csv(tmp_path / "sweep.csv"))
+    again = statistics_of(pd.read_csv(tmp_path / "sweep.csv"))
     pd.testing.assert_frame_equal(again, summary, check_dtype=False)
     # Another system may have fewer statistics.
-    fewer = mi.sweep_summary(table.drop(columns="speed"))
+    fewer = statistics_of(table.drop(columns="speed"))
     assert list(fewer.columns) == [name for name in summary.columns if name != "speed"]
 
 

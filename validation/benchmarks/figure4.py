@@ -20,9 +20,9 @@ def figure4(quick: bool) -> Iterator[Row]:
     seconds = []
     for _ in range(1 if quick else 3):
         begin = time.perf_counter()
-        table = mi.sweep(actuator, drive, "amplitude", values, direction="both", workers=2)
+        sweep = mi.sweep(actuator, drive, "amplitude", values, direction="both", workers=2)
         seconds.append((time.perf_counter() - begin) * 401 / len(values))
-    note = f"{len(table)} rows; default tolerances" + ("; scaled up from 21" if quick else "")
+    note = f"{len(sweep.table)} rows; default tolerances" + ("; scaled up from 21" if quick else "")
     yield Row(
         "Fig. 4 sweep",
         "omega 0.5",

@@ -39,9 +39,8 @@ from mems_impact.errors import MemsImpactError
 from mems_impact.overloads import simulate
 from mems_impact.plotting.labels import legend_above
 from mems_impact.plotting.style import new_figure, styled
-from mems_impact.studies.sweep import sweep
+from mems_impact.studies.sweep import Sweep, sweep
 from mems_impact.systems.state import State
-from mems_impact.tables import sweep_summary
 from validation.paper.diagrams import plot_automaton, plot_displacement, plot_switching
 from validation.paper.statements import Value
 from validation.paper.transitions import code_name, transitions
@@ -225,13 +224,13 @@ class SwitchingDiagram:
 
     Attributes
     ----------
-    table : DataFrame
-        The sweep, up and down.
+    sweep : Sweep
+        Up and down.
     branches : list of Branch
         The first through the orbits of one forcing period, with and without impacts.
     """
 
-    table: pd.DataFrame
+    sweep: Sweep
     branches: list[Branch]
 
     def special(self, label: str, impacts: int | None = None) -> SpecialPoint | None:
@@ -271,7 +270,7 @@ def _switching_diagram(
     """Sweep the voltage between `low` and `high` and continue the orbit at its end."""
     drive = Sine(amplitude=low, omega=omega)
     values = np.linspace(low, high, effort.of(321, 41))
-    table = sweep(
+    brute_force = sweep(
         actuator, drive, "amplitude", values, direction="both",
         transient=effort.of(300, 150), periods=effort.of(60, 24), workers=effort.workers,
     )  # fmt: skip
@@ -288,7 +287,7 @@ def _switching_diagram(
             break
         except MemsImpactError:
             continue  # without any branch, what needs one is "not computed"
-    return SwitchingDiagram(table=table, branches=branches)
+    return SwitchingDiagram(sweep=brute_force, branches=branches)
 
 
 def _period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[float, Orbit | None]:
@@ -347,11 +346,10 @@ def _switching(
 ) -> tuple[Switching, pd.DataFrame]:
     """Sweep up and down between `low` and `high`, patiently, and see where it switches."""
     values = np.linspace(low, high, count)
-    table = sweep(
+    summary = sweep(
         actuator, Sine(amplitude=low, omega=omega), "amplitude", values, direction="both",
         transient=effort.of(1200, 600), periods=60, workers=effort.workers,
-    )  # fmt: skip
-    summary = sweep_summary(table)
+    ).statistics  # fmt: skip
     hits = summary[summary["impacting"]].groupby("direction")["amplitude"].min()
     on, off = hits.get("up", np.nan), hits.get("down", np.nan)
     return Switching(on=float(on), off=float(off), step=float(values[1] - values[0])), summary
@@ -382,7 +380,7 @@ def figure4(devices: Devices, effort: Effort) -> Outcome:
     if fold is not None:
         notes.append(f"CF: f = {fold.value:.9f}")
         values["4.eigenvalue"] = float(np.abs(fold.multipliers - 1.0).min())
-        summary = sweep_summary(found.table)
+        summary = found.sweep.statistics
         below = summary["impacting"] & (summary["amplitude"] < fold.value)
         values["4.none-below"] = float((below & (summary["direction"] == "down")).sum())
         on, off = (
@@ -397,8 +395,8 @@ def figure4(devices: Devices, effort: Effort) -> Outcome:
         values["4.decreases"] = bool(len(stable) > 2 and all(falls))
     return Outcome(
         values=values,
-        tables={"sweep": found.table, "branches": found.orbits(), "points": found.specials()},
-        draw=lambda: plot_switching(found.table, found.branches).figure,
+        tables={"sweep": found.sweep.table, "branches": found.orbits(), "points": found.specials()},
+        draw=lambda: plot_switching(found.sweep.table, found.branches).figure,
         notes=tuple(notes),
     )
 
@@ -416,7 +414,7 @@ def figure5(devices: Devices, effort: Effort) -> Outcome:
     grazing, doubling = found.special("G"), found.special("PD", impacts=1)
     values["5.grazing"] = grazing is not None and low < grazing.value < high
     values["5.doubling"] = doubling is not None and low < doubling.value < high
-    tables = {"sweep": found.table}
+    tables = {"sweep": found.sweep.table}
     notes = []
     if doubling is not None:
         notes.append(f"PD: f = {doubling.value:.9f}")
@@ -437,7 +435,7 @@ def figure5(devices: Devices, effort: Effort) -> Outcome:
     return Outcome(
         values=values,
         tables={**tables, "branches": found.orbits(), "points": found.specials()},
-        draw=lambda: plot_switching(found.table, found.branches).figure,
+        draw=lambda: plot_switching(found.sweep.table, found.branches).figure,
         notes=tuple(notes),
     )
 
@@ -489,8 +487,8 @@ def figure6(devices: Devices, effort: Effort) -> Outcome:
             notes.append(f"the doubled branch is missing: {error}")
     return Outcome(
         values=values,
-        tables={"sweep": found.table, "branches": found.orbits(), "points": found.specials()},
-        draw=lambda: plot_switching(found.table, found.branches).figure,
+        tables={"sweep": found.sweep.table, "branches": found.orbits(), "points": found.specials()},
+        draw=lambda: plot_switching(found.sweep.table, found.branches).figure,
         notes=tuple(notes),
     )
 

@@ -22,7 +22,7 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.sweep import sweep
 from mems_impact.systems.result import Result, SummaryRepr
 from mems_impact.systems.state import State
-from mems_impact.tables import sweep_summary, without_units
+from mems_impact.tables import without_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -221,11 +221,10 @@ def frequency_response(
     values = np.atleast_1d(np.asarray(amplitude_values, dtype=float))
     tables = []
     for amplitude in values.tolist():
-        table = sweep(
+        summary = sweep(
             system.changed(amplitude=amplitude), parameter, frequencies, direction=direction,
             transient=transient, periods=periods, steady=True, options=options, workers=workers,
-        )  # fmt: skip
-        summary = sweep_summary(table)
+        ).statistics  # fmt: skip
         summary.insert(0, "amplitude", amplitude)
         tables.append(summary)
     joined = pd.concat(tables, ignore_index=True)
@@ -235,7 +234,7 @@ def frequency_response(
                "mean speed", "status"]  # fmt: skip
     first = joined[["amplitude", "direction", parameter]].assign(deflection=deflection)
     result = pd.concat([first, joined[columns]], axis=1)
-    units = {**table.attrs["units"]}
+    units = {**summary.attrs["units"]}
     if system.units:
         units |= {"deflection": "m", "amplitude": system.drive_unit}
     kept_units = {name: unit for name, unit in units.items() if name in result}
@@ -357,11 +356,10 @@ def speed_over_voltage(
     True
     """
     system = ActuatorSystem(actuator, drive)
-    table = sweep(
+    summary = sweep(
         system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
         steady=True, initial=initial, options=options, workers=workers,
-    )  # fmt: skip
-    summary = sweep_summary(table).iloc[::-1]
+    ).statistics.iloc[::-1]  # fmt: skip
     share = drive.period / system.forcing_period  # below 1 if a term depends on the sign
     return results.speed(
         parameter,

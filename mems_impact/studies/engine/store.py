@@ -719,8 +719,8 @@ class StoredStudy(SummaryRepr):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.sweep(
-    ...     actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5, store="out/sweep"
+    >>> sweep = mi.sweep(
+    ...     actuator, drive, "amplitude", [0.2, 0.24], transient=200, periods=5, store="out/sweep"
     ... )
     >>> study = mi.load("out/sweep")
     >>> study.failed, len(study.table)

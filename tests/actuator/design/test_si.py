@@ -104,8 +104,9 @@ def test_sweep(parameter, tmp_path):
     numbers = {"amplitude": np.array([0.2, 0.24]), "k": np.array([0.95, 1.0])}[parameter]
     unit = {"amplitude": "V", "k": "N/m"}[parameter]
     settings = {"transient": 50, "periods": 5, "direction": "both"}
-    plain = mi.sweep(PAPER, DRIVE, parameter, numbers, **settings)
-    scaled = mi.sweep(SI, VOLTS, parameter, numbers * SCALES.unit(unit), **settings)
+    plain = mi.sweep(PAPER, DRIVE, parameter, numbers, **settings).table
+    sweep = mi.sweep(SI, VOLTS, parameter, numbers * SCALES.unit(unit), **settings)
+    scaled = sweep.table
     assert scaled.columns[0] == parameter
     assert scaled.attrs["units"][parameter] == unit
     assert with_units(scaled).columns[0] == f"{parameter} [{unit}]"
@@ -113,9 +114,8 @@ def test_sweep(parameter, tmp_path):
     np.testing.assert_allclose(scaled["v2"], speeds, rtol=1e-6)
     steps = plain["displacement per period"].to_numpy() * SCALES.unit("m")
     np.testing.assert_allclose(scaled["displacement per period"], steps, rtol=1e-6, atol=1e-20)
-    summary = mi.sweep_summary(scaled)
-    assert summary.attrs["units"]["v2 max"] == "m/s"
-    axes = mi.plot_sweep(scaled).figure.axes
+    assert sweep.statistics.attrs["units"]["v2 max"] == "m/s"
+    axes = mi.plot_sweep(sweep).figure.axes
     assert axes[-1].get_xlabel().endswith(f"[{unit}]")
     units = [re.search(r"\[.*\]", ax.get_ylabel()).group() for ax in axes]
     assert units == ["[mm/s]", "[nm]", "[nm/s]"]

@@ -36,9 +36,9 @@ def test_a_branch_continues_where_events_pass_each_other(branch):
 def test_brute_force_loses_the_orbit_there():
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
     values = [*np.linspace(0.3, 0.206, 20), CORNER + 1e-5, CORNER - 1e-5]
-    table = mi.sweep(
+    sweep = mi.sweep(
         ZHAO, drive, "amplitude", values[::-1], direction="down", transient=400, periods=10
     )
-    impacts = mi.sweep_summary(table).set_index("amplitude")["impacts per period"]
+    impacts = sweep.statistics.set_index("amplitude")["impacts per period"]
     assert impacts.loc[CORNER + 1e-5] == 1.0
     assert impacts.loc[CORNER - 1e-5] == 0.0

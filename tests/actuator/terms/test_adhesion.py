@@ -80,9 +80,9 @@ def test_files_and_units(tmp_path):
 def test_a_sweep_over_the_force():
     held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
     device = ZHAO.adding(mi.Adhesion(force=0.0))
-    table = mi.sweep(device, held, "adhesion.force", [0.0, 0.2], direction="up", transient=2,
+    sweep = mi.sweep(device, held, "adhesion.force", [0.0, 0.2], direction="up", transient=2,
                      periods=1, options=PLAIN)  # fmt: skip
-    assert list(mi.sweep_summary(table)["blows per period"]) == [1.0, 0.0]
+    assert list(sweep.statistics["blows per period"]) == [1.0, 0.0]
     rests = []
     for force in (0.0, 0.2):
         run = mi.simulate(device.changed(**{"adhesion.force": force}), held, periods=1,

@@ -109,7 +109,7 @@ def test_charges_of_a_device_in_si():
     np.testing.assert_allclose(samples["node voltage"], node, rtol=1e-9, atol=1e-9)
     assert samples.attrs["units"]["node voltage"] == "V"
     table = mi.sweep(device, drive, "amplitude", [1e-12], transient=0, periods=1,
-                     options=INTERPRETED)  # fmt: skip
+                     options=INTERPRETED).table  # fmt: skip
     assert table.attrs["units"]["amplitude"] == "C"
 
 

@@ -290,8 +290,8 @@ def test_an_orbit_over_the_stiffness():
     branch = mi.continue_orbit(orbit, "compliant_stopper.stiffness", stop=1.2e5, steps=wide)
     assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
     values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}
-    table = mi.sweep(soft, drive, "compliant_stopper.stiffness", [1e5, 1.2e5], **values)
-    found = mi.sweep_summary(table)["displacement per period"]
+    sweep = mi.sweep(soft, drive, "compliant_stopper.stiffness", [1e5, 1.2e5], **values)
+    found = sweep.statistics["displacement per period"]
     assert list(found) == pytest.approx([orbit.step, same.step], rel=1e-5)
 
 

@@ -119,5 +119,5 @@ def test_branch_over_the_share_ends_where_the_paper_is():
     assert branch.orbits[-1].step == pytest.approx(2.0 * paper.step, rel=1e-6)
     table = mi.sweep(
         device, drive, "dielectric_charging.share", [0.0, 0.1], transient=50, periods=5
-    )
+    ).table
     assert set(table["dielectric_charging.share"]) == {0.0, 0.1}

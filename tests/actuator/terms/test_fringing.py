@@ -122,5 +122,5 @@ def test_branch_and_sweep_over_the_width():
     # What the edges add goes with 1/width: 1.6e-5 of the step at 1e4.
     wide = orbit(ZHAO.adding(mi.Fringing(width=1e4)))
     assert wide.step == pytest.approx(orbit(ZHAO).step, rel=5e-5)
-    table = mi.sweep(device, drive, "fringing.width", [6.0, 60.0], transient=100, periods=5)
+    table = mi.sweep(device, drive, "fringing.width", [6.0, 60.0], transient=100, periods=5).table
     assert set(table["fringing.width"]) == {6.0, 60.0}

@@ -382,7 +382,7 @@ def test_sweeps_and_branches_over_the_resistance():
     device = ZHAO.adding(mi.SeriesResistance(resistance=0.02))
     table = mi.sweep(
         device, drive, "series_resistance.resistance", [0.02, 0.3], transient=30, periods=5
-    )
+    ).table
     assert set(table["series_resistance.resistance"]) == {0.02, 0.3}
     run = mi.simulate(device, drive, periods=150)
     orbit = mi.find_orbit(run)

@@ -264,7 +264,9 @@ def test_an_orbit_over_the_pressure():
     """Multipliers meet differences of runs; more gas, and a slower impact."""
     drive, options = mi.Sine(amplitude=0.3, omega=0.5), mi.Options(method="dop853", rtol=1e-11)
     device = ZHAO.adding(FILM.replace(pressure=0.2, viscosity=0.5))
-    table = mi.sweep(device, drive, "squeeze_film.pressure", [0.2, 0.4], transient=50, periods=5)
+    table = mi.sweep(
+        device, drive, "squeeze_film.pressure", [0.2, 0.4], transient=50, periods=5
+    ).table
     assert (table["impacts per period"] == 1.0).all()
     run = mi.simulate(device, drive, periods=100, options=options)
     orbit = mi.find_orbit(run, periods=1)

@@ -47,8 +47,8 @@ def test_a_sweep(client):
     zhao, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
     arguments = zhao, drive, "amplitude", [0.2, 0.22, 0.24]
     spans = {"transient": 10, "periods": 4, "direction": "both"}
-    table = mi.sweep(*arguments, **spans, executor=client.get_executor())
-    assert bits(table) == bits(mi.sweep(*arguments, **spans))
+    table = mi.sweep(*arguments, **spans, executor=client.get_executor()).table
+    assert bits(table) == bits(mi.sweep(*arguments, **spans).table)
 
 
 def test_a_worker_that_is_killed_in_the_middle(client):
