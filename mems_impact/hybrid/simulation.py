@@ -457,6 +457,9 @@ def resample(problem: Problem, start: HybridState, end: HybridState, per_period:
     return simulation.samples
 
 
+MAX_SAMPLES = 2**25  # 1.6 GB for a motion of three states
+
+
 class Position(NamedTuple):
     """Progress of a run.
 
@@ -501,6 +504,13 @@ class Simulation:
         last += math.floor(end.time / problem.period * per_period + 1e-9)
         shift = last % interval if per_period == 1 else 0  # the last checkpoint is at the end
         first, last = -(-(first - shift) // interval), (last - shift) // interval
+        if last - first >= MAX_SAMPLES:
+            allowed = (
+                f"at most {MAX_SAMPLES:,}: take a shorter part of the run, or fewer per period"
+            )
+            raise InvalidParameter(
+                field="number of samples", value=last - first + 1, allowed=allowed
+            )
         self.memory = LoopMemory(
             problem,
             self.binding,

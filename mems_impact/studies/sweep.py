@@ -250,10 +250,10 @@ class SweepStudy(Study):
             for name in system.sweep_statistics:
                 statistics[name] = system.out(name, run.gathered[name])
                 statistics[sweep_tables.error_column(name)] = run.settling.remaining(name)
+            numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return start
-        numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         point["section"] = {
             sweep_tables.number_column(system): numbers,
             **{name: system.out(name, y[:, system.states.index(name)]) for name in self._states},

@@ -86,3 +86,15 @@ def test_a_slow_capacitor_reaches_its_relay():
 def test_a_system_with_a_period_keeps_its_longest_step():
     box = mi.System(states=("x",), flow=lambda mode, t, y, p: (1.0,), period=1.0)
     assert mi.simulate(box, periods=100).trajectory.steps >= 1600
+
+
+def test_more_samples_than_memory_holds_are_refused():
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (-p.k * y.x,), parameters={"k": 1.0}
+    )
+    run = mi.simulate(system, duration=1e6)
+    with pytest.raises(mi.InvalidParameter, match=r"number of samples = 100000001: .*fewer per"):
+        run.samples(per_period=100)
+    assert len(run.samples(per_period=100, first=10.0, last=11.0)) == 101
+    table = mi.sweep(system, "k", [1.0, 2.0], transient=0.0, duration=1e6)
+    assert all("number of samples" in reason for reason in table["status"])
