@@ -6,7 +6,7 @@ replace them (`integrators.jit.kernels` and the file `compiled` of the folder), 
 share the source of the loop.
 
 An engine has ``n`` equations with ``m`` margins. Its root functions are, in this order, the ``m``
-margins (plus their bias), the ``m`` rates of the margins and one section: ``2 m + 1`` in all.
+margins, the ``m`` rates of the margins (each plus its bias) and one section: ``2 m + 1`` in all.
 A method may leave out rates of margins without bias, unless closest approaches of the guard are
 events and are searched.
 `step` takes exactly one internal step of the method, or stops at the first root in it, or in the
@@ -119,12 +119,12 @@ def method_memory(engine: Any, mode: int) -> int:
 
 
 def bias(engine: Any, i: int) -> float:
-    """Return the bias added to margin `i` in the root search."""
+    """Return the bias added to margin `i`, or rate ``i - m``, in the root search."""
     return float(engine.bias[i])
 
 
 def set_bias(engine: Any, i: int, value: float) -> None:
-    """Set the bias added to margin `i` in the root search."""
+    """Set the bias added to margin `i`, or rate ``i - m``, in the root search."""
     engine.bias[i] = value
 
 

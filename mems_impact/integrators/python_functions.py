@@ -108,7 +108,7 @@ class Functions(SingleMethodEngine):
         self.n, self.m = equations.n, equations.m
         self._states = equations.n - equations.columns
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
-        self.bias = np.zeros(equations.m)
+        self.bias = np.zeros(2 * equations.m)
         self.approach_search = 1
         self._fault: Fault | None = None
 

@@ -218,6 +218,7 @@ FLYING, RESTING = mi.modes("flying", "resting")
 FLAT = {
     "cube": lambda mode, t, y, p: (y.h / p.size) ** 3,
     "fifth power": lambda mode, t, y, p: (y.h / p.size) ** 5,
+    "seventh power": lambda mode, t, y, p: (y.h / p.size) ** 7,
     "signed square": lambda mode, t, y, p: y.h * abs(y.h) / p.size**2,
     "cube of sinh": lambda mode, t, y, p: math.sinh(y.h / p.size) ** 3,
 }
@@ -227,13 +228,18 @@ FLAT = {
     ("margin", "h", "g", "e", "size", "method", "engine"),
     [
         (FLAT["cube"], 2.0, 1.6, 0.5, 3.0, "dop853", "interpreted"),
+        (FLAT["seventh power"], 0.02, 9.8, 0.85, 1.0, "adams", "compiled"),
+        (FLAT["fifth power"], 0.4, 9.8, 0.55, 1.0, "bdf", "compiled"),
         *(
             pytest.param(FLAT[margin], *case, method, "compiled", marks=pytest.mark.slow)
             for margin, case in (
                 ("cube", (50.0, 9.8, 0.8, 1.0)),
                 ("cube", (3e-6, 9.81, 0.7, 1e-6)),
                 ("fifth power", (50.0, 9.8, 0.8, 1.0)),
+                ("fifth power", (0.4, 9.8, 0.55, 1.0)),
+                ("seventh power", (0.02, 9.8, 0.85, 1.0)),
                 ("signed square", (0.7, 9.8, 0.93, 0.4)),
+                ("signed square", (0.02, 9.8, 0.85, 1.0)),
                 ("cube of sinh", (0.7, 1.6, 0.35, 1.3)),
             )
             for method in ("adams", "dop853")

@@ -21,7 +21,7 @@ typedef struct {
     double rows[ENGINE_ROWS * ENGINE_WIDTH];
     double components[STATES * ENGINE_NUMBERS];
     int64_t fired[2 * GUARDS + 1];
-    double bias[GUARDS];
+    double bias[2 * GUARDS];
     double parameters[PARAMETERS];
     /* numbers of the importer: parameters and inputs, initial state and mode */
     double values[VALUES + 1];

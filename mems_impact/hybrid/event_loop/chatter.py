@@ -58,6 +58,7 @@ NEGLIGIBLE_FLIGHT_HEIGHT = 5e-11
 # lengths of the flights then give their ratio, and their squares the heights. Such a flight is
 # weak, too, if its early height is below the last factor times the rounding errors.
 FLAT_RATIO, SLOW_RATIO, EARLY_PART, ROUNDING_FACTOR = 10.0, 3e-2, 2.0**-5, 1e2
+FIRST_PART = 2.0**-6  # of a time, in which a margin rises in proportion at a simple zero
 FLATTEST = 2.0**-48  # of margins at times that differ by a factor of 8: the power 16
 LOOKS, SHORTEST_LOOK = 20, 1e3 * EPS  # at times that decrease by this factor
 # At a flat zero two predictions of the accumulation point make a sequence if they agree within the
@@ -269,9 +270,18 @@ def remaining_flat_time(
 
 
 def is_flat_zero(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> bool:
-    """Return whether the margin of `guard` rises over `h` much more than its rate shows."""
+    """Return whether the margin of `guard` rises over `h` much more than at first.
+
+    Its rate shows the rise at first, or its value after a part of `h` where the difference for the
+    rate reaches further. Requires `margin_error_scales`.
+    """
     speed = table_row(s, MARGINS_AT)[s.m + guard]
-    return margin_ahead(engine, s, t, y, guard, h) > FLAT_RATIO * max(0.0, speed) * h
+    height = margin_ahead(engine, s, t, y, guard, h)
+    if height > FLAT_RATIO * max(0.0, speed) * h:
+        return True
+    first = margin_ahead(engine, s, t, y, guard, FIRST_PART * h)
+    is_visible = first > ROUNDING_FACTOR * rounding_error(s, guard)
+    return is_visible and FIRST_PART * height > FLAT_RATIO * first
 
 
 def is_hidden(engine: Any, s: Any, t: float, y: Any, guard: int, h: float) -> bool:

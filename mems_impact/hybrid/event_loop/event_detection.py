@@ -55,6 +55,7 @@ ROUNDINGS = 64.0  # rounding errors within which a value counts as zero
 CERTAINTY = 1e3  # errors below zero at which a rate is negative without another check
 TOLERANCES = 1e3  # integration errors below zero at which a margin is truly negative
 STENCIL_RATIO = 3e-3  # reach of the differences for a rate, relative to the time scale
+FLAT_MARGIN_RATIO = 1e-3  # of a margin to the margin a step before, below which it may be flat
 FLAT_RATE_RATIO = 1e-6  # of a rate at a flat zero to the mean rate over this reach
 TINY_BIAS = 1e-300  # bias of a margin that starts at zero
 
@@ -476,6 +477,28 @@ def first_event_in_step(
                 depth = abs(table_row(s, MARGINS_AT)[i])
                 interface.set_bias(engine, i, bias + depth + 2.0 * rounding_error(s, i))
     return guard, t_event
+
+
+def hide_rounding(engine: Any, s: Any, i: int, t: float, y: Any) -> bool:
+    """Return whether rate `i` is zero at (t, y) by rounding: its margin decreases further.
+
+    Near a flat zero, rounding errors of a rate by differences change its sign many times, and the
+    root search would stop at each. A bias hides them from it until the arc ends. Overwrites the
+    rows of `margin_error_scales` and `changes_ahead`.
+    """
+    k, before = s.m + i, table_row(s, MARGINS_BEFORE)
+    margin, bias = table_row(s, MARGINS_AFTER)[i], interface.bias(engine, k)
+    if bias == 0.0 and before[k] < 0.0 and margin > FLAT_MARGIN_RATIO * before[i]:
+        return False
+    margin_error_scales(engine, s, s.mode, t, y)
+    if changes_ahead(engine, s, s.mode, i, t, y) >= 0:
+        return False
+    g, y_ahead = table_row(s, G), table_row(s, STATE_AHEAD)
+    h = min(STENCIL_RATIO * s.scale, 0.5 * (next_switch(s, t) - t))
+    rk4_probe(engine, s, s.mode, t, y, h, y_ahead)
+    interface.margins(engine, s.mode, t + h, y_ahead, g)
+    interface.set_bias(engine, k, min(2.0 * bias, -ROUNDINGS * EPS * abs(g[i] - margin) / h))
+    return True
 
 
 def refine_root(engine: Any, s: Any, i: int, t_start: float, t: float) -> float:

@@ -32,6 +32,7 @@ from mems_impact.hybrid.event_loop.event_detection import (
     detect_crossings,
     first_event_in_step,
     first_violated_guard,
+    hide_rounding,
     inadmissible_gap,
     init_section,
     is_decreasing,
@@ -271,6 +272,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     s.mode_before = s.mode
     for i in range(m):
         rate_changes[i] = 0.0
+        interface.set_bias(engine, m + i, 0.0)
         is_waiting, is_falling = waiting[i] == 1, margins[m + i] < 0.0
         is_violated = False
         if margins[i] < 0.0 or is_waiting or (margins[i] == 0.0 and is_falling):
@@ -521,11 +523,10 @@ def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
     margins = table_row(s, MARGINS_AFTER)
     for i in range(m):
         # A closest approach at a margin of zero is a contact.
-        if (
-            table_row(s, IMPACT)[i] == 1
-            and interface.root_directions(engine, m + i) > 0
-            and margins[i] > 0.0
-        ):
+        is_approach = interface.root_directions(engine, m + i) > 0 and margins[i] > 0.0
+        if is_approach and hide_rounding(engine, s, i, t, y):
+            is_approach = False
+        if is_approach and table_row(s, IMPACT)[i] == 1:
             log_event(s, t, APPROACH, i, s.mode, y, y)
     side = interface.root_directions(engine, 2 * m)
     if side != 0:

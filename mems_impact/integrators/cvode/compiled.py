@@ -268,6 +268,7 @@ def callbacks() -> Callbacks:
             if math.isnan(values[i]) or math.isnan(values[m + i]):
                 return -1
             values[i] += bias[i]
+            values[m + i] += bias[m + i]
             # CVODE accepts a zero at the end of a step as the root, and misses an earlier one: for
             # example the rate of a waveform with zero slope at a switch.
             if values[m + i] == 0.0:

@@ -79,7 +79,7 @@ class InterpretedCvode(Functions):
                 out[:] = self._root_values
                 return
             self.margins(self._mode, min(t, self._last_instant), y, out)
-            out[:m] += self.bias
+            out[: 2 * m] += self.bias
             if np.isnan(out[: 2 * m]).any():
                 raise _Failure(interface.ROOT_FUNCTION_FAILED)
             # CVODE prints a warning about root functions that are zero for a whole step.

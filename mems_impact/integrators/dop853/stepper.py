@@ -459,7 +459,8 @@ def any_crossed(engine: Any, low: Any, high: Any) -> bool:
         shift = interface.bias(engine, i)
         if low[i] + shift > 0.0 >= high[i] + shift:
             return True
-        if low[m + i] < 0.0 <= high[m + i] and searches_rate(engine, i):
+        shift = interface.bias(engine, m + i)
+        if low[m + i] + shift < 0.0 <= high[m + i] + shift and searches_rate(engine, i):
             return True
     before, after = low[2 * m], high[2 * m]
     falls, rises = before > 0.0 >= after, before < 0.0 <= after
@@ -481,7 +482,7 @@ def list_candidates(engine: Any) -> int:
         if i < m:
             direction, shift = 1.0, interface.bias(engine, i)
         elif i < 2 * m:
-            direction, shift = -1.0, 0.0
+            direction, shift = -1.0, interface.bias(engine, i)
             if not searches_rate(engine, i - m):
                 continue
         else:

@@ -385,7 +385,7 @@ class CompiledEngine(SingleMethodEngine):
         )
         # The handle has addresses in this block, which lives as long as the engine. The kernels
         # write a fault record after the parameters.
-        sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}
+        sizes = {"y": n, "bias": 2 * m, "parameters": parameters.size + HEAD + n, **arrays}
         root_count = 2 * m + 1  # as 32-bit integers, two to a number
         block = np.zeros(sum(sizes.values()) + root_count // 2 + 1)
         handles = np.zeros(1, dtype=dtype)
