@@ -1,11 +1,11 @@
 # The public names, each with its module: imported on first use by `__init__.py`.
 from .actuator.design.characteristics import DutyCycle as DutyCycle
+from .actuator.design.characteristics import FrequencyResponse as FrequencyResponse
 from .actuator.design.characteristics import PeriodOneWindow as PeriodOneWindow
+from .actuator.design.characteristics import SpeedOverVoltage as SpeedOverVoltage
 from .actuator.design.characteristics import duty_cycle as duty_cycle
 from .actuator.design.characteristics import frequency_response as frequency_response
-from .actuator.design.characteristics import impact_onset as impact_onset
 from .actuator.design.characteristics import period_one_window as period_one_window
-from .actuator.design.characteristics import resolution as resolution
 from .actuator.design.characteristics import speed_over_voltage as speed_over_voltage
 from .actuator.design.closing import Closing as Closing
 from .actuator.design.closing import closing as closing
@@ -154,7 +154,6 @@ from .plotting.uncertainty import plot_sensitivity as plot_sensitivity
 from .plotting.uncertainty import plot_tolerance_analysis as plot_tolerance_analysis
 from .studies.attractor_continuation import AttractorBranches as AttractorBranches
 from .studies.attractor_continuation import continue_attractors as continue_attractors
-from .studies.attractor_study import map_summary as map_summary
 from .studies.basins import Basins as Basins
 from .studies.basins import basins as basins
 from .studies.bifurcation_diagram import BifurcationDiagram as BifurcationDiagram

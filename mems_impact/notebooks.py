@@ -23,6 +23,7 @@ PICTURES = {
     ("analysis.branch", "EquilibriumBranch"): "plot_branch",
     ("analysis.branch", "Curve"): "plot_curve",
     ("actuator.design.operating_chart", "OperatingChart"): "plot_chart",
+    ("actuator.design.characteristics", "FrequencyResponse"): "plot_response",
     ("actuator.design.closing", "Closing"): "plot_closing",
     ("actuator.design.energy", "Energy"): "plot_energy",
     ("actuator.design.force_curve", "ForceCurve"): "plot_force_curve",

@@ -23,7 +23,7 @@ found = mi.operating_map(
     y=("amplitude", np.linspace(0.16, 0.30, 30)),
     initial=mi.kicked_state(actuator),
 )
-print(mi.map_summary(found.table).round(4).to_string(index=False))
+print(found.motions.round(4).to_string(index=False))
 
 # %%
 # Periodic points cost few forcing periods, since they end as soon as they have settled. All others

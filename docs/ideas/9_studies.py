@@ -22,7 +22,7 @@ found = mi.operating_map(
     initial=mi.kicked_state(actuator), recurrence=mi.RecurrenceOptions(exponents="none"),
     store=store,
 )  # fmt: skip
-print(mi.map_summary(found.table)[["motion", "points", "share"]].to_string(index=False))
+print(found.motions[["motion", "points", "share"]].to_string(index=False))
 mi.plot_map(found).figure.savefig("studies.png")
 
 # %%

@@ -32,12 +32,9 @@ print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_
 # %%
 # Speed and steps over that window, and the finest step, the resolution of the device:
 
-speeds = mi.speed_over_voltage(
-    actuator, drive, np.linspace(0.18, 0.25, 8), transient=300, periods=40,
-    initial=mi.kicked_state(actuator),
-)  # fmt: skip
-print(speeds[["amplitude", "displacement per period", "mean speed"]].to_string(index=False))
-print(f"finest step {mi.resolution(speeds):.2e}")
+speeds = mi.speed_over_voltage(actuator, drive, np.linspace(0.18, 0.25, 8), periods=40)
+print(speeds.table[["amplitude", "displacement per period", "mean speed"]].to_string(index=False))
+print(f"finest step {speeds.resolution():.2e}")
 
 # %%
 # The tornado chart shows the elasticities of the speed: its change in per cent for one per cent of each

@@ -46,6 +46,7 @@ from mems_impact.plotting.trajectories import (
 )
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.design.characteristics import FrequencyResponse
     from mems_impact.actuator.design.closing import Closing
     from mems_impact.actuator.design.energy import Energy
     from mems_impact.actuator.design.force_curve import ForceCurve
@@ -852,15 +853,15 @@ FILLS: dict[str, Any] = {"up": "full", "down": "none"}
 
 
 @styled
-def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
+def plot_response(response: FrequencyResponse | pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
     """Draw deflection and mean speed over the frequency.
 
     Each amplitude has a colour and a marker, filled in sweeps up and hollow in sweeps down.
 
     Parameters
     ----------
-    table : DataFrame
-        Table of `mems_impact.frequency_response`.
+    response : FrequencyResponse or DataFrame
+        A frequency response, or its table.
     ax : two matplotlib Axes, optional
         Axes for deflection and speed; a new figure by default.
 
@@ -871,15 +872,15 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
 
     See Also
     --------
-    frequency_response, impact_onset
+    frequency_response, FrequencyResponse
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
-    >>> mi.plot_response(table)[0].figure.savefig("response.png")
+    >>> response = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24])
+    >>> mi.plot_response(response)[0].figure.savefig("response.png")
     """
     from matplotlib.lines import Line2D
 
@@ -887,6 +888,7 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
         ax = new_figure(1.6).subplots(2, sharex=True)
         letter_panels(ax)
     axes = given_axes(ax, 2, "one for the deflection, one for the speed")
+    table = response if isinstance(response, pd.DataFrame) else response.table
     parameter = "frequency" if "frequency" in table else "omega"
     looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):

@@ -8,7 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.design.characteristics import DutyCycle
+from mems_impact.actuator.design.characteristics import (
+    DutyCycle,
+    FrequencyResponse,
+    SpeedOverVoltage,
+)
 from mems_impact.actuator.design.closing import Closing
 from mems_impact.actuator.design.energy import Energy, WorkSums
 from mems_impact.actuator.design.force_curve import ForceCurve
@@ -114,6 +118,8 @@ register(OperatingChart)
 register(Energy)
 register(ForceCurve)
 register(DutyCycle)
+register(FrequencyResponse)
+register(SpeedOverVoltage)
 register(RingDown)
 register(Closing)
 register(SoftLanding)

@@ -91,36 +91,7 @@ def in_order(kinds: Iterable[str]) -> list[str]:
 
 
 def map_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each kind of motion in a map: number and range of its points.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `operating_map`, whole or in part, or read back from a file: its first two columns are
-        the parameters.
-
-    Returns
-    -------
-    DataFrame
-        Motion ("off", "period 1", "chaotic", …), the number of points, their share of those in the
-        table, and the smallest and largest value of each parameter among them.
-
-    See Also
-    --------
-    operating_map, OperatingMap
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> found = mi.operating_map(
-    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
-    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]),
-    ... )
-    >>> summary = mi.map_summary(found.table)
-    >>> summary[["motion", "points"]].values.tolist()
-    [['off', 1], ['period 1', 3]]
-    """
+    """Return one row for each kind of motion in the table of a map; see `OperatingMap.motions`."""
     table = without_units(table)
     x, y = table.columns[:2]
     groups = table.groupby(motions(table).rename(None))

@@ -22,6 +22,7 @@ from mems_impact.studies.attractor_study import (
     AttractorEvaluator,
     AttractorStudy,
     in_order,
+    map_summary,
     motions,
 )
 from mems_impact.studies.engine.scheduler import run_study
@@ -115,7 +116,7 @@ class OperatingMap(Result):
 
     See Also
     --------
-    operating_map, plot_map, map_summary
+    operating_map, plot_map
 
     Examples
     --------
@@ -128,6 +129,8 @@ class OperatingMap(Result):
     ... )
     >>> found.table["motion"].tolist()
     ['periodic', 'periodic', 'off', 'periodic']
+    >>> found.motions[["motion", "points"]].values.tolist()
+    [['off', 1], ['period 1', 3]]
     >>> found.grid("impacts per period").round(6).tolist()
     [[1.0, 1.0], [0.0, 1.0]]
     """
@@ -148,6 +151,15 @@ class OperatingMap(Result):
             low, high = min(each.values), max(each.values)
             rows[self.system.label(each.name)] = f"{low:g} to {high:g}, {len(each.values)} values"
         return {**rows, "motions": self._counted()}
+
+    @property
+    def motions(self) -> pd.DataFrame:
+        """One row for each kind of motion: number and range of its points.
+
+        Motion ("off", "period 1", "chaotic", …), the number of points, their share, and the
+        smallest and largest value of each parameter among them.
+        """
+        return map_summary(self.table)
 
     def grid(self, column: str) -> NDArray[Any]:
         """Return a column of the table as an array.
@@ -230,7 +242,7 @@ def operating_map(
 
     See Also
     --------
-    OperatingMap, plot_map, map_summary, basins
+    OperatingMap, plot_map, basins
 
     Examples
     --------

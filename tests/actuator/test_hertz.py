@@ -75,13 +75,15 @@ def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)
 
 
-def test_response_in_hertz():
+def test_response_in_hertz(tmp_path):
     drive = mi.Sine(amplitude=20.0, frequency=100.0)
-    table = mi.frequency_response(MITA, drive, np.array([110.0, 120.0]), transient=20, periods=5)
-    assert table.attrs["units"]["frequency"] == "Hz"
-    assert mi.impact_onset(table).columns.tolist()[2:4] == ["frequency from", "frequency to"]
-    axes = mi.plot_response(table)
+    response = mi.frequency_response(MITA, drive, np.array([110.0, 120.0]), transient=20, periods=5)
+    assert response.table.attrs["units"]["frequency"] == "Hz"
+    assert response.impact_onset.columns.tolist()[2:4] == ["frequency from", "frequency to"]
+    axes = mi.plot_response(response)
     assert "[Hz]" in axes[1].get_xlabel()
+    response.save(tmp_path / "response.zip")
+    assert mi.load(tmp_path / "response.zip") == response
 
 
 @pytest.mark.slow

@@ -188,10 +188,10 @@ def test_orbits_sweeps_and_speeds_with_the_period_of_the_voltage():
     assert biased.step == pytest.approx(other.step, rel=1e-6)
     ends = [branch.special_points[0].value for branch in branches]
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)
-    tables = [
+    speeds = [
         mi.speed_over_voltage(each, drive, [0.23, 0.24], transient=200, periods=20)
         for each in (ZHAO, signed)
     ]
     for column in ("blows per period", "displacement per blow", "mean speed"):
-        np.testing.assert_allclose(*[table[column] for table in tables], rtol=1e-6)
-    assert mi.resolution(tables[1]) == pytest.approx(mi.resolution(tables[0]), rel=1e-6)
+        np.testing.assert_allclose(*[each.table[column] for each in speeds], rtol=1e-6)
+    assert speeds[1].resolution() == pytest.approx(speeds[0].resolution(), rel=1e-6)

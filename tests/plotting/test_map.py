@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 import mems_impact as mi
 from mems_impact.plotting.maps import MOTIONS, PERIOD_COLORS
 from mems_impact.tables import with_units
+from tests.analysis.systems import oscillator
 
 X, Y = [0.1, 0.2, 0.4], [1.0, 2.0]
 KINDS = ["off", "resting", "periodic", "periodic", "chaotic", "failed"]
@@ -201,11 +202,12 @@ def test_refused(arguments, sentence):
         mi.plot_map(**{"operating_map": map_table(), **arguments})
 
 
-def test_summary():
+def test_motions():
     table = map_table(
         ["off", "periodic", "chaotic", "periodic", "periodic", "off"], [1, 2, 0, 1, 10, 1]
     )
-    found = mi.map_summary(table)
+    given = mi.OperatingMap(system=oscillator(), x=("amplitude", X), y=("omega", Y), table=table)
+    found = given.motions
     assert found["motion"].to_list() == ["off", "period 1", "period 2", "period 10", "chaotic"]
     assert found["points"].to_list() == [2, 1, 1, 1, 1]
     assert found["share"].sum() == pytest.approx(1.0)

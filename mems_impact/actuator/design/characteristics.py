@@ -20,9 +20,9 @@ from mems_impact.actuator.terms.base import drive_unit
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.integrators.options import Options
 from mems_impact.studies.sweep import sweep
-from mems_impact.systems.result import Result, SummaryRepr
+from mems_impact.systems.result import ParameterResult, Result, SummaryRepr
 from mems_impact.systems.state import State
-from mems_impact.tables import without_units
+from mems_impact.tables import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DutyCycle",
+    "FrequencyResponse",
     "PeriodOneWindow",
+    "SpeedOverVoltage",
     "duty_cycle",
     "end_of",
     "frequency_response",
-    "impact_onset",
     "lasts_until",
     "period_one_window",
-    "resolution",
     "speed_over_voltage",
 ]
 
@@ -156,6 +156,66 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
 
 # --- Frequency response
 
+GROUPS = ["amplitude", "direction"]  # columns whose values each have one response
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FrequencyResponse(ParameterResult):
+    """Deflection and speed of a device over the frequency, at one or more voltages.
+
+    Attributes
+    ----------
+    system : ActuatorSystem
+        At its own frequency and voltage.
+    parameter : str
+        "omega", or "frequency" if the drive is given by its frequency.
+    table : DataFrame
+        One row per amplitude, direction and frequency, in the order of computation: these three,
+        the largest deflection of the block (delta if it strikes; NaN if it does not turn back),
+        impacting, impacts and blows per period, displacement per period, mean speed, and status.
+
+    See Also
+    --------
+    frequency_response, plot_response
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> response = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24])
+    >>> response.impact_onset[["amplitude", "omega from", "omega to"]].iloc[-1].tolist()
+    [0.24, 0.46, 0.5]
+    """
+
+    @property
+    def impact_onset(self) -> pd.DataFrame:
+        """The frequency range with impacts, one row per amplitude and direction.
+
+        The lowest and the highest frequency with impacts (NaN if there are none), and the smallest
+        and largest mean speed among them.
+        """
+        import pandas as pd
+
+        rows, name = [], self.parameter
+        for (amplitude, direction), group in self.table.groupby(GROUPS, sort=False):
+            on = group[group["impacting"]]
+            value, speed = on[name], on["mean speed"]
+            rows.append(
+                {
+                    "amplitude": amplitude,
+                    "direction": direction,
+                    f"{name} from": value.min(),
+                    f"{name} to": value.max(),
+                    "mean speed min": speed.min(),
+                    "mean speed max": speed.max(),
+                }
+            )
+        result = pd.DataFrame(rows)
+        units = {heading: unit_of(heading, self.table.attrs.get("units", {})) for heading in result}
+        result.attrs = {"units": {heading: unit for heading, unit in units.items() if unit}}
+        return result
+
 
 def frequency_response(
     actuator: Actuator,
@@ -168,7 +228,7 @@ def frequency_response(
     periods: int = 20,
     options: Options = Options(),  # noqa: B008 - immutable
     workers: int | None = None,
-) -> pd.DataFrame:
+) -> FrequencyResponse:
     """Compute the frequency response of a device, sweeping up and down, at one or more voltages.
 
     Each value is computed in the steady state (see `steady_state`).
@@ -187,10 +247,7 @@ def frequency_response(
 
     Returns
     -------
-    DataFrame
-        One row per amplitude, direction and frequency, in the order of computation: these three,
-        the largest deflection of the block (delta if it strikes; NaN if it does not turn back),
-        impacting, impacts and blows per period, displacement per period, mean speed, and status.
+    FrequencyResponse
 
     Raises
     ------
@@ -199,15 +256,15 @@ def frequency_response(
 
     See Also
     --------
-    impact_onset, plot_response, ring_down
+    FrequencyResponse, plot_response, ring_down
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
-    >>> table["amplitude"].unique().tolist()
+    >>> response = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24])
+    >>> response.table["amplitude"].unique().tolist()
     [0.1, 0.24]
     """
     import pandas as pd
@@ -233,76 +290,68 @@ def frequency_response(
     columns = ["impacting", "impacts per period", "blows per period", "displacement per period",
                "mean speed", "status"]  # fmt: skip
     first = joined[["amplitude", "direction", parameter]].assign(deflection=deflection)
-    result = pd.concat([first, joined[columns]], axis=1)
+    table = pd.concat([first, joined[columns]], axis=1)
     units = {**summary.attrs["units"]}
     if system.units:
         units |= {"deflection": "m", "amplitude": system.drive_unit}
-    kept_units = {name: unit for name, unit in units.items() if name in result}
-    result.attrs = {"units": kept_units, "system": repr(system), "symbols": dict(system.symbols)}
-    return result
+    kept_units = {name: unit for name, unit in units.items() if name in table}
+    table.attrs = {"units": kept_units, "system": repr(system), "symbols": dict(system.symbols)}
+    return FrequencyResponse(system=system, parameter=parameter, table=table)
 
 
-def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the frequency range with impacts, by amplitude and direction.
+# --- Speed over voltage, and the smallest step
 
-    Parameters
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class SpeedOverVoltage(ParameterResult):
+    """Steps and speed of a device over the voltage.
+
+    Attributes
     ----------
+    system : ActuatorSystem
+        At its own voltage.
+    parameter : str
+        The voltage that varies, such as "amplitude".
     table : DataFrame
-        From `frequency_response`.
-
-    Returns
-    -------
-    DataFrame
-        One row per amplitude and direction: the lowest and the highest frequency with impacts (NaN
-        if there are none), and the smallest and largest mean speed among them.
-
-    Raises
-    ------
-    InvalidParameter
-        If `table` has other columns.
+        One row per amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
+        period, displacement per period, per impact and per blow, mean speed. The period is that of
+        v^2, even if a term depends on the sign of the voltage.
 
     See Also
     --------
-    frequency_response, plot_response
+    speed_over_voltage, period_one_window
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
-    >>> mi.impact_onset(table).columns.tolist()
-    ['amplitude', 'direction', 'omega from', 'omega to', 'mean speed min', 'mean speed max']
+    >>> speeds = mi.speed_over_voltage(actuator, drive, [0.2, 0.24])
+    >>> f"{speeds.resolution():.2e}"
+    '1.45e-04'
     """
-    import pandas as pd
 
-    parameter = next((name for name in ("frequency", "omega") if name in table), "omega")
-    if not {parameter, "direction", "deflection", "impacting"} <= set(table.columns):
-        raise InvalidParameter("table", None, "", problem="not a table of frequency_response")
-    rows = []
-    for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
-        on = group[group["impacting"]]
-        value, speed = on[parameter], on["mean speed"]
-        rows.append(
-            {
-                "amplitude": amplitude,
-                "direction": direction,
-                f"{parameter} from": value.min(),
-                f"{parameter} to": value.max(),
-                "mean speed min": speed.min(),
-                "mean speed max": speed.max(),
-            }
-        )
-    result = pd.DataFrame(rows)
-    units = table.attrs.get("units", {})
-    names = {f"{parameter} {end}": parameter for end in ("from", "to")}
-    names |= {"amplitude": "amplitude",
-             "mean speed min": "mean speed", "mean speed max": "mean speed"}  # fmt: skip
-    result.attrs = {"units": {name: units[of] for name, of in names.items() if of in units}}
-    return result
+    def resolution(self) -> float:
+        """Return the smallest forward step.
 
+        Only voltages with one blow per forcing period count, as all their steps are equal.
 
-# --- Speed over voltage, and the smallest step
+        Returns
+        -------
+        float
+            Displacement per blow [m].
+
+        Raises
+        ------
+        InvalidParameter
+            If there is no voltage with one blow per period that moves the frame forward.
+        """
+        blows, moved = self.table["blows per period"], self.table["displacement per blow"]
+        one = np.isclose(blows, 1.0)
+        forward = moved[one & (moved > 0.0)]
+        if forward.empty:
+            raise InvalidParameter("amplitudes", None, "", problem=_no_step(blows, one))
+        return float(forward.min())
 
 
 def speed_over_voltage(
@@ -316,7 +365,7 @@ def speed_over_voltage(
     initial: State | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
     workers: int | None = None,
-) -> pd.DataFrame:
+) -> SpeedOverVoltage:
     """Compute steps and speed over the voltage, sweeping down to stay on the branch with impacts.
 
     Each value is computed in the steady state (see `steady_state`).
@@ -334,25 +383,19 @@ def speed_over_voltage(
 
     Returns
     -------
-    DataFrame
-        One row per amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
-        period, displacement per period, per impact and per blow, mean speed. The period is that of
-        v^2, even if a term depends on the sign of the voltage.
+    SpeedOverVoltage
 
     See Also
     --------
-    resolution, force_curve, sweep
+    SpeedOverVoltage, force_curve, sweep
 
     Examples
     --------
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> speeds = mi.speed_over_voltage(
-    ...     actuator, drive, [0.2, 0.24], transient=100, periods=10,
-    ...     initial=mi.kicked_state(actuator),
-    ... )
-    >>> bool(speeds["mean speed"].is_monotonic_increasing)
+    >>> speeds = mi.speed_over_voltage(actuator, drive, [0.2, 0.24])
+    >>> bool(speeds.table["mean speed"].is_monotonic_increasing)
     True
     """
     system = ActuatorSystem(actuator, drive)
@@ -361,7 +404,7 @@ def speed_over_voltage(
         steady=True, initial=initial, options=options, workers=workers,
     ).statistics.iloc[::-1]  # fmt: skip
     share = drive.period / system.forcing_period  # below 1 if a term depends on the sign
-    return results.speed(
+    table = results.speed(
         parameter,
         summary[parameter].to_numpy(),
         share * summary["impacts per period"].to_numpy(),
@@ -370,54 +413,7 @@ def speed_over_voltage(
         drive.period,
         system,
     )
-
-
-def resolution(speeds: pd.DataFrame) -> float:
-    """Return the smallest forward step in a table of `speed_over_voltage`.
-
-    Only voltages with one blow per forcing period count, as all their steps are equal.
-
-    Parameters
-    ----------
-    speeds : DataFrame
-
-    Returns
-    -------
-    float
-        Displacement per blow [m].
-
-    Raises
-    ------
-    InvalidParameter
-        If the table is not from `speed_over_voltage`, or contains no voltage with one blow per
-        period that moves the frame forward.
-
-    See Also
-    --------
-    speed_over_voltage, period_one_window
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> speeds = mi.speed_over_voltage(
-    ...     actuator, drive, [0.2, 0.24], transient=300, periods=10,
-    ...     initial=mi.kicked_state(actuator),
-    ... )
-    >>> f"{mi.resolution(speeds):.2e}"
-    '1.45e-04'
-    """
-    table = without_units(speeds)
-    if "displacement per blow" not in table:
-        raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
-    blows, moved = table["blows per period"], table["displacement per blow"]
-    one = np.isclose(blows, 1.0)
-    forward = moved[one & (moved > 0.0)]
-    if forward.empty:
-        problem = _no_step(blows, one)
-        raise InvalidParameter("speeds", None, "", problem=problem)
-    return float(forward.min())
+    return SpeedOverVoltage(system=system, parameter=parameter, table=table)
 
 
 def _no_step(blows: pd.Series, one: pd.Series) -> str:

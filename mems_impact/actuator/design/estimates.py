@@ -269,7 +269,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
 
     See Also
     --------
-    Run, resolution
+    Run, SpeedOverVoltage
 
     Examples
     --------

@@ -45,9 +45,9 @@ def test_readings(seed):
     curve = mi.force_curve(device, drive, [0.0, 1e-7], initial=orbit.state, transient=300)
     assert curve.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-6)
     response = mi.frequency_response(device, drive, [drive.omega], transient=100, periods=10)
-    assert np.isfinite(response["deflection"]).all()
+    assert np.isfinite(response.table["deflection"]).all()
     speeds = mi.speed_over_voltage(device, drive, [drive.amplitude], initial=orbit.state)
-    assert speeds["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-6)
+    assert speeds.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
