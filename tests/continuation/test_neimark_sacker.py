@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import mems_impact as mi
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.orbits.orbit_search import find_periodic_orbit
@@ -99,3 +100,36 @@ def test_linear_impact_oscillator(omega, d, impacts):
     (special,) = branch.special_points
     assert special.value == pytest.approx(impacts * math.log(0.8) * omega / math.pi, abs=1e-9)
     check(branch, special)
+
+
+def linear_map(transition, size):
+    """Return the branch of the fixed point 0 of a map over its parameter, from `size`."""
+    system = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (0.0, 0.0),
+        switch_transition=transition,
+        switches=(0.5,),
+        parameters={"size": size},
+        period=1.0,
+    )
+    options = mi.Options(engine="interpreted", method="dop853")
+    orbit, steps = mi.find_orbit(system, options=options), mi.StepControl(max_step=0.2)
+    return mi.continue_orbit(orbit, "size", size + 0.5, steps=steps)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 3.0])
+def test_a_pair_on_the_unit_circle(angle):
+    c, s = np.cos(angle), np.sin(angle)
+
+    def rotation(mode, t, y, p):
+        return mode, (p.size * (c * y.x - s * y.y), p.size * (s * y.x + c * y.y))
+
+    (point,) = linear_map(rotation, 0.8).special_points
+    assert point.kind == "Neimark-Sacker"
+    assert point.value == pytest.approx(1.0, abs=1e-9)
+
+
+def test_two_real_multipliers_whose_product_is_one_are_no_neimark_sacker_point():
+    branch = linear_map(lambda mode, t, y, p: (mode, (p.size * y.x, 0.4 * y.y)), 2.3)
+    assert branch.ended == "size reached its bound"
+    assert not branch.special_points
