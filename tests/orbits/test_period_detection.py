@@ -1,35 +1,15 @@
-"""How a return is recognized, on sequences that are given."""
+"""Detection of the period of a motion."""
 
-from types import SimpleNamespace
+import math
 
 import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.errors import OrbitError
-from mems_impact.hybrid.simulation import run
-from mems_impact.hybrid.state import HybridState
-from mems_impact.orbits import limit_cycle, orbit_search, period_detection
-from mems_impact.orbits.period_detection import _section, first_return
+from mems_impact.orbits.period_detection import detect_forcing_periods, first_return
 from tests.hybrid.systems import STOP, TAU, at, problem, stop
 
 PLAIN = mi.Options(engine="interpreted", method="dop853")
-
-
-@pytest.mark.parametrize(
-    ("extent", "chosen"),
-    [([0.1, 0.5], 0), ([10.0, 0.5], 1), ([0.0, 0.0], 1), ([0.0, 4.0], 0)],
-    ids=["both small", "one large", "none yet", "one yet"],
-)
-def test_the_section_cuts_what_changes_fastest_against_its_extent(extent, chosen):
-    """The rates are 1 and 2; a third component, which is cyclic, changes at 100."""
-
-    automaton = SimpleNamespace(slope_at=lambda mode, t, y, p: np.array([1.0, 100.0, 2.0]))
-    problem = SimpleNamespace(parameters=(), automaton=automaton)
-    start = HybridState(0, 0.0, 0, np.array([5.0, 6.0, 7.0]))
-    free = [0, 2]
-    place = free[chosen]
-    assert _section(problem, start, np.array(extent), free) == (place, start.y[place], 0)
 
 
 @pytest.mark.parametrize(("count", "period"), [(3, 0), (4, 1), (5, 1), (6, 0), (7, 2), (9, 2)])
@@ -44,7 +24,7 @@ def test_three_returns_are_seen_before_a_motion_counts_as_settled(count, period)
 def test_a_motion_is_recognized_after_up_to_sixteen_forcing_periods(periods, seen):
     """A harmonic oscillator whose own period is so many of those: from its first and last state."""
     setup = problem(STOP, stop(d=2.0), period=TAU / periods, rtol=1e-9)
-    recognized = period_detection.detect_forcing_periods(setup, at([1.0, 0.0]))
+    recognized = detect_forcing_periods(setup, at([1.0, 0.0]))
     assert recognized.start_periods == seen
     assert recognized.end_periods in (seen, 0)  # one that returns at once is looked at no further
     if periods > 1:
@@ -68,62 +48,28 @@ def test_a_small_subharmonic_is_no_motion_of_one_period():
     assert abs(orbit.state.x - 1.0) == pytest.approx(apart, rel=1e-6)
 
 
-DRIFT = mi.System(states=("x", "y"), flow=lambda mode, t, y, p: (1.0, -y.y), initial={"y": 1.0})
+def pulsating(mode, t, y, p):
+    """Leave 0 towards 1 at rates from 0.5 to 1.5."""
+    return (y.x * (1.0 - y.x * y.x) * (1.0 + 0.5 * math.cos(2.0 * math.pi * t)),)
 
 
-def test_the_time_within_which_nothing_came_back_is_that_of_all_its_runs(monkeypatch):
-    problem, lengths = DRIFT.problem(PLAIN), []
-
-    def counted(problem, start, periods, **more):
-        lengths.append(periods * problem.period)
-        return run(problem, start, periods, **more)
-
-    monkeypatch.setattr(period_detection, "run", counted)
-    monkeypatch.setattr(period_detection, "MAX_STEPS", 30)
-    with pytest.raises(OrbitError) as caught:
-        period_detection.detect_period(problem, DRIFT.hybrid_state(None, problem))
-    assert f"within a time of {sum(lengths):.9g};" in str(caught.value)
+def rotating(mode, t, y, p):
+    """Leave the circle of radius 1 towards the circle of radius 2."""
+    square = y.x * y.x + y.y * y.y
+    rate = 0.2 * (square - 1.0) * (4.0 - square)
+    return rate * y.x - 2.0 * y.y, rate * y.y + 2.0 * y.x
 
 
-@pytest.mark.parametrize(
-    ("module", "transient"), [(orbit_search, 0.5), (limit_cycle, 0.5), (limit_cycle, 3.0)]
-)
-def test_a_transient_is_run_first(monkeypatch, module, transient):
-    """However short it is; by the call that comes first."""
-
-    class Asked(Exception):
-        pass
-
-    def asked(problem, start, periods, **more):
-        raise Asked(periods * problem.period)
-
-    monkeypatch.setattr(module, "run", asked)
-    family, start = DRIFT.family(PLAIN), DRIFT.hybrid_state(None, DRIFT.problem(PLAIN))
-    find = orbit_search.find_periodic_orbit if module is orbit_search else orbit_search.find_cycle
-    with pytest.raises(Asked) as caught:
-        find(family, start, transient=transient)
-    assert caught.value.args == (pytest.approx(transient),)  # the problem's period is 1
+FORCED = mi.System(states=("x",), flow=pulsating, period=1.0, initial={"x": 1e-9})
+CYCLE = mi.System(states=("x", "y"), flow=rotating, initial={"x": 1.0 + 1e-9, "y": 0.0})
 
 
 @pytest.mark.parametrize(
-    ("slope", "reach", "period", "moves"),
-    [(1e-6, 0.0, 1e3, True), (1e-12, 0.0, 1e6, False), (1e-12, 1.0, 1e6, True)],
+    ("system", "transient", "radius"),
+    [(FORCED, 0.0, 0.0), (FORCED, 30.0, 1.0), (CYCLE, 0.0, 1.0), (CYCLE, 30.0, 2.0)],
 )
-def test_a_cycle_that_is_all_but_a_point_is_refused(slope, reach, period, moves):
-    """By how far it gets at its speed where it begins, and by how far it does get."""
-
-    def point(slope):
-        arc = SimpleNamespace(slope_start=np.array([slope, 0.0]), end=np.array([reach, 0.0]))
-        return SimpleNamespace(arcs=(arc,), period=period, unknowns=None)
-
-    shooting = SimpleNamespace(
-        phase=SimpleNamespace(normal=(1.0, 0.0)),
-        free=[0, 1],
-        events=[],
-        unpack=lambda unknowns: (np.zeros((1, 2)), None),
-    )
-    if moves:
-        limit_cycle.check_not_degenerate(shooting, point(slope), point(slope))
-    else:
-        with pytest.raises(OrbitError, match="shrinks to an equilibrium"):
-            limit_cycle.check_not_degenerate(shooting, point(slope), point(slope))
+def test_a_transient_is_run_before_the_search(system, transient, radius):
+    """The motion from beside an unstable orbit returns at once, and leaves it later."""
+    orbit = mi.find_orbit(system, transient=transient, options=PLAIN)
+    assert math.hypot(*orbit.state.as_dict().values()) == pytest.approx(radius, abs=1e-8)
+    assert orbit.stable == (transient > 0.0)
