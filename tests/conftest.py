@@ -17,15 +17,21 @@ gc.set_threshold(50_000, 20, 50)
 
 @pytest.hookimpl(tryfirst=True)  # before cases are selected by their marks
 def pytest_collection_modifyitems(items):
-    """Mark the cases of a test beyond the first ones that `quick` gives as slow."""
+    """Mark the cases of a test by their order.
+
+    Cases beyond those that `quick` gives are slow. Cases of a slow test beyond the first are for
+    the nightly run, unless each has a subject of its own (`slow(all=True)`).
+    """
     counts = Counter()
     for item in items:
-        quick = item.get_closest_marker("quick")
-        if quick and not item.get_closest_marker("slow"):
-            test = item.nodeid.partition("[")[0]
-            counts[test] += 1
-            if counts[test] > quick.args[0]:
-                item.add_marker("slow")
+        test = item.nodeid.partition("[")[0]
+        quick, slow = item.get_closest_marker("quick"), [*item.iter_markers("slow")]
+        counts[test] += 1
+        first = counts[test] <= (quick.args[0] if quick else 1)
+        if (quick or slow) and not (first or any(mark.kwargs.get("all") for mark in slow)):
+            item.add_marker("nightly")
+        if item.get_closest_marker("nightly"):
+            item.add_marker("slow")
 
 
 def pytest_sessionfinish():

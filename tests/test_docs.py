@@ -39,18 +39,10 @@ def python_blocks(text):
             yield text.count("\n", 0, match.start(2)), dedent(match.group(2))
 
 
-SLOW = ("designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md")
-SLOW += ("basins.md", "lyapunov.md", "studies.md", "tolerances.md", "sensitivity.md", "terms.md")
-SLOW += ("drives.md", "figures.md", "guide.md")
-SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))
-
-
 def marks(page):
-    """Return how the examples of a page are marked: slow, and whether the site's build runs it."""
-    if page.name not in SLOW:
-        return ()
+    """Return the mark of a page whose examples the site's build runs too."""
     built = page.is_relative_to(DOCS) and "savefig(" in page.read_text(encoding="utf-8")
-    return (pytest.mark.slow, pytest.mark.built) if built else pytest.mark.slow
+    return pytest.mark.built if built else ()
 
 
 EXAMPLES = [
@@ -60,6 +52,7 @@ EXAMPLES = [
 ]
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
 def test_python_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -102,6 +102,7 @@ CHANGES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_what_looks_otherwise_is_found(tmp_path):
     path = tmp_path / "drawn.png"
     before = drawn(path)

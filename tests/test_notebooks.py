@@ -42,6 +42,7 @@ def shown(formatter, result):
     return next(known[place] for place in places if place in known)(result)
 
 
+@pytest.mark.slow
 def test_results_come_with_their_pictures(formatter):
     zhao = mi.load_actuator("zhao2004")
     orbit = mi.find_orbit(zhao, DRIVE, guess=mi.kicked_state(zhao), transient=300)

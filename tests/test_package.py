@@ -36,6 +36,7 @@ def test_import_is_light():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_a_run_without_tables_is_light():
     code = (
         "import sys, mems_impact as mi\n"

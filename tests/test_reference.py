@@ -28,6 +28,7 @@ def written(name):
     return ClassDoc(thing) if inspect.isclass(thing) else FunctionDoc(thing)
 
 
+@pytest.mark.slow
 def test_docstrings_are_numpydoc():
     found = [
         f"{name}: {code} {message}"
@@ -67,7 +68,7 @@ def test_every_name_has_its_page_once():
     assert sorted(pages) == NAMES
 
 
-@pytest.mark.slow
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("name", NAMES)
 def test_examples_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

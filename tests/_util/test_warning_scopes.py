@@ -27,6 +27,7 @@ def test_a_device_of_a_study(study):
     assert caught[0].filename == __file__
 
 
+@pytest.mark.slow
 def test_a_device_without_a_compiler(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)

@@ -80,6 +80,7 @@ def test_mode_under_a_force(mu, y, voltage, expected):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("engine", "f", "omega"),
     [
@@ -130,6 +131,7 @@ def test_a_drive_that_never_lets_go():
     assert len(run_.events) < 200
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("side", "v1"), [(RIGHT, 0.3), (LEFT, -0.3)])
 def test_resting_while_sliding(side, v1, engine):

@@ -140,6 +140,7 @@ def test_contract_of_random_pairs(wave, phase):
     check(drive)
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     "name",
     [

@@ -72,7 +72,7 @@ def test_load(folder, name):
     assert mi.load(str(folder / "drive.toml"), allow_code=True).period == drive.period
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_values_arrive(folder):
     drive = mi.load(written(folder, "[drive]\n" + FILES["burst"][0]))
     assert drive == mi.Burst(wave=mi.Sine(amplitude=0.2, omega=1), on=3, off=2)

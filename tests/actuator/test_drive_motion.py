@@ -80,7 +80,7 @@ def test_square_against_an_independent_integration():
     assert run.statistics["impacts per period"] == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_pulses_with_flanks_against_an_independent_integration():
     drive = mi.Pulse(amplitude=0.35, period=12.0, width=3.8, rise=0.5, fall=1.0, low=0.05)
     segments = [
@@ -92,7 +92,7 @@ def test_pulses_with_flanks_against_an_independent_integration():
     against_the_judge(drive, segments, 12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_both_sides_against_an_independent_integration():
     """Long slips, both ways."""
     actuator = ZHAO.replace(mu_s=0.05, mu_d=0.04)
@@ -135,7 +135,7 @@ PAIRS = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", PAIRS)
 def test_mirrored_voltages_give_mirrored_motion(name):
     right, left = PAIRS[name]
@@ -151,6 +151,7 @@ def test_mirrored_voltages_give_mirrored_motion(name):
     assert other.final.x1 < -1e-3
 
 
+@pytest.mark.slow
 def test_half_a_period_later_on_the_other_side():
     """Right at phase 0 and left half a period later, then the other way round."""
     pulse = mi.Pulse(amplitude=0.33, period=12, width=4)
@@ -174,7 +175,7 @@ def test_two_sided_with_nothing_on_the_left_is_one_sided():
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_resting_on_the_left_stopper():
     """Held by its own electrode, released where the voltage falls to what the spring needs."""
     holding = math.sqrt(ZHAO.k * ZHAO.delta / ZHAO.alpha) * (ZHAO.d - ZHAO.delta)
@@ -187,7 +188,7 @@ def test_resting_on_the_left_stopper():
 
 
 @pytest.mark.parametrize("wave", ["sine", "square"])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_after_a_burst_the_block_rings_down(wave):
     drive = mi.Burst(wave=DRIVES[wave].replace(amplitude=0.15), on=4, off=6)
     run = mi.simulate(ZHAO, drive, 1, options=FINE)
@@ -215,7 +216,7 @@ def test_a_burst_is_its_wave_while_it_lasts():
     np.testing.assert_allclose(swapped(plain), swapped(cut), rtol=0, atol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_burst_is_passed_over_after_a_long_pause():
     """100 periods of silence: the longest step would be longer than the burst."""
     wave = mi.Sine(amplitude=0.3, omega=1.0, phase=-math.pi / 2)
@@ -268,7 +269,7 @@ def test_custom_is_the_sine():
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-13)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_custom_functions_of_the_same_name_are_distinguished():
     """Compiled code is kept by the content of a function that has no module of its own."""
     finals = []
@@ -330,6 +331,7 @@ def test_a_sweep_over_the_duty():
     assert list(summary["impacting"]) == [False, True]
 
 
+@pytest.mark.slow
 def test_a_sweep_over_a_number_of_a_drive_within():
     table = mi.sweep(
         ZHAO, DRIVES["burst of pulses"], "wave.width", [2.0, 3.0], transient=1, periods=1

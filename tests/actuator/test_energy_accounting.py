@@ -18,7 +18,7 @@ TIGHT = RecurrenceOptions(tolerance=1e-9)
         ((mi.ChargeDrive(parasitic_capacitance=0.5),), 0.68),
     ],
 )
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_in_is_that_of_the_ledger(terms, amplitude):
     actuator = mi.load_actuator("zhao2004").replace(terms=terms)
     drive = mi.Sine(amplitude=amplitude, omega=0.5)

@@ -55,7 +55,7 @@ def test_both_are_refused():
         mi.Sine(amplitude=1.0, frequency=0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_runs_sweeps_and_branches_are_those_of_omega(tmp_path):
     drive, other = DRIVES[0], mi.Sine(amplitude=40.0, omega=DRIVES[0].omega)
     runs = [mi.simulate(MITA, each, 20) for each in (drive, other)]
@@ -86,7 +86,7 @@ def test_response_in_hertz(tmp_path):
     assert mi.load(tmp_path / "response.zip") == response
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chart_in_hertz_is_that_in_radians():
     unit = MITA.scales.unit("rad/s") / (2.0 * math.pi)
     ends = 0.478 * unit, 0.495 * unit

@@ -82,6 +82,7 @@ def test_numbers_are_those_of_the_design_functions(page):
     assert [section.problem for section in page.sections] == [""] * 7
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone(page, tmp_path):
     parsed = Page(page.html)
     assert parsed.texts["title"] == ["A <device>"]
@@ -132,13 +133,14 @@ def test_a_section_fails_alone():
     assert "makes no step" in page.sections[0].problem
 
 
+@pytest.mark.slow
 def test_a_frame_that_slips_before_the_blow():
     device = MITA.replace(mu_s=0.01, mu_d=0.008)
     page = mi.report(device, SLOW, only=["Device", "Motion"], **SHORT)
     assert page.facts["regime"] == "frame slips before the blow"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chaos_does_not_settle_to_an_unstable_orbit():
     page = mi.report(ZHAO, mi.Sine(amplitude=0.28, omega=0.45), only=["Motion"])
     assert page.facts["motion"] == "not periodic within the search"
@@ -194,7 +196,7 @@ def test_bad_arguments(given, message):
         mi.report(MITA, SLOW, **given)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_drive_without_an_amplitude():
     drive = mi.Sampled(times=(0.0, 0.1, 0.2), voltages=(0.0, 60.0, 5.0), period=0.3)
     wanted = ["Operating chart", "Step and speed over the voltage", "Energy"]
@@ -204,7 +206,7 @@ def test_a_drive_without_an_amplitude():
     assert page.facts.keys() == {"energy per cycle"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_device_of_the_paper():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     page = mi.report(ZHAO, drive, quick=True)
@@ -217,7 +219,7 @@ def test_the_device_of_the_paper():
     assert len([each for each in parsed.attributes if each[1] == "src"]) == 6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("drive", "where"),
     [
@@ -230,7 +232,7 @@ def test_a_chart_lies_where_the_force_excites_the_block(drive, where):
     assert where in str(section.blocks[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_frame_that_sticks_until_the_blow_may_slip_at_resonance(monkeypatch):
     # Friction is between the force of pull-in, 0.09, and that of the spring at the stopper, 0.35.
     device = ZHAO.replace(mu_s=2.55e-3, mu_d=2e-3)

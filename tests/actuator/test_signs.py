@@ -148,6 +148,7 @@ def test_undeclared_jumps_of_the_sign_are_refused():
 RUNS = {"sine": SINE, "square": FLANKS, "one to one": BOTH["one to one"], "burst": BOTH["a burst"]}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("drive", RUNS.values(), ids=list(RUNS))
 def test_two_forcing_periods_in_one(drive):
     factor = 2 if drive.changes_sign else 1
@@ -170,7 +171,7 @@ def test_two_forcing_periods_in_one(drive):
         assert one[name] == pytest.approx(factor * two[name], abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_sweeps_and_speeds_with_the_period_of_the_voltage():
     signed = ZHAO.adding(Nothing())
     drive = mi.Sine(amplitude=0.24, omega=0.5)

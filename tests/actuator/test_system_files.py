@@ -83,7 +83,7 @@ def test_a_drive_from_a_file_and_a_device_from_a_file(folder):
     assert study.system.parameters["tilt.angle"] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_own_code(folder):
     study = mi.load(written(folder, f"{OWN}[set]\nwall = 0.9\n"), allow_code=True)
     assert study.system.parameters["wall"] == 0.9

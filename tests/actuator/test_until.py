@@ -43,7 +43,7 @@ def test_a_run_of_it_in_a_file(tmp_path):
         mi.load(place, system=run.system.without_until)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_other_values_and_other_functions():
     zhao = mi.load_actuator("zhao2004")
     start = mi.kicked_state(zhao)
@@ -66,7 +66,7 @@ def test_other_values_and_other_functions():
         system.without_until.with_energy().ending(further)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_device_in_si_units_with_a_term():
     mita = mi.load_actuator("mita2003").adding(mi.Tilt(angle=0.1))
 

@@ -163,7 +163,7 @@ def test_results_come_back_whole(name, tmp_path):
             assert one.attrs == other.attrs
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_loaded_orbit_is_continued_bit_for_bit(tmp_path):
     results()["orbit"].save(tmp_path / "orbit")
     loaded = mi.load(tmp_path / "orbit")
@@ -184,7 +184,7 @@ def test_another_process_continues(tmp_path):
     assert done.stdout.strip() == results()["orbit"].samples(4).to_csv().strip()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chart_is_a_value(tmp_path):
     chart = mi.operating_chart(ZHAO, omega=(0.499, 0.505), crises=0)
     assert pickle.loads(pickle.dumps(chart)) == chart
@@ -201,7 +201,7 @@ def simulated(drive):
     return mi.simulate(ZHAO, drive, 0.3, options=PLAIN)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_results_return_from_a_pool_of_processes():
     drives = [SINE, OWN["local custom"], OWN["burst of a custom one"]]
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -243,7 +243,7 @@ COMB = mi.CombDrive(fingers=20, gap=2e-6, thickness=2e-5, overlap=1e-5)
 TABLE = mi.TabulatedCapacitance(positions=X, capacitances=1e-13 / (5e-6 - X))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("terms", "name", "allowed", "refused"),
     [

@@ -116,6 +116,7 @@ def spiral(mode, t, y, p):
 DECAYING = mi.System(flow=spiral, states=("x", "v"), initial=mi.State(x=1.0))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("system", "recurrence"),
     [
@@ -157,6 +158,7 @@ def test_interpreted_and_compiled_tell_the_same():
     assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["compiled", "interpreted"])
 def test_an_orbit_is_known_once_it_has_come_again_twice(engine):
     """Begun on it, and so simple that it is met exactly: of four returns the last two repeat both.
@@ -199,6 +201,7 @@ def test_what_moves_slowly_does_not_rest(unit):
     assert found.measures["return time"] == pytest.approx(2.0 * math.pi * unit, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_followed_until_it_rests_is_resting():
     """In a double well, at whose bottom it rests after the transient."""
     well = mi.System(
@@ -216,7 +219,7 @@ def test_a_motion_that_is_followed_until_it_rests_is_resting():
     assert found.final.x == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_slow_approach_is_no_orbit_yet():
     # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period
     # to period are below the tolerance when the way to go is still thirty times as far.
@@ -317,7 +320,7 @@ def test_smooth_motion_settles_within_the_errors_of_the_method(method, rate):
     assert found.final["x"] == pytest.approx(x.real, rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_farthest_point_is_no_closest_approach():
     """At a turning point one margin is smallest and the other largest; rounding may mix them up."""
 
@@ -377,6 +380,7 @@ def test_closest_approaches_are_those_of_a_run(transient):
     )
 
 
+@pytest.mark.slow
 def test_chaos_is_classified_by_the_exponent():
     # The exponent by two neighbouring runs: 0.51 per period (`tests/analysis/test_lyapunov.py`).
     wild, near_off = map_attractors(
@@ -446,6 +450,7 @@ def _found(system, **recurrence):
     return map_attractors([InitialCondition(system)], recurrence, options)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "motion", "period"), [(2.97, "resting", 1), (3.012, "periodic", 2)])
 def test_what_comes_nearer_and_nearer_is_followed_until_it_arrives(a, motion, period):
     """Multipliers of -0.97 and 0.95: 80 periods are not enough, as their rate tells."""
@@ -458,7 +463,7 @@ def test_what_comes_nearer_and_nearer_is_followed_until_it_arrives(a, motion, pe
     assert sorted(found.states[:, 0]) == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_small_differences_that_accumulate_are_no_errors_of_the_method():
     """A slow approach with the multiplier 0.99; and one of -1.02, along which motions leave."""
     slow = _found(mapped(_logistic, 1.01, x=0.0099), transient=3000, longest=1)
@@ -490,6 +495,7 @@ def test_what_passes_an_unstable_orbit_by_chance_is_no_orbit():
     assert (found.motion, found.period) == ("unsettled", 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "motion", "period"), [(3.673, "periodic", 10), (3.656, "periodic", 18)]
 )
@@ -525,7 +531,7 @@ def _periods_of_iteration(step, start, most=64, transient=200_000):
     return 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("a", [3.8477363, 3.8494863, 3.7234863, 3.9222363])
 def test_an_exponent_without_a_sign_is_computed_for_longer(a):
     """Motions that have no sign of an exponent after 400 returns: of period 12, and chaotic."""
@@ -535,7 +541,7 @@ def test_an_exponent_without_a_sign_is_computed_for_longer(a):
     assert found.motion == ("periodic" if exact else "chaotic")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("a", [1.026011, 1.260011, 1.096011])
 def test_windows_of_henons_map_are_found_and_no_map_is_quasi_periodic(a):
     """Of periods 8 and 14; and a weak attractor whose exponent is zero to within its error."""
@@ -591,6 +597,7 @@ def kinetic_energy(mode, t, before, after, p):
     return before.v * before.v
 
 
+@pytest.mark.slow
 def test_rates_of_an_autonomous_system_are_per_unit_of_its_time():
     kinetic = mi.Observable("energy", kinetic_energy, at=("zero",), reduce="sum")
     system = mi.System(

@@ -30,6 +30,7 @@ def doubling():
     return mi.continue_orbit(orbit_at(0.177, 0.485), "amplitude", stop=0.17)
 
 
+@pytest.mark.slow
 def test_special_points_of_fig_4(branch):
     assert [s.label for s in branch.special_points] == ["CF", "G"]
     values = [s.value for s in branch.special_points]
@@ -40,7 +41,7 @@ def test_special_points_of_fig_4(branch):
     assert branch.special_table["largest multiplier"].tolist() == [pytest.approx(1.0), math.inf]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_fold_with_its_impact_at_the_start_of_a_period(branch):
     fold = branch.special_points[0]
     drive = mi.Sine(amplitude=0.24, omega=0.5, phase=0.5 * fold.orbit.impacts["time"].iloc[0])
@@ -78,7 +79,7 @@ def switched():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_orbits_beyond_a_grazing_against_the_walk_are_found(switched):
     grazing = switched.special_points[0]
     assert (grazing.label, grazing.value) == ("G", pytest.approx(0.20026297191, abs=1e-9))
@@ -94,7 +95,7 @@ def test_the_orbits_beyond_a_grazing_against_the_walk_are_found(switched):
     assert found.multipliers[0] == pytest.approx(orbit.multipliers[0], rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_impact_that_meets_a_switch_is_a_corner_at_which_a_branch_turns(switched):
     corner = switched.special_points[1]
     assert corner.kind == "simultaneous events"
@@ -116,7 +117,7 @@ def _its_rate(t, q):
     return -0.5 * q[0] * math.sin(0.5 * t)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("parameter", ["height", "right.amplitude"])
 def test_numbers_of_any_drive_are_continued(parameter):
     drives = {
@@ -212,6 +213,7 @@ def test_a_parameter_of_the_device_up_to_the_end_of_its_range(branch):
     assert more.ended
 
 
+@pytest.mark.slow
 def test_a_curve_and_its_points_of_codimension_two(branch):
     seen = []
     grazing = branch.special_points[1]
@@ -261,7 +263,7 @@ def test_a_branch_that_ends_early_gives_the_reason(branch):
     assert len(few.table) == 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chart_from_curves_alone():
     chart = mi.operating_chart(ZHAO, omega=(0.478, 0.492), crises=0)
     assert chart.notes == ()
@@ -280,6 +282,7 @@ def test_chart_from_curves_alone():
 SCALES = DeviceScales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
 
 
+@pytest.mark.slow
 def test_a_chart_in_si_finds_its_band_and_speaks_its_units():
     device, heard = ZHAO.to_si(SCALES), []
     # The lower end is that of the band: 0.44 in the units of the paper.
@@ -313,7 +316,7 @@ def test_a_chart_without_a_band_says_what_it_found():
         mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chart_without_types_has_the_voltages_at_single_frequencies():
     device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)  # what slips, slips on
     resonance = 1.0 / SCALES.time
@@ -353,7 +356,7 @@ def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
         mi.grazing_type(found.special_points[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_crisis_by_simulation():
     # At omega = 0.5 the attractor ends in the fold, which is known.
     drive = mi.Sine(amplitude=0.2, omega=0.5)

@@ -32,7 +32,7 @@ def out_of_range(mode, t, y, p):
 GRAZING = math.hypot(1.0, 0.2)  # the amplitude at which x = A/|2 - 1 + 0.2 i| comes to 1
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rebound", "reason"),
     [
@@ -88,7 +88,7 @@ def rattler(c):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_that_lie_side_by_side_are_reported():
     """A rattler that touches neither stop may swing about any place between them."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.01), periods=300))
@@ -98,7 +98,7 @@ def test_orbits_that_lie_side_by_side_are_reported():
     assert "form a continuum" in branch.ended
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_that_lie_side_by_side_are_followed_at_what_they_conserve():
     """With a linear drag v2 + 0.05 (x2 - x1) never changes, and tells one from the other."""
     orbit = mi.find_orbit(mi.simulate(rattler(0.0), periods=300))
@@ -121,7 +121,7 @@ def reset(mode, t, y, p):
     return mode, (0.0,)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_reset_that_is_grazed_ends_the_branch_and_no_distant_orbit_continues_it():
     """A neuron that fires every second period: v = I + forced(t) - (I + forced(s)) exp(s - t)."""
     neuron = mi.System(
@@ -161,7 +161,7 @@ def rebound(mode, t, y, p):
     return mode, (p.d, -0.8 * y.v)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_with_impacts_shrinks_to_a_boundary_equilibrium_not_to_a_hopf_point():
     """The unstable focus of van der Pol's oscillator meets a wall."""
     system = mi.System(
@@ -241,6 +241,7 @@ def test_other_ends_are_not_blamed_on_a_jump():
 CURVE_JUMP = "the equations are discontinuous in b near b = 0.5"
 
 
+@pytest.mark.slow
 def test_a_curve_of_equilibria_ends_where_the_equations_jump():
     def flow(mode, t, y, p):
         return (p.a + (1.0 if p.b < 0.5 else 1.3) * y.x - y.x**3,)
@@ -252,7 +253,7 @@ def test_a_curve_of_equilibria_ends_where_the_equations_jump():
     assert curve.table["b"].iloc[-1] == pytest.approx(0.5, abs=1e-3)
 
 
-@pytest.mark.slow  # long arcs beside the jump
+@pytest.mark.nightly  # long arcs beside the jump
 def test_a_curve_of_orbits_ends_where_the_equations_jump():
     def flow(mode, t, y, p):
         k = 1.7 if p.b < 0.5 else 3.0

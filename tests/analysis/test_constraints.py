@@ -56,6 +56,7 @@ def joined(**more):
 MU = math.exp(-0.05 * 2.0 * math.pi)  # one oscillator of mass 2, damping 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "engine", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow)]
 )
@@ -82,7 +83,7 @@ def test_the_distance_held_is_a_parameter():
     assert (z - x, w - v) == pytest.approx((1.0, 0.0), abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_exponents_of_a_mode_held_for_good():
     found = mi.lyapunov(joined(), 4)
     assert np.isneginf(found.exponents[2:]).all()
@@ -91,7 +92,7 @@ def test_exponents_of_a_mode_held_for_good():
     assert mi.lyapunov(joined()).kind == "periodic"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_units_and_pickles_keep_what_holds():
     small = joined(
         initial=mi.State(x=5e-7, z=5e-7, mode="joined"),

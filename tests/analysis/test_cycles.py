@@ -104,7 +104,7 @@ def monodromy(flow, jacobian, guess, period):
     return solution[n], values[np.argsort(np.abs(values - 1.0))][1:]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_van_der_pol_against_scipy():
     orbit = find(van_der_pol())
     assert orbit.period == pytest.approx(6.6632868593231301, abs=1e-9)
@@ -121,7 +121,7 @@ def test_van_der_pol_against_scipy():
     np.testing.assert_allclose(orbit.multipliers, multipliers, atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_belt_with_stribeck_friction_against_scipy():
     orbit = find(stribeck_belt())
 
@@ -142,7 +142,7 @@ def test_a_belt_with_stribeck_friction_against_scipy():
     assert sorted(orbit.events["event"]) == ["break-away", "stick"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_unstable_cycle_of_lorenz_against_a_published_number():
     """Viswanath, Nonlinearity 16 (2003) 1035: the cycle AB, to 14 digits."""
     orbit = find(lorenz(), guess={"x": -13.7636, "y": -19.5788, "z": 27.0})
@@ -162,7 +162,7 @@ def doubling():
     return special
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_period_doubling_against_scipy(doubling):
     def worst(c):
         def flow(y):
@@ -181,7 +181,7 @@ def test_a_period_doubling_against_scipy(doubling):
     assert doubling.value == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_doubled_cycle_is_one_of_twice_the_period_and_ends_where_it_began(doubling):
     twice = mi.switch_branch(doubling, bounds=(2.0, 3.2), steps=mi.StepControl(max_step=0.1))
     orbit = twice.orbits[-1]
@@ -196,7 +196,7 @@ def test_a_doubled_cycle_is_one_of_twice_the_period_and_ends_where_it_began(doub
     assert end.value == pytest.approx(doubling.value, abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     """mu + r^2 - r^4 = 0 turns where r^2 = 1/2 and mu = -1/4, and comes to r = 0 at mu = 0."""
     orbit = find(spiral(0.5))
@@ -215,7 +215,7 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     assert last.system.value("mu") == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_curve_of_folds_of_cycles():
     """mu + k r^2 - r^4 = 0 turns where mu = -k^2/4."""
     steps = mi.StepControl(max_step=0.1)
@@ -251,7 +251,7 @@ def test_a_cycle_grazes_a_wall_and_continues_with_an_impact():
     np.testing.assert_allclose(again.multipliers, last.multipliers, atol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_comes_to_rest_or_does_not_return_is_reported():
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached") as caught:
         find(spiral(-0.5))
@@ -288,7 +288,7 @@ def test_a_period_that_is_given_is_where_newton_begins(stick_slip):
     assert twice.period == pytest.approx(stick_slip.period, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_how_many_forcing_periods_an_orbit_takes_is_recognized():
     system = oscillator(A=1.0, omega=0.6)
     run = mi.simulate(system, periods=400)

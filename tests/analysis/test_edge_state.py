@@ -29,6 +29,7 @@ CUBIC = mi.System(
 )
 
 
+@pytest.mark.slow
 def test_the_saddle_of_a_cubic_map():
     """Attractors of x -> 1.8 x - x^3 at -sqrt(0.8) and sqrt(0.8), edge state at 0."""
     found = mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
@@ -133,7 +134,7 @@ def _fitzhugh(mode, t, y, p):
     return 10.0 * (y.u - y.u**3 - y.w), -3.0 * y.w + y.u
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_edge_state_of_fitzhugh_and_nagumo():
     """The second test of Attractors.jl: the saddle at the origin."""
     system = mi.System(states=("u", "w"), flow=_fitzhugh)
@@ -147,7 +148,7 @@ def test_the_edge_state_of_fitzhugh_and_nagumo():
     assert [each.u for each in found.attractors] == pytest.approx([-rest, rest], rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_saddle_between_rest_and_impacts():
     """The saddle with one impact in three periods has a closed form."""
     parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}

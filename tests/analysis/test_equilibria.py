@@ -197,6 +197,7 @@ def test_what_is_refused():
         mi.find_equilibria(undefined)
 
 
+@pytest.mark.slow
 def test_results_are_values(tmp_path):
     (first,) = mi.find_equilibria(LORENZ)
     branch = mi.continue_equilibrium(first, "r", 30.0)
@@ -230,6 +231,7 @@ def test_an_imperfect_pitchfork_is_no_branch_point(imperfection):
     assert last.stable
 
 
+@pytest.mark.slow
 def test_figure_of_a_branch():
     (first,) = mi.find_equilibria(LORENZ)
     branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(max_step=0.5))
@@ -267,7 +269,7 @@ def test_cycles_that_are_born_at_a_hopf_point():
     assert abs(back.orbits[-1].system.parameters["a"]) < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_unstable_cycles_of_lorenz_leave_its_hopf_point_downwards():
     (first,) = mi.find_equilibria(LORENZ)
     (hopf,) = mi.continue_equilibrium(first, "r", 30.0).special_points

@@ -41,7 +41,7 @@ def cycle():
     return mi.continue_orbit(orbit, "mu", 1.1, steps=mi.StepControl(max_points=5))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("followed", [cycle, forced])
 def test_tables_of_a_branch_integrate_each_segment_once(counted, followed):
     branch = followed()

@@ -196,6 +196,7 @@ def test_at_a_fixed_point_of_a_map():
     assert spectrum.exponents[0] == pytest.approx(math.log(0.8), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_map_that_jumps_where_a_turn_ends():
     spectrum = mi.lyapunov(
         mapped(_cat, x=0.1234, y=0.4567), 2, transient=0, periods=136, options=PLAIN
@@ -203,7 +204,7 @@ def test_a_map_that_jumps_where_a_turn_ends():
     assert spectrum.exponents == pytest.approx([GOLDEN, -GOLDEN], abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_body_without_forces_between_two_walls():
     """Both exponents are zero, to which they come with log(t)/t: the error says so."""
     spectrum = mi.lyapunov(free(), transient=0.0, duration=170.0, options=PLAIN)
@@ -268,7 +269,7 @@ def test_flows(name):
     check(mi.lyapunov(system, len(expected), options=FAST), expected)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("scale", [None, 0.3])
 def test_the_exponent_along_the_flow_of_lorenz(scale):
     """It is zero, as the state that carries perturbations follows the run."""
@@ -278,7 +279,7 @@ def test_the_exponent_along_the_flow_of_lorenz(scale):
     assert spectrum.exponents.sum() == pytest.approx(-41.0 / 3.0, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("A", "w"), [(0.5, 1.1), (1.2, 0.45), (5.0, 2.463)])
 def test_the_sum_is_the_mean_divergence(A, w):
     system = forced_van_der_pol(A, w)
@@ -290,7 +291,7 @@ def test_the_sum_is_the_mean_divergence(A, w):
     assert spectrum.exponents.sum() == pytest.approx(gathered / length, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_map_of_bounces_contracts_by_its_loss():
     system = mapped(_bounces, f=0.5, v=2.0)
     spectrum = mi.lyapunov(system, 2, options=FAST)

@@ -29,6 +29,7 @@ def test_kinds():
     assert mi.classify(-3e-4, 1e-5) == "undecided"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "kind"), [(0.0, "quasi-periodic"), (2e-5, "undecided"), (1e-4, "undecided")]
 )
@@ -111,6 +112,7 @@ def test_a_map_with_one_slope_at_a_guard():
     assert spectrum.trivial == ("along the flow: exponent 2",)
 
 
+@pytest.mark.slow
 def test_without_events_the_sum_is_the_divergence():
     spectrum = mi.lyapunov(oscillator(A=0.3), 2, options=FAST)
     assert spectrum.exponents.sum() == pytest.approx(-0.1, abs=1e-9)
@@ -129,6 +131,7 @@ def check_orbit(orbit, spectrum, tolerance=1e-7):
     assert (np.abs(found - expected) < 4.0 * spectrum.errors[: expected.size] + tolerance).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes", [{}, {"A": 0.5, "e": 0.3}, {"A": 1.3, "omega": 0.4, "e": 0.5}, {"A": 3.0, "e": 0.3}]
 )
@@ -138,7 +141,7 @@ def test_impacts_against_floquet_multipliers(changes):
     check_orbit(orbit, mi.lyapunov(orbit, 2, transient=0, options=FAST))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_rest_leaves_nothing_of_perturbations():
     spectrum = mi.lyapunov(oscillator(A=2.0, omega=0.2, e=0.5), transient=5, options=FAST)
     assert spectrum.exponents.tolist() == [-math.inf]
@@ -209,7 +212,7 @@ def test_a_run_that_cannot_continue():
     assert caught.value.partial.kind == "undecided"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lorenz():
     """Sprott 2003 gives 0.9056, 0, -14.5723; the sum is minus s + 1 + b."""
     spectrum = mi.lyapunov(lorenz(), 3, tolerance=0.002, options=FAST)
@@ -236,7 +239,7 @@ def test_cycles_against_floquet_multipliers(system):
         assert abs(value - exponent) < 4.0 * error or (value == -math.inf and exponent < -3.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "drive",
     [
@@ -278,7 +281,7 @@ def by_two_runs(system, start, periods, distance=1e-7):
     return blocks.mean(), blocks.std() / 5.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chaos_against_two_neighbouring_runs():
     system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.45))
     spectrum = mi.lyapunov(system, options=FAST)
@@ -292,7 +295,7 @@ def test_chaos_against_two_neighbouring_runs():
     assert abs(spectrum.per_period[0] - exponent) < 3.0 * math.hypot(error, told)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["interpreted", "compiled"])
 def test_perturbations_of_a_body_that_a_stopper_holds_vanish(engine):
     pressed = mi.System(

@@ -39,6 +39,7 @@ def saddle(kind, x=0.0, y=0.0, **values):
     return mi.find_orbit(system, guess={"x": x, "y": y}, periods=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "kind"), [(0.0, "stable"), (1.0, "unstable")])
 def test_an_invariant_parabola(case, kind):
     """The multiplier along it is negative: each half maps to the other."""
@@ -78,7 +79,7 @@ def crisis_gap(a):
     return (out["x"] - np.interp(out["y"], edge["y"], edge["x"])).min()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_crisis_of_the_henon_map_is_a_tangency():
     """Boundary crisis at a = 1.42692 for b = 0.3; below it orbits stay, above it they escape."""
     near, nearer = 1.4258, 1.4265
@@ -110,7 +111,7 @@ def _well(mode, t, y, p):
     return y.v, y.x - y.x**3 - p.d * y.v
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_equilibrium_without_damping_has_an_energy():
     """Both manifolds of the saddle of the double well are the loop with zero energy."""
     system = mi.System(states=("x", "v"), flow=_well, parameters={"d": 0.0})
@@ -126,7 +127,7 @@ def _duffing(mode, t, y, p):
     return y.v, y.x - y.x**3 - 0.4 * y.v + 0.1 * math.cos(t)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_stable_manifold_of_a_forced_double_well_bounds_the_basins():
     """SciPy integrates points beside it into different wells."""
     system = mi.System(states=("x", "v"), flow=_duffing, period=2.0 * math.pi)
@@ -191,7 +192,7 @@ def _ring(mode, t, y, p):
     return 0.2 * grows * y.x - y.y, 0.2 * grows * y.y + y.x, 0.2 * y.z
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_saddle_cycle_in_its_section():
     """The unit circle: its manifolds meet the section y = 0 in the lines x = 1 and z = 0."""
     states = ("x", "y", "z")
@@ -228,7 +229,7 @@ def device_gap(amplitude):
     return (out["v2"] - CubicSpline(edge["x2"], edge["v2"])(out["x2"])).min()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_crisis_of_the_device_is_a_homoclinic_tangency():
     """Zhao et al. lose the attractor at 0.2355; simulated runs below 0.2354."""
     low, high = 0.235395, 0.235405

@@ -40,6 +40,7 @@ def spiral(mode, t, y, p):
     return 1e3 * y.v * (1.0 + 1e3 * abs(y.x)), -1e3 * y.x + 0.1 * y.v
 
 
+@pytest.mark.slow
 def test_a_motion_that_does_not_return(monkeypatch):
     from mems_impact.orbits import period_detection
 

@@ -36,6 +36,7 @@ def test_an_undamped_resonator_under_force_is_neutral_and_a_damped_one_stable():
         assert {None: "neutral", True: "stable", False: "unstable"}[stable] in repr(orbit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "rtol"), [("bdf", 1e-6), ("adams", 1e-6), ("bdf", 1e-9)])
 @pytest.mark.parametrize(("c", "stable"), [(0.0, None), (1e-3, True), (-1e-3, False)])
 def test_the_width_of_neutral_is_the_error_of_the_multipliers(method, rtol, c, stable):
@@ -48,6 +49,7 @@ def test_the_width_of_neutral_is_the_error_of_the_multipliers(method, rtol, c, s
     assert orbit.stable is stable
 
 
+@pytest.mark.slow
 def test_errors_of_multipliers_are_no_bifurcations_of_a_neutral_branch():
     system = mi.System(
         states=("x", "v"), flow=forced, period=2.0 * math.pi, parameters={"k": 2.0, "c": 0.0}
@@ -117,6 +119,7 @@ def test_the_stability_of_a_matrix_does_not_hang_on_rounding():
     assert eigenvalues_stable(np.diag([0.0, -1.0]), 1) is True
 
 
+@pytest.mark.slow
 def test_neutral_cycles_at_a_hopf_point_are_no_line_of_a_figure():
     """Cycles m = c r^2 of the normal form, with the multiplier exp(-4 pi m)."""
     system = mi.System(

@@ -43,7 +43,7 @@ def test_a_solution_that_is_no_orbit_is_an_error_and_kept():
     assert all(defect in str(caught.value) for defect in found.defects)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_where_the_motion_settles_an_orbit_is_found_instead():
     orbit = mi.find_orbit(WALL, options=PLAIN)
     assert orbit.admissible
@@ -56,6 +56,7 @@ def middle(mode, t, y, p):
     return y.x
 
 
+@pytest.mark.slow
 def test_a_guard_that_only_records_forbids_nothing():
     system = mi.System(
         states=("x", "v"),
@@ -130,6 +131,7 @@ def pushed(flow, states, period=2.0 * math.pi, **more):
     return mi.System(states=states, flow=flow, period=period, parameters={"load": 0.3}, **more)
 
 
+@pytest.mark.slow
 def test_a_state_that_drifts_is_to_be_cyclic():
     """Its mean speed is the load by the damping: 0.6, 1.2 pi a period."""
     with pytest.raises(mi.OrbitError, match=r"x grows by 3\.77 a period, .* in cyclic=\['x'\]"):
@@ -148,7 +150,7 @@ def test_what_drifts_is_reported_in_the_units_of_the_system():
         mi.find_orbit(system, periods=1, options=PLAIN)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_bodies_that_drift_together():
     """Mean speed: the load by the sum of both dampings."""
     rate = 0.3 / 0.7 * 2.0 * math.pi
@@ -157,7 +159,7 @@ def test_two_bodies_that_drift_together():
         mi.find_orbit(pushed(two, ("x", "v", "z", "w")), options=PLAIN)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_angle_that_goes_round_is_not_cyclic():
     system = pushed(rotates, ("angle", "w"), initial={"w": 8.0})
     with pytest.raises(mi.OrbitError, match=r"angle grows by 47\.12 a period, .* guards at pi and"):
@@ -208,7 +210,7 @@ def cruise(mode, t, y, p):
     return y.v + p.load, -2.0 * mode.line - 0.5 * y.v
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("transient", [140, 300])
 def test_a_motion_that_is_at_rest_to_the_last_digit_has_reached_an_equilibrium(transient):
     """Where rounding errors alone are left of the flow, free or along a switching surface."""

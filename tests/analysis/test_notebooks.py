@@ -77,7 +77,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("notebook")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_functions_from_anywhere_run_compiled_and_say_where_they_are_not_kept(folder):
     found, said = go(folder, SCRIPT + KEPT)
     assert found == ["[1.0]"] * 2
@@ -88,7 +88,7 @@ def test_functions_from_anywhere_run_compiled_and_say_where_they_are_not_kept(fo
     assert NOTICE not in said
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_function_that_draws_on_an_object_says_that_it_is_not_kept(folder):
     found, said = go(folder, SCRIPT + UNKEPT)
     assert found == ["[1.0]"]

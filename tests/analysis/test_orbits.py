@@ -90,7 +90,7 @@ def test_a_guess_at_another_phase(orbit):
     assert found.state.x2 == pytest.approx(orbit.state.x2, abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_device_in_si(orbit):
     scales = DeviceScales.of_device(m2=1e-8, k=10.0, d=2e-6, alpha=1e-17)
     si = ZHAO.to_si(scales)
@@ -159,6 +159,7 @@ def test_where_the_system_is_stiff_bdf_takes_over_and_says_so(orbit):
     assert {each.options.method for each in branch.orbits} == {"bdf"}
 
 
+@pytest.mark.slow
 def test_a_method_that_was_chosen_is_kept_and_says_that_the_system_is_stiff():
     drive, options = mi.Sine(amplitude=0.1, omega=0.5), mi.Options(method="dop853")
     with pytest.warns(mi.StiffnessWarning, match="method 'auto' or 'bdf'"):

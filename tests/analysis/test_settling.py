@@ -22,7 +22,7 @@ def _relaxing(q, *, alternating=False, gain=1.0, **others):
     return campaign._linear().changed(**(values | others))
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("q", [0.97, 0.99, 0.998])
 def test_a_slow_mean(q):
     system = _relaxing(q)
@@ -74,7 +74,7 @@ def test_two_frequencies_have_an_error_and_are_not_unsettled():
     assert abs(row.limit - 1.0 - circle) <= row.error + 2e-3 * abs(row.limit)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chaos_has_an_error_that_longer_runs_confirm():
     system = campaign._duffing().changed(d=0.3, f=0.5)
     run = mi.simulate(system, 400)
@@ -84,6 +84,7 @@ def test_chaos_has_an_error_that_longer_runs_confirm():
     assert abs(run.gathered["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
 
 
+@pytest.mark.slow
 def test_a_deviation_that_vanishes_with_the_transient():
     """The orbit has one impact a period, so that its steps are equal."""
     device = mi.Actuator.from_design(
@@ -100,6 +101,7 @@ def test_a_deviation_that_vanishes_with_the_transient():
         mi.duty_cycle(run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "omega"), [(0.6, 0.4), (0.4, 0.3)])
 def test_deviations_of_chaos(amplitude, omega):
     device = mi.load_actuator("zhao2004")
@@ -121,6 +123,7 @@ def test_a_short_run_is_not_judged():
         run.statistics  # noqa: B018
 
 
+@pytest.mark.slow
 def test_an_autonomous_oscillator():
     """Its cycle is no multiple of any window: the number of events is known by its ends."""
 

@@ -50,6 +50,7 @@ def rotor(**more):
     )
 
 
+@pytest.mark.slow
 def test_a_section_and_both_ways():
     sweep = mi.sweep(
         rotor(section=("x", 0.0)), "a", [0.5, 1.0], direction="both", section=-1,

@@ -69,6 +69,7 @@ def strike(mode, t, y, p):
     return (LEFT if mode == RIGHT else RIGHT), (0.0, 0.8 * y.v)
 
 
+@pytest.mark.slow
 def test_modes_and_guards_change_places():
     block = mi.System(
         states=("x", "v"),
@@ -92,7 +93,7 @@ def well(mode, t, y, p):
     return y.v, y.x - y.x**3 - 0.3 * y.v + p.A * math.cos(t)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_partner_of_an_orbit_in_a_well():
     system = mi.System(states=("x", "v"), flow=well, period=2.0 * math.pi, parameters={"A": 0.1})
     right = mi.find_orbit(system, guess={"x": 1.0}, transient=50, options=INTERPRETED)
@@ -116,7 +117,7 @@ def tilted():
     return mi.find_orbit(system, guess={"x": 1.0}, transient=50, options=INTERPRETED)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cycles_of_the_lorenz_system():
     """The symmetric cycle loses its symmetry at r = 312.97 (Sparrow 1982)."""
     system = mi.System(

@@ -25,7 +25,7 @@ def test_random_runs():
     assert sum(one.horizon for one in outcomes) > 0.9 * len(outcomes)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "attack",
     [*scans.ATTACKS[:-1], *chatter.ATTACKS, *pull_in.ATTACKS, *invariance.ATTACKS[:-1]],
@@ -37,7 +37,7 @@ def test_aimed(attack):
     assert result.tried > 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_boundaries_by_simulation():
     assert boundaries.boundaries(seed=SEED, small=True).findings == []
 

@@ -85,6 +85,7 @@ class _Table:
         return self.ball.e
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("e", [0.3, 0.8])
 @pytest.mark.parametrize("amplitude", [0.4, 1.3])
 def test_a_ball_on_a_table_in_closed_form_and_integrated(e, amplitude):
@@ -143,7 +144,7 @@ def _propagated(drawn, mode, y, t, end):
     return (expm((end - t) * whole) @ first)[:n]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_random_automata_against_the_exponential_of_a_matrix():
     """Where the flow is linear, DOP853's states between events have a closed form."""
     seen = 0
@@ -249,13 +250,13 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_frictions_side_by_side_break_away_together():
     """Of two between a body and the ground none slides where the other sticks, in any order."""
     assert contacts.check(1, 2657).story == ""
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     """The same, the body in two halves that are stuck together, each on the ground by one."""
@@ -294,6 +295,7 @@ def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     assert final == pytest.approx(judge.at([contacts.END])[0], abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     """The ground holds two bodies with all it can; one slides, and the other is relieved by it."""
@@ -321,7 +323,7 @@ def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("turned", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
     """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.
@@ -355,6 +357,7 @@ def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():
     assert stopped.modes == (-1,)
 
 
+@pytest.mark.slow
 def test_the_judge_of_contacts_loses_four_mu_of_amplitude_a_cycle():
     judge = rubbing([Rub(0, None, 0.04, 0.04)], [0.0], springs=1.0)
     judge.follow(np.array([1.01, 0.0]), 60.0)

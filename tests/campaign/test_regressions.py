@@ -37,7 +37,7 @@ for name in sys.argv[1]:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_automata_from_the_cache_do_not_take_each_other_for_themselves(tmp_path):
     """Found by run 10 of the first 20 of seed 1, whose numbers were those of another drive.
 
@@ -129,7 +129,7 @@ def test_a_margin_that_dips_within_a_step_and_ends_level(engine):
     assert times(run, workspace.TRANSITION)[:1] == pytest.approx([first], abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_end_of_a_chatter_does_not_push_the_frame_back(engine):
     """Found by the balance of momentum, off by up to 2 % in one run of eight that rested.
@@ -170,7 +170,7 @@ def test_an_elastic_block_pressed_to_the_stopper_is_reported_with_its_reason():
         mi.simulate(device, drive, 1, initial=mi.State(x2=0.4999), options=options)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("engine", "share"),
     [
@@ -193,6 +193,7 @@ def test_slips_and_impacts_below_rounding_end(share, v2, engine):
     assert np.count_nonzero(events.kind == workspace.TRANSITION) < 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_flights_that_drown_in_rounding_are_the_end_of_a_sequence(engine):
     """A start one rounding away from the stopper, pressed to it, with a frame that hardly sticks.

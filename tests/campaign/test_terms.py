@@ -19,7 +19,7 @@ def test_every_term_is_tried():
     assert terms.unjudged() == ["slew_rate"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_without_terms_it_meets_the_judge_of_the_papers_equations():
     device = {
         "m1": 5.0,
@@ -58,7 +58,7 @@ COMPUTED = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in TERM_CLASSES if name not in terms.unjudged()])
 def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
     """Of its numbers, the first one that the judge has, a thousandth off."""

@@ -164,6 +164,7 @@ def test_an_error_in_a_study_file_names_its_arguments(cli, tmp_path):
     assert "study.recurrence.chaos_persistence = 0" in cli("map", "study.toml").complaint()
 
 
+@pytest.mark.slow
 def test_a_warning_names_what_can_be_typed(cli):
     done = cli("closing", "zhao2004", "--amplitude", "0.01")
     assert "method 'auto' or 'bdf' may be faster" in done.err
@@ -197,6 +198,7 @@ def test_bad_input_leaves_nothing_behind(cli, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_is_no_failure_to_report():
     program = f"{sys.executable} -m mems_impact devices | true"
     done = subprocess.run(["sh", "-c", program], capture_output=True, text=True)

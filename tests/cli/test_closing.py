@@ -24,7 +24,7 @@ def test_closing_is_that_of_python(cli, tmp_path):
     assert written["impact speed [m/s]"].iloc[0] == pytest.approx(found.impact_speed)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_contact_that_does_not_close(cli):
     done = cli("closing", "abdulrahim2016", "--amplitude", "60")
     assert done.status == 1
@@ -32,7 +32,7 @@ def test_a_contact_that_does_not_close(cli):
     assert "closing.png" in done.out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_soft_landing_is_that_of_python(cli, tmp_path):
     done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",
                "--pause", "5.6e-6", "--over", "width=1e-5:2e-5", "--output", "out")  # fmt: skip

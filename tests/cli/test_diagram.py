@@ -15,6 +15,7 @@ fork = mi.System(states=("x",), flow=flow, parameters={"a": 1.0})
 """
 
 
+@pytest.mark.slow
 def test_diagram_of_a_system(cli, tmp_path):
     (tmp_path / "own.py").write_text(FORK)
     few = ["--values", "2", "--starts", "1", "--store", "fork.zip"]
@@ -31,6 +32,7 @@ def test_diagram_of_a_system(cli, tmp_path):
     assert "depth is 4 there, 5 here" in deeper.err
 
 
+@pytest.mark.slow
 def test_a_parameter_of_a_system_may_have_a_name_of_a_data_sheet(cli, tmp_path):
     (tmp_path / "own.py").write_text(
         FORK.replace("p.a", "p.stiffness").replace('"a"', '"stiffness"')
@@ -49,7 +51,7 @@ def test_bad_ranges_are_refused(cli):
     assert given.status == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_diagram_of_a_device(cli, tmp_path):
     done = cli("diagram", "zhao2004", "amplitude=0.22:0.24", "--omega", "0.5", "--values", "3")
     assert done.status == 0, done.err

@@ -76,6 +76,7 @@ def test_a_reader_that_goes_away_loses_no_file(tmp_path, arguments, files):
     assert names(tmp_path) == files
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 @pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.slow)])
 def test_a_full_standard_output(tmp_path, unbuffered):
@@ -119,6 +120,7 @@ def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path, cli):
         assert (tmp_path / table).read_text() == "the run before"
 
 
+@pytest.mark.slow
 def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     directory = tmp_path / "new" / "out"
     arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--no-progress"]
@@ -201,6 +203,7 @@ def test_an_interrupt_during_the_margins_keeps_the_search(tmp_path, monkeypatch,
     assert done.err.endswith("written: out/optimize-history.csv\n")
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_a_dataclass_is_made_has_the_same_status(tmp_path):
     plugin = tmp_path / "interrupted.py"
     plugin.write_text("exec('raise KeyboardInterrupt')\n")
@@ -233,7 +236,7 @@ def read_until(stream, words):
     return said
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
     arguments = ["--omega", "0.46:0.47", "--periods", "1000000", "--progress"]
@@ -279,7 +282,7 @@ def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
     assert set(heard[0]) == {number}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("heard_in_background")
 def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
     """Such modules drop what is raised while they are imported."""

@@ -28,6 +28,7 @@ def test_pull_in(cli):
     assert changed["pull-in voltage"] == pytest.approx(2 * math.sqrt(4 / 27), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_fit_is_that_of_python(cli, tmp_path):
     done = cli(*FIT, "--set", "k=4", "--set", "c=6e-4", "--target", BLOW, *VOLTAGE)
     assert done.status == 0
@@ -43,7 +44,7 @@ def test_fit_is_that_of_python(cli, tmp_path):
     assert len(list((tmp_path / "out").iterdir())) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
     measured = {
         volts: mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,

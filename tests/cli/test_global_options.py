@@ -64,6 +64,7 @@ def test_json_is_one_document(cli, arguments):
     assert told["values"] or told["tables"]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("place", [["--json"], ["--output", "-"], ["--output", "-", "--json"]])
 def test_results_on_standard_output_only(cli, tmp_path, place):
     sweep = [word for word in SWEEP if word != "--no-figure"]
@@ -71,6 +72,7 @@ def test_results_on_standard_output_only(cli, tmp_path, place):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_json_with_files_names_them(cli, tmp_path):
     told = document(cli(*SWEEP, "--json", "--output", "here"))
     assert told["files"] == ["here/sweep-table.csv", "here/sweep-summary.csv"]
@@ -139,7 +141,7 @@ def test_quiet_leaves_out_warnings(cli, tmp_path, monkeypatch):
     assert cli("pull-in", "mine.toml", "--quiet").err == ""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of Unix")
 @pytest.mark.parametrize(
     ("colours", "more"), [({"NO_COLOR": "1"}, []), ({"FORCE_COLOR": "1"}, [SIMULATE])]

@@ -24,6 +24,7 @@ finally:
 """
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -107,6 +108,7 @@ def test_every_help_begins_with_examples_that_parse(cli, command):
 QUICK = ("completion", "devices", "docs", "drive", "new", "orbit", "pull-in", "terms")
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("command", QUICK)
 def test_quick_examples_run_as_they_stand_and_fit_80_columns(cli, command, monkeypatch):
     monkeypatch.setattr("webbrowser.open", lambda address: True)

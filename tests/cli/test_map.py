@@ -28,6 +28,7 @@ store = "kept"
 """
 
 
+@pytest.mark.slow
 def test_table_summary_and_figure(cli, tmp_path):
     done = cli(*ARGUMENTS, "--initial", "kicked", "--column", "mean speed")
     assert done.status == 0
@@ -52,6 +53,7 @@ def test_table_summary_and_figure(cli, tmp_path):
     assert [int(words[-6]) for words in shown] == summary["points"].to_list()
 
 
+@pytest.mark.slow
 def test_a_study_file_continues_with_the_same_store(cli, tmp_path):
     (tmp_path / "study.toml").write_text(FILE)
     first = cli(*ARGUMENTS, "--store", "kept", "--no-figure")
@@ -100,7 +102,7 @@ def test_refused(cli, tmp_path, arguments):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_curves_over_a_map(cli, tmp_path):
     done = cli(*ARGUMENTS, "--curves", "--executor", "processes", "--workers", "2")
     assert done.status == 0

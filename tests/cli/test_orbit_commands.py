@@ -18,6 +18,7 @@ def test_orbit(cli, tmp_path):
     assert names == tables | {"orbit.png"}
 
 
+@pytest.mark.slow
 def test_continue(cli, tmp_path):
     done = cli(*CONTINUE)
     assert done.status == 0
@@ -29,6 +30,7 @@ def test_continue(cli, tmp_path):
     assert (tmp_path / "out" / "continue.png").exists()
 
 
+@pytest.mark.slow
 def test_a_branch_that_stops_at_a_special_point(cli, tmp_path):
     done = cli(*CONTINUE, "--stop-at", "NS", "--stop-at", "CF", "--no-figure")
     assert "branch stops at fold" in done.out
@@ -46,6 +48,7 @@ def test_a_sliding_bifurcation_has_the_label_of_the_figure(cli):
     assert "Hz (AS: adding-sliding)" in done.out
 
 
+@pytest.mark.slow
 def test_a_grazing_of_unknown_type_is_shown_with_the_reason(cli):
     device = [
         "continue",
@@ -61,7 +64,7 @@ def test_a_grazing_of_unknown_type_is_shown_with_the_reason(cli):
     assert "(of no type: a weak contact does not return" in done.out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chart(cli, tmp_path):
     done = cli(*CHART, "--omega", "0.486:0.49", "--no-figure")
     assert done.status == 0
@@ -73,7 +76,7 @@ def test_chart(cli, tmp_path):
     assert list(types["type"]) == ["II", "I"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chart_of_a_frame_that_slips_shows_the_frequencies_that_are_computed(cli, tmp_path):
     design = ["--frequency", "3.3kHz", "--quality", "12", "--proof-mass", "1.4ug"]
     design += ["--frame-mass", "20ug", "--gap", "3um", "--travel", "1.8um", "--pull-in", "42V"]
@@ -111,7 +114,7 @@ def test_bad_input_is_one_line(cli, arguments, named):
         assert word in said
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "300")  # one line per row
     done = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6")

@@ -33,6 +33,7 @@ def device(tmp_path):
 BRIEF = ("--transient", "2", "--periods", "2", "--samples", "4")
 
 
+@pytest.mark.slow
 def test_a_page(cli, device, tmp_path):
     only = ("--only", "Pull-in and release", "--only", "Tolerances")
     over = ("--tolerance", "k=norm:4.8:0.1", "--specification", "mean speed=1 nm/s:")

@@ -7,6 +7,7 @@ POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
 NEAR = ["--initial", "x2=0.32945", "--initial", "v2=0.33758", "--transient", "0", "--periods", "1"]
 
 
+@pytest.mark.slow
 def test_sensitivity(cli, tmp_path):
     done = cli("sensitivity", *POINT, *NEAR, "--tolerance", "travel=0.005")
     assert done.status == 0
@@ -50,7 +51,7 @@ def test_optimize(cli, tmp_path):
     assert margins["what"].to_list() == ["period-doubling", "fold"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_optimize_reports_a_point_that_is_no_optimum(cli):
     # Without a limit on the multipliers, the orbit ends in a fold.
     aim = ["--minimize", "mean speed", "--over", "amplitude=0.17:0.26"]
@@ -63,7 +64,7 @@ def test_optimize_reports_a_point_that_is_no_optimum(cli):
     assert "the orbit has no impacts" in cli("optimize", "zhao2004", *weak, *aim).err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_front(cli, tmp_path):
     aims = ["--maximize", "mean speed", "--minimize", "impact speed", "--points", "3"]
     done = cli(*OPTIMIZE, *aims)

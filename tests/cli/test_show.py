@@ -48,6 +48,7 @@ def test_what_is_done_as_a_table(cli, store, tmp_path):
     assert "number [m]" in table
 
 
+@pytest.mark.slow
 def test_a_sweep_is_drawn(cli, tmp_path):
     arguments = ["zhao2004", "amplitude=0.2:0.24:3", "--omega", "0.5"]
     arguments += ["--transient", "10", "--periods", "4"]
@@ -78,6 +79,7 @@ BASINS = ["--x", "x2=-0.2:0.2:2", "--y", "v2=0:0.5:2", *ROUGH]
 TOLERANCES = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("verb", "arguments"), [("basins", BASINS), ("tolerances", TOLERANCES)])
 def test_basins_and_tolerance_analyses_are_drawn(cli, tmp_path, verb, arguments):
     drive = ["--amplitude", "0.2", "--omega", "0.5"]

@@ -10,6 +10,7 @@ from mems_impact.tables import with_units
 ARGUMENTS = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "20"]
 
 
+@pytest.mark.slow
 def test_tables_and_figure_are_written_and_said(cli, tmp_path):
     done = cli(*ARGUMENTS)
     assert done.status == 0
@@ -80,6 +81,7 @@ def test_window_is_that_of_the_statistics(cli):
     assert "forcing periods 18 to 20" in out
 
 
+@pytest.mark.slow
 def test_figure_may_go_elsewhere(cli, tmp_path):
     done = cli(*ARGUMENTS, "--figure", "figures/run.pdf", "--output", "tables")
     assert done.status == 0
@@ -152,13 +154,14 @@ def test_verify_shows_and_writes_the_comparison(cli, tmp_path):
     pd.testing.assert_frame_equal(written, run.verify().table, rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_chaotic_run_is_no_failure(cli):
     done = cli(*ARGUMENTS, "--omega", "0.45", "--amplitude", "0.26", "--periods", "50", "--verify")
     assert done.status == 0
     assert "beyond, the motion is too sensitive" in done.out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_that_does_not_agree_fails(cli, tmp_path, monkeypatch):
     simulate = mi.simulate
 
@@ -189,7 +192,7 @@ def test_what_the_first_run_gave_stands_if_the_second_fails(cli, tmp_path, monke
     assert not (tmp_path / "out" / "simulate-verification.csv").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_stiff_device_runs_as_it_is(cli):
     """A squeeze film, with which Adams' method gets nowhere; a choice is kept."""
     said = cli("simulate", "--help").out

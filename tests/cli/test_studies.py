@@ -88,7 +88,7 @@ def test_bad_input_is_one_line(cli, arguments, complaint):
     assert complaint in cli(*arguments).complaint()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_map_with_energy(cli, tmp_path):
     axes = ["--x", "amplitude=0.24:0.24:1", "--y", "omega=0.5:0.5:1"]
     done = cli("map", "zhao2004", *axes, "--initial", "kicked", "--energy", "--no-figure")

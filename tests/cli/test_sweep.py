@@ -11,6 +11,7 @@ BRIEF = ["--omega", "0.5", "--transient", "100", "--periods", "10"]
 ARGUMENTS = ["sweep", "zhao2004", "amplitude=0.16:0.24:3", *BRIEF]
 
 
+@pytest.mark.slow
 def test_summary_table_and_figure(cli, tmp_path):
     done = cli(*ARGUMENTS)
     assert done.status == 0
@@ -40,6 +41,7 @@ def test_the_screen_shows_one_row_per_value(cli):
     assert lines[9] == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", [pytest.param("zhao2004", marks=pytest.mark.slow), "mita2003"])
 def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device):
     monkeypatch.setenv("COLUMNS", "80")
@@ -77,6 +79,7 @@ def test_a_parameter_of_the_device(cli, tmp_path):
     assert sorted(set(table["e"])) == [0.7, 0.75, 0.8]
 
 
+@pytest.mark.slow
 def test_failed_values_are_said(cli, monkeypatch):
     sweep = mi.sweep(
         mi.load_actuator("zhao2004"),
@@ -94,7 +97,7 @@ def test_failed_values_are_said(cli, monkeypatch):
     assert "failed at 0.24: it broke" in done.out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_interrupted_sweep_keeps_what_is_done(tmp_path):
     command = [sys.executable, "-m", "mems_impact", "sweep", "zhao2004"]

@@ -60,7 +60,7 @@ def test_a_sweep_over_a_term(cli, tmp_path):
     assert list(summary["frame_force.force"]) == [0.0, 2.0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_over_a_term(cli, tmp_path):
     vary = "frame_force.force=0:0.5"
     done = cli("continue", "zhao2004", vary, "--amplitude", "0.24", "--omega", "0.5")

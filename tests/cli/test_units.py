@@ -112,7 +112,7 @@ def test_voltages_with_units_at_the_ends_of_a_range(cli, tmp_path):
     assert "values = '3um': must be a number [V]" in done.err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_voltages_of_a_report_with_units(cli, tmp_path):
     done = cli(
         "report", "mita2003", "--amplitude", "30V", "--voltages", "20V:0.03kV:2",

@@ -34,7 +34,7 @@ def test_another_branch_crosses():
     assert np.abs(curve.table["a"]).max() < 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_branch_that_crosses_reverses_there_without_a_fold():
     off = mi.find_orbit(SYMMETRIC.changed(a=0.5), periods=1)
     assert off.state.x > 0.1
@@ -44,6 +44,7 @@ def test_the_branch_that_crosses_reverses_there_without_a_fold():
     assert branch.orbits[-1].state.x == pytest.approx(-off.state.x, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "labels"), [(0.0, ["BP"]), (1e-9, []), (-1e-8, [])])
 def test_an_imperfection_above_the_error_of_integration_is_no_branch_point(offset, labels):
     """x'' + d x' + x^3 = a cos t + offset, whose symmetric orbit loses stability at a = 2.403."""
@@ -68,6 +69,7 @@ def of_equilibrium(flow, start, **values):
     return found
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("error", [0.0, 1e-10])
 def test_an_error_of_the_equations_neither_moves_a_branch_point_nor_adds_a_fold(error):
     def fork(mode, t, y, p):
@@ -103,6 +105,7 @@ def oblique(mode, t, y, p):
     return mode, (p.c * p.q + p.s11 * u + p.s12 * w, p.d * p.q + p.s21 * u + p.s22 * w)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [13, pytest.param(18, marks=pytest.mark.slow), pytest.param(41, marks=pytest.mark.slow)]
 )
@@ -153,7 +156,7 @@ def crossing_of(transition):
     return crossing
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_curves_of_branch_points_of_maps():
     """With a symmetry a = c^2 at the branch point; the other multiplier is 0.3 + c."""
     fork = crossing_of(symmetric_map)
@@ -172,7 +175,7 @@ def test_curves_of_branch_points_of_maps():
         mi.continue_curve(fork, "a", 1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_curve_of_transcritical_points_on_an_invariant_line():
     crossing = crossing_of(invariant_map)
     steps = mi.StepControl(initial_step=0.1, max_step=1.0)

@@ -68,7 +68,7 @@ def test_one_side_that_folds_back_and_one_that_does_not():
     assert other.special_points[0].value == pytest.approx(0.25, abs=1e-12)  # a = x - x^2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_pitchfork_of_the_lorenz_system():
     def lorenz(mode, t, y, p):
         return 10.0 * (y.y - y.x), y.x * (p.a - y.z) - y.y, y.x * y.y - 8.0 / 3.0 * y.z
@@ -84,7 +84,7 @@ def test_the_pitchfork_of_the_lorenz_system():
     assert np.allclose(x**2, 8.0 / 3.0 * (r - 1.0), atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_where_the_branching_equation_is_degenerate():
     """Four lines through one point: the equations have no second derivatives there."""
 
@@ -104,6 +104,7 @@ def test_a_continuum_at_one_value_is_no_branch():
         mi.switch_branch(crossing)
 
 
+@pytest.mark.slow
 def test_cycles_begin_small_at_a_hopf_point():
     """Also where their amplitude sqrt(a - 100) is that of a relative change below 1e-7."""
 
@@ -194,7 +195,7 @@ def half_map(A, z, w, e):
     return -np.array([[-e, 0.0], [-(after + e * before) / v, -e]]) @ free
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     orbit = mi.find_orbit(TWO_STOPS, transient=100)
     branch = mi.continue_orbit(orbit, "A", 0.68)
@@ -228,7 +229,7 @@ def test_symmetry_breaking_of_an_oscillator_between_two_stops():
     assert found == pytest.approx(np.sort(np.abs(speeds[0])), abs=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_symmetry_breaking_of_an_impact_pair():
     """A ball between the walls of a box of width 1 that moves by A sin t, in the frame of the box.
 
@@ -284,7 +285,7 @@ def asymmetry(A):
     return float(run.y[0].sum() ** 2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_symmetry_breaking_of_a_driven_duffing_oscillator():
     """Beyond the branch point the square of the asymmetry grows from zero."""
     system = mi.System(states=("x", "v"), flow=ueda, period=2.0 * math.pi, parameters={"A": 1.5})

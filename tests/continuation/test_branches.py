@@ -65,7 +65,7 @@ def test_special_points_at_half_from_either_side(name):
     assert {point.piece for point in branch.points} == {0, 1}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["from rest", "from impacts"])
 def test_special_points_at_nine_twentieths_from_either_side(name):
     if name == "from rest":
@@ -80,7 +80,7 @@ def test_special_points_at_nine_twentieths_from_either_side(name):
     np.testing.assert_allclose(fold.orbit.state[2:], [x, v], atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_of_a_branch_are_ones_that_a_run_follows():
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
     # At the grazing itself the sign of the impact's speed is one of rounding.
@@ -90,7 +90,7 @@ def test_orbits_of_a_branch_are_ones_that_a_run_follows():
         assert check_closed(point.orbit) < 3e-9 * growth
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "low", "high"),
     [("omega", 0.47, 0.52), ("e", 0.5, 0.95), ("c", 0.01, 0.06), ("delta", 0.4, 0.6)],
@@ -109,7 +109,7 @@ def test_branches_in_other_parameters(parameter, low, high):
         np.testing.assert_allclose(last.state[2:], again.state[2:], atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
     fold = next(s for s in branch.special_points if s.kind == "fold")
@@ -120,7 +120,7 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_branch_of_orbits_with_rest_and_chatter():
     orbit = find_periodic_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
     branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=StepControl(max_points=6))
@@ -139,7 +139,7 @@ def test_without_reconnection_the_branch_continues_beyond_the_stopper():
         assert point.orbit.admissible == (point.value < GRAZING_5 + 1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
     """The frame sticks until the wave switches; where it breaks away, its speed is zero."""
     family = sticking()
@@ -198,7 +198,7 @@ def test_an_orbit_and_its_double_cover_take_the_same_steps():
     assert steps[1] == pytest.approx(steps[0], rel=0.01)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "steps", [StepControl(), StepControl(initial_step=0.3, max_step=1.0)], ids=["short", "long"]
 )
@@ -248,6 +248,7 @@ def test_the_last_step_does_not_go_far_beyond_a_bound():
     assert len(branch.points) == 2
 
 
+@pytest.mark.slow
 def test_multipliers_that_pass_through_infinity_are_no_period_doubling():
     """The impact loses its speed at the grazing, and beyond it is one backwards."""
     branch = follow(
@@ -275,6 +276,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
     assert branch.points[-1].value == pytest.approx(GRAZING_5, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "reason"), [(0, "at the start of a period"), (1, "depends on their order")]
 )
@@ -321,7 +323,7 @@ def test_unknown_parameter_is_named():
         follow(silent_orbit(0.16, 0.5), "voltage", low=0.1, high=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_bound_far_beyond_the_orbits_ends_by_name():
     """Towards pull-in the free block has no orbit; whatever happens, it is said."""
     start, steps = silent_orbit(0.16, 0.485), StepControl(max_points=40, max_step=0.2)
@@ -330,7 +332,7 @@ def test_a_bound_far_beyond_the_orbits_ends_by_name():
     assert len(branch.points) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_parameter_moves_the_orbit():
     """A still ball: the equations do not depend on the parameter."""
     orbit = find_periodic_orbit(table(), at((0.0, 0.0), mode=1))

@@ -19,7 +19,7 @@ def nerve(mode, t, y, p):
     return y.x - y.x**3 / 3.0 - y.y, EPS * (y.x + p.a)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_multipliers_are_those_of_the_divergence_and_nothing_bifurcates():
     system = mi.System(
         states=("x", "y"), flow=nerve, parameters={"a": 1.1}, initial={"x": -1.1, "y": -0.656}

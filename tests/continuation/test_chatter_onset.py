@@ -103,7 +103,7 @@ def test_branch_ends_at_the_onset_of_complete_chatter(e, start, unit, rate):
     assert max(branch.table["A"]) == onset.value
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
     """At this phase the period begins within the rest; the end of the chatter comes to meet it."""
     orbit = mi.find_orbit(_ball(1.55, 0.5, phase=0.0), transient=20)
@@ -114,7 +114,7 @@ def test_chatter_that_comes_to_the_start_of_a_period_is_no_grazing():
     assert _comes_to_rest(max(branch.table["A"]), 0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_onset_is_continued_in_two_parameters():
     """The number of impacts that the orbit holds stays, which costs the points some digits."""
     orbit = mi.find_orbit(_ball(1.597, 0.5), transient=20)

@@ -22,6 +22,7 @@ def stands(mode, t, y, p):
     return (p.size * p.size - (y.x - 2.0) ** 2 - p.m * p.m,)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("steps", [mi.StepControl(max_step=0.2), mi.StepControl(max_step=1.0)])
 @pytest.mark.parametrize("stop", [1.0, -1.0])
 def test_equilibria(steps, stop):
@@ -107,7 +108,7 @@ OSCILLATOR = mi.System(
 GRAZING = math.hypot(1.0 - 4.5**2, 2.5 * 4.5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_that_come_back_in_another_of_their_periods():
     """From one impact in five periods over two and back, where the other one is left out.
 
@@ -132,7 +133,7 @@ def test_orbits_that_come_back_in_another_of_their_periods():
     assert any(shifts)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_curve_of_grazings():
     silent = mi.find_orbit(OSCILLATOR.changed(A=21.0, B=3.0), transient=100)
     (grazing, *_) = mi.continue_orbit(silent, "A", stop=23.0).special_points

@@ -71,14 +71,14 @@ def test_strong_resonances_up_to_where_the_pair_is_real():
     assert "as of a neutral saddle" in curve.ended
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_strong_resonances_on_the_other_side():
     curve = followed("NS", "b", 1.2, ("a", -2.0))
     check(curve, ("1:4 resonance", 0.0, 1.0), ("1:1 resonance", -1.0, 1.0))
     assert curve.ended.startswith("1:1 resonance: beyond")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_folds():
     curve = followed("CF", "a", -2.0, ("b", 1.5))
     check(curve, ("1:1 resonance", -1.0, 1.0))
@@ -87,7 +87,7 @@ def test_on_a_curve_of_folds():
     assert curve.special_points[0].normal_form.coefficients == pytest.approx(exact, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_period_doublings():
     curve = followed("PD", "a", 3.0, ("b", 1.5), start=0.83, a=2.2, b=0.8)
     check(curve, ("1:2 resonance", 3.0, 1.0))

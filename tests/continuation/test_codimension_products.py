@@ -54,7 +54,7 @@ def check(curve, *expected):
         assert (a, b) == pytest.approx((at, beside), abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_folds():
     curve = mi.continue_curve(special("CF", "a", -0.1), "b", 0.35, steps=STEPS)
     check(curve, ("fold-flip", 0.0, 0.0), ("fold-Neimark-Sacker", 0.0, 0.3))
@@ -64,7 +64,7 @@ def test_on_a_curve_of_folds():
     assert second["a"] == pytest.approx(-1.0, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_period_doublings():
     start = special("PD", "b", 0.1)
     name = "flip-Neimark-Sacker"
@@ -72,7 +72,7 @@ def test_on_a_curve_of_period_doublings():
     check(mi.continue_curve(start, "a", -0.1, steps=STEPS), ("fold-flip", 0.0, 0.0))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_neimark_sacker_points():
     start = special("NS", "b", 0.4)
     onward = mi.continue_curve(start, "a", 0.4, steps=STEPS)
@@ -102,7 +102,7 @@ def bifurcations(mode, t, y, p):
     return mode, (y.x, y.v, doubled, y.s, -(0.02 + p.wall) * y.r + 1.2 * y.s - 0.1 * y.s**3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_on_a_curve_of_grazings():
     """The amplitude of the linear oscillator is A / sqrt(4.25).
 

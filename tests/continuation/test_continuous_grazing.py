@@ -80,7 +80,7 @@ def test_from_the_side_with_the_event():
     check_through(through(SPRINGS, 1.03, 1.01), 1.0, inwards=False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("phase", [0.0, 2.0, -1.0])
 @pytest.mark.parametrize("k", [5.0, -0.5])
 def test_from_both_sides_wherever_the_period_begins(phase, k):
@@ -106,7 +106,7 @@ def depth_beyond(mode, t, y, p):
     return y.x - p.d
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_of_a_limit_cycle():
     """Van der Pol's oscillator touches a spring that stands where SciPy's solver sees it turn."""
 

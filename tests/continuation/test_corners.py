@@ -49,7 +49,7 @@ def warned(step):
     return [str(each.message) for each in caught if each.category is mi.DiscontinuityWarning]
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("step", BORDERS)
 def test_a_border_within_a_transition_is_warned_of(step):
     (message,) = warned(step)
@@ -62,7 +62,7 @@ def test_a_smooth_transition_is_not():
     assert warned(smooth) == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_whose_perturbations_exceed_all_digits_says_so():
     """Multipliers exp(5 T) and exp(-T)."""
 

@@ -47,6 +47,7 @@ def hardening(mode, t, y, p):
     return y.v, p.a * y.x - 0.1 * y.v + y.x**3 - y.x**5
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("flow", "start", "parameter", "low", "high", "points"),
     [
@@ -71,6 +72,7 @@ def test_equilibria(flow, start, parameter, low, high, points):
     assert [each.criticality for each in found] == [kind for _, kind in points]
 
 
+@pytest.mark.slow
 def test_the_hopf_point_of_the_lorenz_system():
     system = mi.System(states=("x", "y", "z"), flow=lorenz, parameters={"r": 15.0})
     first = mi.find_equilibria(system, guess={"x": 6.0, "y": 6.0, "z": 14.0})[0]
@@ -135,7 +137,7 @@ def pendulum(mode, t, y, p):
     return y.w, -0.04 * y.w - (1.0 + p.depth * math.cos(p.turn * t)) * math.sin(y.q)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("turn", "criticality"), [(1.9, BELOW), (2.15, ABOVE)])
 def test_a_parametrically_excited_pendulum(turn, criticality):
     """It softens: below its resonance the doubled oscillation exists below the threshold."""
@@ -153,7 +155,7 @@ def test_a_parametrically_excited_pendulum(turn, criticality):
     assert (table["stable"] == above).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_symmetric_cycles_of_the_lorenz_system():
     """Sparrow (1982): a symmetric cycle is stable above r = 313, a pair of cycles below it."""
     system = mi.System(
@@ -175,7 +177,7 @@ def vanderpol(mode, t, y, p):
     return y.v, (p.mu - y.x**2) * y.v - y.x + 1.2 * math.cos(1.7 * t)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_torus_of_the_forced_van_der_pol_oscillator():
     """Runs approach a small torus beyond the point, from inside and outside, and none before."""
     system = mi.System(

@@ -57,6 +57,7 @@ def test_codimension_two_by_dop853(grazing_fold, degenerate_grazing):
     assert degenerate_grazing[1:] == pytest.approx([0.17106669, 0.48780870], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_grazing_curve_passes_both_points(grazing_curve, grazing_fold, degenerate_grazing):
     kinds = [s.kind for s in grazing_curve.special_points]
     assert kinds == ["degenerate grazing", "grazing-fold"]
@@ -67,6 +68,7 @@ def test_grazing_curve_passes_both_points(grazing_curve, grazing_fold, degenerat
     assert grazing_curve.points[-1].values[1] == pytest.approx(0.47, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_points_of_the_grazing_curve_touch_the_stopper(grazing_curve):
     for point in grazing_curve.points[::10]:
         f, omega = point.values
@@ -131,7 +133,7 @@ def test_a_gradient_by_differences_is_updated_instead_of_recomputed():
     assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fold_curve_of_impacting_orbits_ends_at_the_degenerate_grazing(at_half, degenerate_grazing):
     (start,) = special(at_half, "fold")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=-1)
@@ -146,7 +148,7 @@ def test_fold_curve_of_impacting_orbits_reaches_its_bound(at_half):
     assert curve.points[-1].values[1] == pytest.approx(HIGH, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths, grazing_fold):
     (start,) = special(at_nine_twentieths, "fold")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)
@@ -206,7 +208,7 @@ def test_fold_curve_in_closed_form():
             assert amplitude == pytest.approx(Exact(omega=omega).fold(), abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_curve_of_period_doublings_in_closed_form():
     exact = Exact(omega=2.1)
     start = exact.orbit(0.9 * exact.doubling_speed())
@@ -223,7 +225,7 @@ def test_curve_of_period_doublings_in_closed_form():
 
 
 @pytest.mark.parametrize(("second", "bound"), [("omega", 1.7), ("c", 0.3), ("d", 1.4)])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_grazing_curve_in_closed_form(second, bound):
     exact = Exact(omega=1.3)
     orbit = find_periodic_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)

@@ -51,6 +51,7 @@ def takens(mode, t, y, p):
 TAKENS = mi.System(states=("x", "y"), flow=takens, parameters={"a": -1.0, "b": -1.0})
 
 
+@pytest.mark.slow
 def test_curves_of_folds_and_hopf_points_meet_at_bogdanov_takens():
     """Folds where 4 a = b^2, Hopf points where a = 0 and b < 0."""
     fold = special_point(TAKENS, {"x": -0.6}, "a", 1.0, "LP", back=-1.0)
@@ -73,6 +74,7 @@ def quadratic(mode, t, y, p):
     return y.y, -y.x + p.m * y.y + 0.7 * y.x**2 + 0.4 * y.x * y.y + p.c * y.x**2 * y.y
 
 
+@pytest.mark.slow
 def test_bautin():
     """The first Lyapunov coefficient is (c + 0.7 * 0.4)/8 (Guckenheimer and Holmes, 3.4.11)."""
     system = mi.System(states=("x", "y"), flow=quadratic, parameters={"m": -0.5, "c": -1.0})
@@ -98,7 +100,7 @@ ZERO_HOPF = mi.System(
 )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_zero_hopf_on_both_curves():
     """Folds at a = 0; Hopf points at x = -b, a = -b^2, tangent to it at b = 0."""
     fold = special_point(ZERO_HOPF, {"x": -1.0}, "a", 1.0, "LP", back=-1.0)
@@ -122,6 +124,7 @@ def two_oscillators(mode, t, y, p):
     )
 
 
+@pytest.mark.slow
 def test_hopf_hopf():
     """The pairs are a +- i and b + a/2 +- 2.3 i."""
     system = mi.System(
@@ -133,7 +136,7 @@ def test_hopf_hopf():
     assert abs(curve.table["a"]).max() < 1e-10
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_large_and_small_scales():
     """Stiff states beside the pair, and a pair of a frequency of 1e3."""
 
@@ -170,7 +173,7 @@ VALVE = mi.System(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_hopf_curve_of_a_relief_valve():
     """The characteristic polynomial gives the curve (Hos and Champneys, Physica D 241, 2012)."""
     hopf = special_point(VALVE, {"x": 2.5, "p": 12.5}, "q", 5.0, "H")
@@ -196,6 +199,7 @@ def pressed(mode, t, y, p):
     return y.v, p.pull - p.k * y.x - y.v - p.s * y.x**3
 
 
+@pytest.mark.slow
 def test_boundary_equilibria():
     """The body meets the wall at x = 1 where pull = k + s; the equilibrium folds at k = -3 s."""
     system = mi.System(
@@ -236,7 +240,7 @@ SLIDING = mi.System(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_hopf_points_of_pseudo_equilibria():
     """Where the state slides, the equivalent control is x/2: trace m + b/2, determinant 1 + m b/2.
 
@@ -262,6 +266,7 @@ PITCHFORK = mi.System(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_branch_points_that_a_symmetry_keeps():
     """Symmetric in x; a pitchfork where a - b + (a + b^2)^2 = 0, an imperfection is d."""
     crossing = special_point(PITCHFORK, {"x": 0.0, "y": -0.75}, "a", 0.5, "BP")
@@ -289,6 +294,7 @@ LIFTED = mi.System(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_curves_are_values(tmp_path):
     fold = special_point(TAKENS, {"x": -0.6}, "a", 1.0, "LP", back=-1.0)
     curve = mi.continue_curve(fold, "b", 0.5, steps=STEPS)
@@ -306,7 +312,7 @@ def born(mode, t, y, p):
     return p.a * y.x - p.w * y.y - y.x * r, p.w * y.x + p.a * y.y - y.y * r
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_cycles_start_from_any_point_of_a_hopf_curve():
     """Their radius is sqrt(a), their period 2 pi/w."""
     system = mi.System(states=("x", "y"), flow=born, parameters={"a": -0.5, "w": 2.0})

@@ -41,6 +41,7 @@ def _strike(mode, t, y, p):
     return mode, (y.x, wall - 0.5 * (y.v - wall))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "unit", "rate"),
     [

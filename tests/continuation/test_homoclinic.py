@@ -39,7 +39,7 @@ def followed(flow, start, m, stop, transient, options=ORBIT_OPTIONS, steps=STEPS
     return mi.continue_orbit(cycle, "m", stop, steps=steps)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_equilibrium_is_passed_ever_more_slowly():
     branch = followed(well, 1.2, -0.95, -0.5, 300.0)
     assert branch.ended.startswith("the period grows beyond bounds (from 6.998 to ")
@@ -55,6 +55,7 @@ def test_an_equilibrium_is_passed_ever_more_slowly():
     assert all(orbit.stable for orbit in branch.orbits)
 
 
+@pytest.mark.slow
 def test_the_period_is_in_the_table():
     system = mi.System(states=("x", "y"), flow=circle, parameters={"m": 1.5}, initial={"x": 1.0})
     options = mi.Options(method="dop853", engine="interpreted")
@@ -67,7 +68,7 @@ def test_the_period_is_in_the_table():
     assert drawn.tolist() == table["period"].tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slow_relaxation_is_not_taken_for_it():
     branch = followed(van_der_pol, 1.0, 1.0, 12.0, 50.0)
     assert branch.ended == "m reached its bound"  # slow, but no more so at twice the period
@@ -77,7 +78,7 @@ def test_slow_relaxation_is_not_taken_for_it():
     assert branch.table["period"].iloc[-1] == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_on_which_two_equilibria_are_about_to_be_born():
     # Its last periods are 700 times the first, and hardly anything moves in most of them.
     options = mi.Options(method="bdf", rtol=1e-10, atol=1e-12)
@@ -132,7 +133,7 @@ def crosses(r):
     return bool(run.y[0].min() < -1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_homoclinic_orbit_of_the_lorenz_system():
     """Against the unstable manifold of the origin, bisected with another integrator."""
     low, high = 13.5, 14.5
@@ -180,7 +181,7 @@ def turns_back(a):
     return run.t_events[0].size == 0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_symmetric_cycle_approaches_a_pair_of_homoclinic_orbits():
     """It passes the saddle twice in a period. Against the unstable manifold, bisected by SciPy."""
     low, high = 0.5, 1.2
@@ -237,7 +238,7 @@ def spike(mode, t, y, p):
     return x * inside - v * turn, v * inside + x * turn
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_bottleneck_between_spikes_that_no_sample_shows():
     system = mi.System(states=("x", "y"), flow=spike, parameters={"m": 1.2}, initial={"x": 1.0})
     cycles = [
@@ -273,7 +274,7 @@ def to_high(mode, t, y, p):
     return HIGH, (y.x, y.z)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_whose_thresholds_move_to_its_equilibria():
     """The period 2 log((1 + h)/(1 - h)) is infinite at h = 1, where the branch ends."""
     relay = mi.System(

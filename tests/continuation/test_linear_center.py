@@ -40,7 +40,7 @@ def hurwitz(alpha):
     return (damping + 1.0) * (BETA + damping - alpha) - damping * BETA
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_continuum_of_cycles_has_no_folds_and_leads_to_limit_cycles():
     chua = mi.System(
         states=("x", "y", "z"),

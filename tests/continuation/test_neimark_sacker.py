@@ -78,7 +78,7 @@ def check(branch, special):
             assert point.orbit.stable == before
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_van_der_pol():
     values = {"mu": -0.3, "amplitude": AMPLITUDE, "omega": OMEGA, "d": 10.0, "e": 0.9}
     orbit = find_periodic_orbit(FunctionFamily(values, _problem), at((0.0, 0.0)), transient=100)
@@ -88,7 +88,7 @@ def test_van_der_pol():
     check(branch, special)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("omega", "d", "impacts"), [(1.3, 0.0, 1), (1.7, 0.3, 1), (2.4, 0.0, 1), (0.8, 0.3, 2)]
 )

@@ -98,7 +98,7 @@ def test_a_coefficient_that_is_zero_has_no_criticality():
     assert form.criticality == ""
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("t", "e", "f"),
     [(1.0, 0.3, -0.4), (-0.7, 0.0, 0.5)]
@@ -134,7 +134,7 @@ def test_generalized_flip_on_a_curve():
     assert point.criticality == "subcritical"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_chenciner_on_a_curve():
     """The root of the coefficient in closed form. At 1:3 the coefficient is not defined."""
     orbit = mi.find_orbit(_turn(d=0.9, t=-0.9), periods=1, options=COMPILED)
@@ -160,7 +160,7 @@ def _sheared_map(mode, t, y, p):
     return mode, (x + p.s * v * v, v, y.w)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("theta", "a", "b", "s", "t"),
     [(1.1, 0.7, -0.3, 0.4, -0.3), (1.1, 0.2, 0.5, 0.0, 0.0), (2.4, -1.1, -0.3, 0.4, -0.3)],
@@ -186,7 +186,7 @@ def _rossler(mode, t, y, p):
     return -y.y - y.z, y.x + 0.2 * y.y, 0.2 + y.z * (y.x - p.c)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_supercritical_doubling_of_a_cycle_leads_to_stable_cycles():
     system = mi.System(
         states=("x", "y", "z"), flow=_rossler, parameters={"c": 2.6}, section=("y", 0.0),
@@ -199,7 +199,7 @@ def test_a_supercritical_doubling_of_a_cycle_leads_to_stable_cycles():
     assert doubled["stable"].iloc[:3].all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_criticality_of_the_actuator_by_the_doubled_orbits():
     """Through impacts and slips: doubled orbits are stable where the doubling is supercritical."""
     actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.29, omega=0.45)

@@ -24,7 +24,7 @@ def fixed_point(a, side):
     return mi.find_orbit(MAP.changed(a=a), periods=1, guess=guess, options=DOP853)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_within_a_step_across_a_fold():
     steps = mi.StepControl(initial_step=0.1, max_step=0.4)
     whole = mi.continue_orbit(fixed_point(0.5, 1.0), "a", -1.0, steps=steps)

@@ -57,7 +57,7 @@ def test_the_coefficients_are_those_of_the_closed_form(j):
     assert (doubled.doubling() / doubled.graze - 1.0) / h**2 == pytest.approx(doubling, rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("j", [1, 2])
 @pytest.mark.parametrize("label", ["CF", "PD"])
 def test_curves_are_tangent_to_the_curve_of_grazings(j, label):

@@ -77,7 +77,7 @@ def crossing_sliding(static, second=0.3):
     return found.x[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("static", [1.0, 1.05])
 @pytest.mark.parametrize(("start", "stop"), [(1.6, 1.1), (1.1, 1.6)])
 def test_a_branch_passes_crossing_sliding(static, start, stop):
@@ -97,7 +97,7 @@ def test_a_branch_passes_crossing_sliding(static, start, stop):
     assert abs(sticks[0] - sticks[1]) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("start", [1.6, 1.1])
 def test_crossing_sliding_is_a_curve_in_two_parameters(start):
     orbit = mi.find_orbit(block(1.05).changed(A=start), transient=300)
@@ -110,7 +110,7 @@ def test_crossing_sliding_is_a_curve_in_two_parameters(start):
         assert abs(row.A - exact) < 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_where_static_friction_lets_a_block_jump_a_branch_ends_and_says_so():
     orbit = mi.find_orbit(block(1.3).changed(A=1.1), transient=300)
     branch = mi.continue_orbit(orbit, "A", stop=1.6)
@@ -173,7 +173,7 @@ def test_a_branch_passes_a_border_collision():
         assert (each.orbits[-1].segments["ends with"] == "reference").sum() == switches
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_passes_where_a_slip_ends_at_a_blow(tmp_path):
     """A device whose frame slips before any blow: one impact per period down to the doubling."""
     path = tmp_path / "device.toml"
@@ -230,7 +230,7 @@ def random_system(kind, rng):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["friction", "stop", "both", "two"])
 @pytest.mark.parametrize("seed", [3, 9])  # their branches have special points
 def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
@@ -255,6 +255,7 @@ def rebound(mode, t, y, p):
     return mode, (1.0, -0.8 * y.v)
 
 
+@pytest.mark.slow
 def test_an_impact_of_low_speed_passes_the_start_of_a_period():
     """Near a grazing multipliers change fast; where the period begins is arbitrary."""
     oscillator = mi.System(

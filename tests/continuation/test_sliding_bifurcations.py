@@ -54,13 +54,14 @@ def test_a_cycle_grazes_its_sliding_region_from_either_side(growth):
     assert "sliding" in sides[1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_grazing_sliding_is_a_curve(growth):
     curve = mi.continue_curve(growth.special_points[0], "w", stop=2.0)
     assert curve.ended == "w reached its bound"
     assert np.abs(curve.table.mu - 1.0).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_a_type_is_a_string_with_the_numbers_of_its_criterion(growth):
     found = mi.sliding_type(growth.special_points[0])
     again = pickle.loads(pickle.dumps(found))
@@ -80,7 +81,7 @@ def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
         mi.sliding_type(point)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_flow_need_be_defined_only_a_little_beyond_the_orbit():
     """Along a component that stays zero, too."""
 
@@ -100,7 +101,7 @@ def test_a_flow_need_be_defined_only_a_little_beyond_the_orbit():
     assert found.second == pytest.approx(1.5**2, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_points_without_a_discontinuity_have_no_type():
     def bent(mode, t, y, p):
         return y.v, -0.05 * y.v - y.x - y.x**3 + p.A * math.cos(1.6 * t)
@@ -220,7 +221,7 @@ def named(branch):
     return dict(zip(names, found, strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_passes_all_sliding_bifurcations(climb):
     back = mi.continue_orbit(climb.orbits[-1], "B", stop=0.1, steps=STEPS)
     for branch in (climb, back):
@@ -236,7 +237,7 @@ def test_a_branch_passes_all_sliding_bifurcations(climb):
             assert found.rates == pytest.approx((0.0, 2.0), abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
     """Such a point is no adding-sliding bifurcation, whatever the modes around it."""
     derivative = Junction.derivative
@@ -255,7 +256,7 @@ def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
         mi.sliding_type(point)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_runs_stick_and_turn_as_often_as_the_branch_between_its_points(climb):
     table, counts = climb.table, []
     for piece in range(7):
@@ -276,7 +277,7 @@ def test_runs_stick_and_turn_as_often_as_the_branch_between_its_points(climb):
     assert counts[2:4] == [(2, 2, 1), (2, 2, 2)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", POINTS)
 def test_sliding_bifurcations_are_curves(climb, name):
     curve = mi.continue_curve(named(climb)[name], "A", stop=1.69)
@@ -291,7 +292,7 @@ def test_sliding_bifurcations_are_curves(climb, name):
 # --- A published oscillator on a belt
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_published_friction_oscillator_grazes_its_sliding_region():
     """A cycle of four forcing periods, in a cubic law of friction under a weak forcing.
 
@@ -331,7 +332,7 @@ def test_the_published_friction_oscillator_grazes_its_sliding_region():
 # --- Static friction above dynamic friction
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_that_touches_the_speed_of_its_belt_grazes_where_it_sticks():
     branch = mi.continue_orbit(mi.find_orbit(damped_belt(), transient=60.0), "v", stop=0.6)
     found = mi.sliding_type(branch.special_points[-1])
@@ -366,7 +367,7 @@ def corner(mode, t, y, p):
     return grows * y.x - y.y + push, y.x + grows * y.y
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_passes_the_intersection_of_two_surfaces():
     system = mi.System(
         states=("x", "y"), flow=corner, parameters={"mu": 0.8, "a": 0.6}, initial={"x": 0.5},
@@ -402,7 +403,7 @@ def skewed(mode, t, y, p):
     return (LEFT if x < 0.0 else RIGHT), (x,)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("guarded", [False, True])
 def test_a_fixed_point_of_a_map_passes_its_border(guarded):
     """The skew tent map, with the fixed points mu/(1 - a) and mu/(1 - b)."""

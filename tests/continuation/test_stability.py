@@ -106,6 +106,7 @@ def changes_of_a_chain(size):
     return sorted(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "unit"),
     [(7, 1e6), *(pytest.param(*each, marks=pytest.mark.slow) for each in ((10, 1.0), (20, 1e-5)))],
@@ -146,7 +147,7 @@ def turns(mode, t, y, p):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_multipliers_of_a_map():
     system = mi.System(
         states=tuple("xyuvw"),

@@ -55,7 +55,7 @@ def rebound(mode, t, y, p):
     return mode, (y.x1, -E * y.v1, y.x2, y.v2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_curve_of_neimark_sacker_points_up_to_its_1_2_resonance():
     system = mi.System(
         states=("x1", "v1", "x2", "v2"),

@@ -18,6 +18,7 @@ def bead(mode, t, y, p):
     return y.v, math.sin(y.x) * (p.w * math.cos(y.x) - 1.0) - p.c * y.v
 
 
+@pytest.mark.slow
 def test_both_sides_of_a_mathieu_tongue_are_period_doublings():
     system = mi.System(
         states=("x", "v"), flow=parametric, parameters={"d": 0.15, "c": 0.0}, period=2.0 * math.pi
@@ -51,7 +52,7 @@ def kicked(mode, t, y, p):
     return mode, (y.x, y.v - p.K * math.sin(y.x))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_fixed_point_of_the_standard_map_doubles_where_two_multipliers_meet():
     rotor = mi.System(
         states=("x", "v"), flow=lambda mode, t, y, p: (y.v, 0.0), parameters={"K": 3.137},

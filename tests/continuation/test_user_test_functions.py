@@ -46,6 +46,7 @@ def branch(fixed_point):
     return mi.continue_orbit(fixed_point, "r", 3.2, steps=LONG, events=events)
 
 
+@pytest.mark.slow
 def test_events_are_zeros_of_functions_among_the_other_special_points(branch):
     expected = {"r": 2.25, "x = 0.6": 2.5, "half a grain": 1.0 / 0.38, "PD": 3.0}
     assert [special.label for special in branch.special_points] == list(expected)
@@ -55,7 +56,7 @@ def test_events_are_zeros_of_functions_among_the_other_special_points(branch):
     assert branch.special_points[1].criticality == ""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_event_is_continued_in_a_second_parameter(branch):
     """The fixed point x = r x (1 - x) + q at x = 0.6."""
     curve = mi.continue_curve(branch.special_points[1], "q", 0.05)
@@ -171,7 +172,7 @@ def _bounce(mode, t, y, p):
     return mode, (y.x, speed - p.e * (y.v - speed))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_impact_speed_of_a_ball_on_a_table():
     """It bounces once a period with the relative speed 2 pi / ((1 + e) w), for any amplitude."""
     ball = mi.System(
@@ -189,6 +190,7 @@ def test_impact_speed_of_a_ball_on_a_table():
     assert weak.table["w"].iloc[-1] == pytest.approx(math.pi / 1.3, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_events_of_equilibria():
     def well(mode, t, y, p):
         return y.v, p.a * y.x - y.x**3 - 0.1 * y.v

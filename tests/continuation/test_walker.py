@@ -38,7 +38,7 @@ def strike(mode, t, y, p):
     return SWING, (-y.th, c * y.w, -2.0 * y.th, c * (1.0 - c) * y.w)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gaits_double_their_period():
     walker = mi.System(
         states=("th", "w", "ph", "u"),

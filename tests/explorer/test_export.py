@@ -45,6 +45,7 @@ def assert_same_runs(run, other):
     pd.testing.assert_frame_equal(run.events, other.events, check_exact=True)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("subject", "start"), [(zhao, "kicked"), (zhao, "rest"), (mita, "kicked")])
 def test_the_python_makes_the_same_run(subject, start):
     subject = subject()

@@ -40,7 +40,7 @@ def test_a_port_that_is_taken_is_reported():
             serve(zhao(), port, print)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_answers_this_machine_alone_and_ends_with_ctrl_c(served, tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     server = served("own.py:system", folder=tmp_path)

@@ -163,6 +163,7 @@ def test_the_diagram_is_a_sweep_over_the_slider():
     assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_warnings_of_a_diagram_are_its_message(recwarn):
     setting = replace(first_setting(zhao()), parameter="omega")
     request = DiagramRequest(setting=setting, points=9)
@@ -171,7 +172,7 @@ def test_warnings_of_a_diagram_are_its_message(recwarn):
     assert not [each for each in recwarn if each.category is mi.TransientWarning]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_special_points_of_a_diagram_are_those_of_the_branch():
     request = DiagramRequest(setting=first_setting(zhao()), points=5)
     diagram = diagram_of(zhao(), request, slider_spec(zhao(), "amplitude"))
@@ -183,6 +184,7 @@ def test_the_special_points_of_a_diagram_are_those_of_the_branch():
     assert found["v2"].between(0.4, 0.5).all()
 
 
+@pytest.mark.slow
 def test_a_motion_without_an_orbit_has_no_special_points(monkeypatch):
     setting = first_setting(zhao()).with_value("amplitude", 0.2357).with_value("omega", 0.45)
     setting = replace(setting, start="rest")  # chaotic
@@ -227,7 +229,7 @@ def test_what_watches_a_run_ends_it():
         diagram_of(zhao(), request, along, watch)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_charge_drive_has_charges_in_its_headlines():
     device = mi.load_actuator("mita2003").adding(mi.ChargeDrive(parasitic_capacitance="10 fF"))
     subject = subject_of_device("mita2003", device, mi.Sine(amplitude="2 pC", omega=750.0))

@@ -70,6 +70,7 @@ def problems_of(path):
     return validate_fmu(str(path))
 
 
+@pytest.mark.slow
 def test_the_ball_is_valid_and_contains_sources_and_a_binary(ball):
     assert problems_of(ball) == []
     with zipfile.ZipFile(ball) as archive:
@@ -190,6 +191,7 @@ def test_an_importer_integrates_the_ball_until_it_rests(ball):
         assert result["x"][-1] == 0.0
 
 
+@pytest.mark.slow
 def test_equal_models_have_equal_bytes_and_without_a_compiler_sources(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     contents = []
@@ -282,7 +284,7 @@ def test_every_event_is_that_of_simulate(tmp_path, name, fmi):
             assert float(result[state][-1]) == pytest.approx(run.final[state], abs=1e-5 * span)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_voltage_from_outside(tmp_path):
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
     path = ZHAO.to_fmu(tmp_path / "device.fmu", drive, inputs=["voltage"])
@@ -303,6 +305,7 @@ def test_a_voltage_from_outside(tmp_path):
         assert float(result["x2"][-1]) == pytest.approx(run.final["x2"], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 def test_tables_of_a_device_are_no_parameters(tmp_path):
     positions = np.linspace(-3e-6, 3e-6, 7)
@@ -313,6 +316,7 @@ def test_tables_of_a_device_are_no_parameters(tmp_path):
     assert problems_of(system.to_fmu(tmp_path / "device.fmu")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize("fmi", [pytest.param("2.0", marks=pytest.mark.slow), "3.0"])
 def test_values_out_of_range_are_refused_with_the_range(tmp_path, fmi):
@@ -371,7 +375,7 @@ BOUNDED = {
 """Terms with bounds of numbers by others."""
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(
     ("terms", "bounds"),
@@ -477,7 +481,7 @@ class Unit:
         return [self.own.getFloat64([self.references[name]])[0] for name in names]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("unoptimized")
 def test_a_switch_at_a_communication_point_of_a_unit_with_inputs(tmp_path):
     system = switched()
@@ -499,6 +503,7 @@ def test_a_switch_at_a_communication_point_of_a_unit_with_inputs(tmp_path):
     unit.own.freeInstance()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 def test_times_and_states_that_the_event_loop_cannot_take_are_refused(tmp_path):
     unit = Unit(switched().to_fmu(tmp_path / "switched.fmu", inputs=["on"]))
@@ -603,7 +608,7 @@ def jump(mode, t, y, p):
     return mode, (y.q + t, y.s)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.usefixtures("unoptimized")
 @pytest.mark.parametrize(("kind", "inputs"), [
     ("CoSimulation", ()),
@@ -630,7 +635,7 @@ def test_the_time_is_that_of_the_importer(tmp_path, kind, inputs):
         assert (result["q"][-1], result["s"][-1]) == pytest.approx(ends, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("unoptimized")
 def test_a_guard_waits_in_a_system_without_parameters(tmp_path):
     """Below its margin from the start of its mode on, which rises."""

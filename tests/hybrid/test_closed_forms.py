@@ -34,6 +34,7 @@ def accumulation(e, h=1.0, g=1.0):
     return math.sqrt(2.0 * h / g) * (1.0 + e) / (1.0 - e)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("e", [0.1, 0.3, 0.5, 0.8, 0.95])
 def test_bouncing_ball_accumulates_and_rests(e, engine):
@@ -59,6 +60,7 @@ def test_a_ball_comes_to_rest_at_any_tolerance(rtol, engine):
     assert times(run_, workspace.ACCUMULATION) == pytest.approx(accumulation(0.5), abs=10 * rtol)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_impacts_that_lose_nothing_come_at_equal_times(engine):
     """A solver that stops some hundred roundings after a root adds them up: here to 2e-10."""
@@ -83,6 +85,7 @@ def test_the_ball_rests_and_is_released_once_every_period():
     assert np.count_nonzero(run_.events.kind == workspace.ACCUMULATION) == 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["adams", "bdf"])
 @pytest.mark.parametrize("engine", ENGINES)
 def test_coulomb_oscillator_loses_twice_the_friction_each_half_cycle(engine, method):
@@ -153,6 +156,7 @@ def graze(c=0.1, k=1.0, omega=0.8, d=1.0):
     return d * math.hypot(k - omega**2, c * omega)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("omega", [0.7, 0.75, 1.2])
 def test_one_impact_orbit_of_the_linear_oscillator(omega):
     p = stop(c=0.1, amplitude=1.6 * graze(omega=omega), omega=omega, e=0.8)

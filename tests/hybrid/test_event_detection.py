@@ -30,6 +30,7 @@ def crest(phase, engine, **options):
     return events[events.kind == workspace.APPROACH].before[0, 0]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("engine", "phases"), THIN, ids=["compiled", "interpreted"])
 @pytest.mark.parametrize("depth", EACH_DEPTH)
 def test_no_impact_is_missed(depth, engine, phases):
@@ -61,6 +62,7 @@ def test_no_impact_is_missed_where_the_period_is_long():
         assert workspace.TRANSITION in simulate(STOP, stop(d=d), y, 1 / 150, **options).events.kind
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(("engine", "phases"), THIN, ids=["compiled", "interpreted"])
 @pytest.mark.parametrize("depth", EACH_DEPTH)
 def test_no_break_away_is_missed(depth, engine, phases):

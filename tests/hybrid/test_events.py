@@ -60,6 +60,7 @@ def three(slots):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("slots", list(itertools.permutations(range(3))))
 def test_the_result_does_not_depend_on_the_order_in_which_guards_are_listed(slots, engine):
@@ -95,6 +96,7 @@ ENDLESS = Automaton(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_transitions_that_undo_each_other_end_in_an_error(engine):
     with pytest.raises(RunError, match="transitions in one instant") as caught:

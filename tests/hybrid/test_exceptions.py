@@ -13,6 +13,7 @@ def decaying(mode, t, y, p):
     return (-1.0,)
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("engine", ["auto", "interpreted"])
 @pytest.mark.parametrize(
     "functions",

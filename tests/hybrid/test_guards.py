@@ -191,7 +191,7 @@ def test_a_comparator_of_one_guard(options, band):
 FIRST, SECOND = mi.modes("first", "second")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_orbit_may_have_a_guard_that_waits():
     """A forced oscillator changes its stiffness at zero; "deep" waits below, and never fires."""
     bilinear = mi.System(
@@ -296,6 +296,7 @@ def bouncer(margin, force, initial, **parameters):
     )
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     "margin",
     [

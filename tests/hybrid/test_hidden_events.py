@@ -58,6 +58,7 @@ def first_strike(p, start):
     return min(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "period", [*(pytest.param(each, marks=pytest.mark.slow) for each in (0.1, 1.0)), 100.0]
 )
@@ -108,6 +109,7 @@ BRAKED = Automaton(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wave", "method", "found"),
     [((0.02, 60.0, 0.1), "dop853", (93,)), ((0.05, 20.0, 0.1), "adams", (87, 176))],
@@ -197,6 +199,7 @@ OBSTACLES = Automaton(
 )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("ahead", [1e-3, -1e-3, 1e-6, -1e-6])
 def test_the_first_of_two_obstacles_within_a_step_is_struck(ahead, engine):

@@ -58,6 +58,7 @@ def test_the_integration_of_a_cyclic_component_does_not_depend_on_its_value():
     assert far.final.y[0] - 2.0**40 == pytest.approx(near.final.y[0], abs=2.0**-12)
 
 
+@pytest.mark.slow
 def test_time_does_not_lose_digits():
     """Free oscillation, in phase after ten thousand periods; steps are those of the first ones."""
     n = 10_000
@@ -70,7 +71,7 @@ def test_time_does_not_lose_digits():
     assert counts.max() <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_forced_motion_is_steady_for_ever():
     """With damping nothing accumulates: the state after 10,000 periods is that of the first."""
     omega = 0.8
@@ -81,7 +82,7 @@ def test_a_forced_motion_is_steady_for_ever():
     assert run_.final.y == pytest.approx(start, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_impact_times_do_not_lose_digits():
     p = stop(c=0.1, amplitude=0.7, omega=1.2)
     run_ = simulate(STOP, p, [0.0, 0.0], 20_000, period=TAU / 1.2)
@@ -208,7 +209,7 @@ def python_hears_ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
     calls, last, read_state = 0, 0, interface.state
 
@@ -236,7 +237,7 @@ def test_ctrl_c_within_interpreted_code_leaves_a_state_of_the_run(monkeypatch):
 
 
 @pytest.mark.usefixtures("python_hears_ctrl_c")
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ctrl_c_while_events_are_handed_over_repeats_none():
     handed_over = []
 

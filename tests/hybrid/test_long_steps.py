@@ -15,7 +15,7 @@ def options(method):
     return mi.Options(method=method)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mu", [1e-6, 1e-3])
 def test_a_slow_slide_ends_at_its_time_in_few_steps(method, mu):
@@ -34,6 +34,7 @@ def dip(mode, t, y, p):
     return 1.0 - 1.5 * math.exp(-(((y.x - p.at) / 0.06) ** 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("at", [77.7, 1234.5, 60000.25])
 def test_a_short_dip_of_a_margin_is_found(method, at):
@@ -46,6 +47,7 @@ def test_a_short_dip_of_a_margin_is_found(method, at):
     assert run.events["t"].tolist() == pytest.approx([entry], rel=1e-9)
 
 
+@pytest.mark.quick(7)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("at", [77.7, 1234.5, 60000.25])
 def test_a_narrow_change_of_the_flow_is_found(method, at):
@@ -70,7 +72,7 @@ def test_all_closest_approaches_are_recorded(method):
     assert len(approaches) == round((1000.0 - math.pi / 2) // (2.0 * math.pi)) + 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_slow_capacitor_reaches_its_relay():
     def charge(mode, t, y, p):
         return ((p.volts - y.u) / p.tau,)

@@ -84,6 +84,7 @@ def _next(mode, code, t, y, p):
     return 1
 
 
+@pytest.mark.quick(1)
 @both
 @pytest.mark.parametrize(("speed", "rate"), [(1.0, 1.0), (5e-7, 1.0), (5e-7, 5e-7), (1.0, 0.0)])
 def test_a_wrong_rate_does_not_lose_a_guard(rate, speed, engine):

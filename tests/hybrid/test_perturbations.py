@@ -191,6 +191,7 @@ def test_at_rest_nothing_is_left():
     assert stretching.result.errors.tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_the_state_that_carries_perturbations_is_that_of_the_run():
     """On its own it would be another one after 30 units of time: neighbours part by exp(0.9 t)."""
     system = lorenz()
@@ -200,6 +201,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     assert one._state.y[:3].tolist() == one.final.y.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time_unit", [1e-3, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_columns_of_a_badly_scaled_system_are_not_parallel(time_unit):
     """They would be orthonormalized after every small part of a period."""

@@ -98,6 +98,7 @@ def test_a_zero_that_two_guards_share_is_reported_at_its_time(options):
     assert run.events["s"].to_numpy() == pytest.approx(run.events["t"].to_numpy(), abs=1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
 @pytest.mark.parametrize(("e", "falls", "rises"), [(0.5, 1, 0), (0.8, 2, 1)])
 def test_every_flight_of_a_ball_has_its_apex(e, falls, rises, options):

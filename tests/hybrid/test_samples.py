@@ -49,6 +49,7 @@ def log(setup, start, periods, per_period):
     return run_, again
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("engine", "periods"), CHOICES)
 def test_sampling_does_not_change_the_run(case, engine, periods):
     system, start, settings = case
@@ -61,6 +62,7 @@ def test_sampling_does_not_change_the_run(case, engine, periods):
         assert sampled.clock["samples_written"] == per_period * periods + 1
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("engine", "periods"), CHOICES)
 def test_a_coarse_grid_is_a_part_of_a_fine_one(case, engine, periods):
     system, start, settings = case
@@ -71,6 +73,7 @@ def test_a_coarse_grid_is_a_part_of_a_fine_one(case, engine, periods):
     assert np.array_equal(fine.y[-1], run_.final.y)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("engine", "periods"), CHOICES)
 def test_the_tail_of_the_samples_is_the_samples_of_the_tail(case, engine, periods):
     system, start, settings = case
@@ -93,6 +96,7 @@ def test_the_tail_may_begin_between_two_impacts_of_a_chatter():
         assert np.array_equal(tail.y, whole.y[-len(tail.y) :])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("e", [0.3, 0.8, 0.95])
 def test_the_tail_may_begin_within_the_chatter_of_the_actuator(e):
     """The frame creeps with every impact: its position tells the tails apart."""
@@ -146,6 +150,7 @@ def test_samples_lie_on_the_closed_form(engine):
     assert flight.y[:, 0] == pytest.approx(3.0 * flight.time - flight.time**2 / 2, abs=1e-10)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8, 1e-11])
 def test_no_sample_lies_beyond_a_stopper(rtol):
     for e in (0.0, 0.3, 0.9, 1.0):

@@ -172,7 +172,7 @@ def test_an_impact_at_another_gap_some_periods_ago_does_not_prolong_a_sequence()
     assert done.final.mode == RESTING
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("e", [0.3, 0.9, 0.97])
 def test_nothing_stands_still_while_a_sequence_ends(e, engine):
@@ -227,6 +227,7 @@ def _hops_or_passes(mode, code, t, y, p):
     return mode if code == 0 else mode + 1
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("lead", [1e-5, 1e-6, 1e-7])
 @pytest.mark.parametrize("meets", [True, False])
@@ -354,6 +355,7 @@ def accumulation_of_the_heavier(e, a, speed):
     return math.fsum(flights)
 
 
+@pytest.mark.quick(8)
 @both
 @pytest.mark.parametrize(
     ("e", "a", "height", "error"),
@@ -473,7 +475,7 @@ def cradle(e, engine="compiled", place=0.0, **options):
     return simulate(CRADLE, (e,), start, 1.0, period=1.0, engine=engine, **options)
 
 
-@pytest.mark.quick(3)
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("place", [0.0, 1.0])
 @pytest.mark.parametrize(("e", "impacts"), [(1.0, 16), (0.9, 136)])
@@ -503,6 +505,7 @@ def test_a_budget_that_a_collapse_spends_is_reported_with_its_instant():
         cradle(0.5, max_events=200)
 
 
+@pytest.mark.quick(1)
 @both
 def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
     """Wherever the buffer is full, between transitions of an instant too, the run is the same."""

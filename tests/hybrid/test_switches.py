@@ -148,6 +148,7 @@ def test_what_rests_at_a_guard_is_not_pushed_before_a_switch(engine):
     assert run_.events.mode_after.tolist() == [RESTING]
 
 
+@pytest.mark.quick(15)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("shift", [0.0, 1e-12, -1e-12, 1e-7, -1e-7, 1e-5, -1e-5])
 def test_a_switch_at_the_end_of_a_chatter(shift, engine):

@@ -34,6 +34,7 @@ def stop_generator(c, k, omega):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_columns_of_the_linear_oscillator_are_its_matrix_exponential(engine):
     c, k, amplitude, omega, start, end = 0.1, 1.3, 0.3, 0.8, 0.3, 5.0
@@ -90,6 +91,7 @@ def test_budget_of_steps_ends_in_a_named_error():
         Variational(short, np.zeros((1, 7))).arc(0, np.array([0.1, 0.2]), 0.0, 5.0)
 
 
+@pytest.mark.slow
 def test_automata_made_by_one_function_are_kept_apart():
     """The compiled columns of two automata, which have one source, in one process."""
 
@@ -124,6 +126,7 @@ def actuator_variational(*names):
     return made, Variational(made, np.eye(len(made.parameters))[places])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [0, 1], ids=["stuck", "forward"])
 def test_columns_of_the_actuator_are_differences_of_its_flow(mode):
     made, variational = actuator_variational(*NAMES)
@@ -275,6 +278,7 @@ def _width_as_state(mode, code, t, y, p):
     return mode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_margins_and_transitions_take_no_columns(engine, method):
@@ -320,7 +324,7 @@ WAVES = Automaton(
 )
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_closest_approaches_hidden_within_a_step(engine, method):

@@ -49,6 +49,7 @@ OF_INTEGERS = {
 TERMS = [(0.1, 0.2, 0.3), (1e16, 1.0, -1e16), (1.0, 1e100, 1.0, -1e100), (1e308, 1e308), (2.5,)]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("terms", TERMS, ids=str)
 def test_a_sum_of_reals_has_the_bits_of_python(terms):
     """From Python 3.12 on with the digits that rounding loses."""
@@ -77,6 +78,7 @@ def agree(value, right):
     return value == pytest.approx(right, rel=2e-15, abs=0.0)
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     ("function", "values"),
     [(each, REALS) for each in OF_REALS.values()]
@@ -114,6 +116,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_refusal_is_one_sentence(name):
     function, sentence = REFUSED[name]

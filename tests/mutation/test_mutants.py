@@ -68,7 +68,7 @@ def test_characters_of_several_bytes_do_not_shift_a_mutant():
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_mutant_of_the_numerics_is_a_program_that_differs():
     every = drawn(PROJECT, 1, 10**6)
     assert len(every) > 1000
@@ -81,7 +81,7 @@ def test_every_mutant_of_the_numerics_is_a_program_that_differs():
         assert ast.dump(ast.parse(mutant.applied(source))) != programs[mutant.path]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_draw_repeats():
     few = "hybrid/event_loop/event_detection"
     assert drawn(PROJECT, 3, 20, few) == drawn(PROJECT, 3, 20, few)
@@ -109,7 +109,7 @@ def test_a_change_elsewhere_draws_no_other_mutants(tmp_path):
     assert after[:10] == before
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_said_to_be_equivalent_still_stands_in_the_sources():
     every = set()
     for path in {path for path, _, _ in EQUIVALENT}:
@@ -169,7 +169,7 @@ MODULE = "mems_impact/hybrid/sums.py"
 FILE = "tests/test_sums.py"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_trial(project, tmp_path):
     """Tests are watched; what they run is noticed, the spare product is not; nothing is left."""
     trial = Copy.make(project, tmp_path / "copy")
@@ -203,7 +203,7 @@ def test_tests_in_turn():
     assert watched.in_turn(ran, (), budget=1.0) == ["b::two", "a::quick", "b::one"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("body", ["while True:\n        pass", "max(iter(int, 1))"])
 def test_a_mutant_that_hangs_is_killed(project, tmp_path, body):
     trial = Copy.make(project, tmp_path / "copy")

@@ -20,7 +20,7 @@ from tests.orbits.families import (
     table_in_the_room,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_closed_form_closes():
     assert flip.multipliers[0] == pytest.approx(-1.0, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_derivative_of_the_orbit_by_its_parameters():
     """Parameter columns and moving period: du/dp = -J^-1 R_p against the closed form."""
     exact = Exact(omega=1.3)

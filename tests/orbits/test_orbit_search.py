@@ -64,7 +64,7 @@ def test_a_segment_that_no_switch_ends_names_none():
     assert Segment(0, 0, BOUNDARY) == Segment(0, 0, BOUNDARY, -1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("periods", [1, 2, 3])
 def test_an_orbit_under_a_square_wave_is_cut_at_every_switch(periods):
     """Without impacts: half a period later it is its own negative."""
@@ -107,7 +107,7 @@ def test_unstable_orbit_inside_a_chaotic_attractor():
 # Rest and chatter.
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("amplitude", "omega", "e"), [(1.5, 1.0, 0.5), (1.5, 1.0, 0.3), (1.5, 2.0, 0.5)], ids=str
 )
@@ -133,6 +133,7 @@ def test_oscillator_that_is_pressed_against_its_stop():
     assert check_closed(orbit) < 1e-9
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("amplitude", "omega"),
     [(0.4, 0.1), pytest.param(0.4, 0.05, marks=pytest.mark.slow), (0.45, 0.1)],

@@ -14,7 +14,7 @@ from validation.__main__ import main
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_figure_with_expected_verdicts(tmp_path, capsys):
     assert main(["--figure", "3", "--quick", "--output", str(tmp_path / "out")]) == 0
     assert "2 statements: 2 agrees" in capsys.readouterr().out
@@ -46,7 +46,7 @@ def test_files_that_cannot_be_read_or_written(tmp_path, capsys):
     assert "out: cannot be written" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")
 def test_ctrl_c_is_heard_at_once_and_keeps_what_is_done(tmp_path):
     command = subprocess.Popen(

@@ -1,6 +1,7 @@
 """The paper's own figures."""
 
 import pandas as pd
+import pytest
 
 import mems_impact as mi
 from validation.paper.diagrams import MEASURED, plot_automaton, plot_displacement
@@ -20,6 +21,7 @@ def test_automaton(tmp_path):
     ax.figure.savefig(tmp_path / "automaton.png")
 
 
+@pytest.mark.slow
 def test_displacement(tmp_path):
     device, drive = mi.load_actuator("mita2003"), mi.Sine(amplitude=100.0, omega=6.283)
     run = mi.simulate(device, drive, 3)

@@ -136,7 +136,7 @@ def test_a_condition_that_stays_at_zero(options):
 
 
 # SUNDIALS #881: a root function that is zero from its root on.
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_root_function_that_is_zero_from_its_root_on(options):
     run = mi.simulate(
         mi.System(

@@ -145,6 +145,7 @@ def turned(direction):
     return "slides right" if direction > 0.0 else "slides left"
 
 
+@pytest.mark.slow
 def test_a_valve_sticks_slides_and_stops(options):
     period = 2.0 * math.pi / OMEGA
     run = mi.simulate(VALVE, periods=20, options=options)

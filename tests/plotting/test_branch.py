@@ -96,7 +96,7 @@ def test_branches_and_sweep_must_be_over_one_parameter():
         mi.plot_branch(sweep)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 def test_own_system_over_its_sweep(branch, tmp_path):
     sweep = mi.sweep(oscillator(), "A", np.linspace(0.36, 0.58, 5), transient=60, periods=4)
     ax = mi.plot_branch(branch, sweep)
@@ -141,7 +141,7 @@ def test_a_branch_without_special_points(orbit):
     assert lines(ax, "stable orbit")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_curves_of_an_own_system(branch, tmp_path):
     curves = [mi.continue_curve(special, "omega", 0.82) for special in branch.special_points]
     ax = mi.plot_curve(curves)
@@ -199,6 +199,7 @@ def test_what_is_no_curve(branch):
         mi.plot_curve([one, other])
 
 
+@pytest.mark.slow
 def test_the_mark_of_a_subcritical_point_is_open():
     found = diagram()
     rows = found.special_table.iloc[[1]].assign(label="PD")

@@ -122,6 +122,7 @@ def test_kinds_differ_in_grey():
     assert all(0.5 < rgb_to_hsv(to_rgb(color))[0] < 0.7 for color in PERIOD_COLORS)
 
 
+@pytest.mark.slow
 def test_a_column(tmp_path):
     ax = mi.plot_map(map_table(), "speed")
     above, bar = ax.figure.axes
@@ -170,6 +171,7 @@ CHART = pd.DataFrame(
 )
 
 
+@pytest.mark.slow
 def test_boundaries(tmp_path):
     ax = mi.plot_map(map_table(), boundaries=[Curved(), CHART])
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}

@@ -40,6 +40,7 @@ def test_modes_are_lines_of_their_own(resting, tmp_path):
     ax.figure.savefig(tmp_path / "orbit.png")
 
 
+@pytest.mark.slow
 def test_section_is_marked(tmp_path):
     orbit = mi.find_orbit(oscillator(section=("x", 0.5)), transient=100)
     ax = mi.plot_orbit(orbit)
@@ -52,7 +53,7 @@ def test_section_is_marked(tmp_path):
     ax.figure.savefig(tmp_path / "orbit.png")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_one_state_alone_is_drawn_over_time():
     def flow(mode, t, y, p):
         return (np.cos(t) - y.u,)

@@ -210,12 +210,13 @@ def test_every_figure_is_among_them():
     assert figures <= set(QUICK) | set(LONG)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_it_can_be_read_in_a_column(name, request):
     assert flaws(QUICK[name](request.getfixturevalue).figure) == []
 
 
+@pytest.mark.slow
 def test_it_has_the_same_ticks_wherever_it_is_saved(tmp_path):
     # matplotlib takes their number from the style that holds when a figure is saved.
     ax = mi.plot_map(map_table())
@@ -226,7 +227,7 @@ def test_it_has_the_same_ticks_wherever_it_is_saved(tmp_path):
         assert (list(ax.get_xticks()), list(ax.get_yticks())) == here
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [*QUICK, *LONG])
 def test_it_can_be_read(name, request):
     draw = {**QUICK, **LONG}[name]

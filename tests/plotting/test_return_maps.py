@@ -37,6 +37,7 @@ def test_the_return_map_shows_each_return_over_the_one_before():
         mi.plot_return_map(run, skip=6)
 
 
+@pytest.mark.slow
 def test_manifolds_are_drawn_in_pieces_over_other_axes(tmp_path):
     orbit = mi.find_orbit(SADDLE, guess={"x": 0.0, "y": 0.0}, periods=1)
     both = [mi.manifold(orbit, kind, length=1.0, distance=0.1) for kind in ("unstable", "stable")]

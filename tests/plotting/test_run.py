@@ -91,6 +91,7 @@ def test_a_window_that_begins_at_rest(resting):
     assert set(curve(x).get_ydata()) == {1.0}
 
 
+@pytest.mark.slow
 def test_a_system_without_forcing_is_drawn_whole_over_time(falling, tmp_path):
     x, v = mi.plot_run(falling).figure.axes
     assert [ax.get_ylabel() for ax in (x, v)] == ["$x$ [m]", "$v$ [m/s]"]
@@ -144,6 +145,7 @@ def test_panels_do_not_lie_over_each_other_without_impacts(tmp_path):
     assert legend(axes[0]) == []
 
 
+@pytest.mark.slow
 def test_pyplot_is_left_alone():
     code = (
         "import sys, mems_impact as mi\n"

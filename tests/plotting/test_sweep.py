@@ -17,7 +17,7 @@ def drawn(ax, marker):
     return sorted(x for line in lines for x in line.get_xdata())
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("section", [None, ("x", 0.5)])
 def test_own_system(section, tmp_path):
     units = {"A": "N", "x": "m", "v": "m/s", "speed": "m/s"}
@@ -36,6 +36,7 @@ def test_own_system(section, tmp_path):
     ax.figure.savefig(tmp_path / "sweep.png")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("statuses", [("ok", "ok", "ok"), ("ok", "lost", "ok")])
 def test_switches_are_marked(statuses, tmp_path):
     ax = mi.plot_sweep(sweep_table(statuses))
@@ -57,6 +58,7 @@ def test_switches_have_the_unit_of_the_parameter():
     assert legend[-2:] == ["off at $f$ = 0.1 to 0.2 V", "on at $f$ = 0.2 to 0.3 V"]
 
 
+@pytest.mark.slow
 def test_values_that_never_cross_the_section(tmp_path):
     ax = mi.plot_sweep(silent_table())
     assert drawn(ax, "v") == [0.1, 0.1]  # one for each direction
@@ -142,6 +144,7 @@ def test_one_direction_on_given_axes():
         "$f$ increased", "on at $f$ = 0.2 to 0.3"]  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["x_a_b", "x__", "lambda_"])
 def test_a_section_has_the_name_of_any_state(name, tmp_path):
     system = mi.System(

@@ -76,6 +76,7 @@ def test_what_is_specified_is_drawn_with_its_indices(tmp_path):
     ax.figure.savefig(tmp_path / "tolerances.png")
 
 
+@pytest.mark.slow
 def test_chosen_quantities(tmp_path):
     ax = mi.plot_tolerance_analysis(analysis_of(), quantity=["rate", "step"])
     # A quantity without a number at some points has no indices, and no panel for them.

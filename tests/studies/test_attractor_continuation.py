@@ -68,6 +68,7 @@ def test_what_was_unknown_is_named_by_where_it_was_seen():
     assert found.branches["after"].tolist() == ["period 1 at amplitude = 0.24", ""]
 
 
+@pytest.mark.slow
 def test_chains_continue_from_what_was_carried(both, tmp_path):
     study = AttractorContinuationStudy(
         over=Axis("amplitude", tuple(VALUES.tolist())),
@@ -107,7 +108,7 @@ def test_what_is_wrong_is_named(both, given, named):
         mi.continue_attractors(**{"basins": both, "parameter": "e", "values": [0.8], **given})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ends_are_those_of_continuation(over, both):
     # The walk ends at a fold or a grazing of its orbit, rest at the first impact.
     orbit = mi.find_orbit(both.system, guess=both.state("period 1"))

@@ -77,7 +77,7 @@ RESTING = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_entropies_of_the_grebogi_map():
     """Map and exponent, about 0.2, of Grebogi et al. (1983); entropies in Attractors.jl's tests."""
     # The other half of 300 angles is its mirror image, box by box.

@@ -289,7 +289,7 @@ def test_an_impact_oscillator_against_closed_forms():
             assert speed == pytest.approx(one.speed, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_saddle_is_no_attractor():
     # One of these starts lies within 1e-5 of the stable manifold of the period-3 saddle, beside
     # which it stays for more than a hundred periods, and then goes to the orbit without impacts:
@@ -321,7 +321,7 @@ def duffing(**changes):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_forced_double_well_with_smooth_boundaries_against_brute_force():
     d, f, omega = 0.4, 0.1, 0.1
     values = np.linspace(-2.2, 2.2, 20)
@@ -341,7 +341,7 @@ def test_a_forced_double_well_with_smooth_boundaries_against_brute_force():
     assert ours == (run.y[: len(x), -1] > 0.0).tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_forced_double_well_against_attractors_jl():
     # test/mapping/attractor_mapping.jl: of 1000 random starts in this box 0.489 go to the attractor
     # that is reached from (-0.8, 0), and 0.511 to that from (1.8, 0). Two samples of 1000 differ by
@@ -358,7 +358,7 @@ def test_the_forced_double_well_against_attractors_jl():
         assert abs(share - published) < 0.058
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chaotic_attractor_is_one():
     # Ueda's: a hardening spring in a chaotic state, in which every motion ends.
     system = duffing(d=0.05, f=7.5, beta=0.0)
@@ -371,7 +371,7 @@ def test_a_chaotic_attractor_is_one():
     assert len(found.returns) == 50
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_magnetic_pendulum_against_attractors_jl():
     def flow(mode, t, y, p):
         pull_x, pull_y = 0.0, 0.0

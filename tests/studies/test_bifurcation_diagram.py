@@ -26,6 +26,7 @@ def fork():
     return mi.bifurcation_diagram(FORK, "a", (-1.0, 1.0), **FORK_OPTIONS)
 
 
+@pytest.mark.slow
 def test_a_pitchfork_of_equilibria_has_two_branches(fork):
     assert len(fork.branches) == 2
     (point,) = fork.special_points
@@ -58,7 +59,7 @@ def test_a_diagram_is_saved(fork, tmp_path):
     assert mi.load(tmp_path / "fork.zip").special_table.equals(fork.special_table)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_interrupted_diagram_is_completed(fork, monkeypatch):
     def stop(self):
         raise KeyboardInterrupt
@@ -139,7 +140,7 @@ def _isola(mode, t, y, p):
     return distance, 2.0 * y.z - distance
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_isola_of_unstable_equilibria_is_found_and_closed():
     """The circle x^2 + a^2 = 1/4, to which no attractor and no other branch leads."""
     system = mi.System(states=("x", "z"), flow=_isola, parameters={"a": 0.1}, initial={"x": 0.2})
@@ -186,7 +187,7 @@ def test_the_cascade_of_the_logistic_map():
     assert periods in ([1, 2, 4], [1, 1, 2, 4])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_unstable_orbits_of_each_period_up_to_four_are_found():
     """At r = 4 there are 2, 1, 2 and 3 of the periods 1 to 4; two fold at 3.9601."""
     diagram = mi.bifurcation_diagram(
@@ -207,7 +208,7 @@ def _alternating(mode, t, y, p):
     return mode, (-y.x * (1.0 - 0.3 * ring), 3.0 * y.z - y.x**2, y.w)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_isola_of_unstable_orbits_of_period_two_is_found_and_closed():
     """The orbits of period 2 are (x^2 - 1)^2 + a^2 = 1/4, z = x^2 / 2; that of period 1 is 0."""
     system = mi.System(
@@ -227,7 +228,7 @@ def test_an_isola_of_unstable_orbits_of_period_two_is_found_and_closed():
     assert not diagram.table["stable"].any()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_device_has_one_branch():
     """The orbit without impacts grazes and folds; none with a slip that ends at once is another."""
     device, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)

@@ -79,6 +79,7 @@ def _check(table):
     assert table["status"][failed].str.contains("no value here").all()
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("which", FAILING)
 def test_a_function_that_fails_at_a_point_is_a_row_with_what_it_raised(which):
     system = oscillator(**FAILING[which])
@@ -87,6 +88,7 @@ def test_a_function_that_fails_at_a_point_is_a_row_with_what_it_raised(which):
     assert found.table["motion"].tolist() == ["failed", "periodic"]
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("which", FAILING)
 def test_it_is_a_row_of_a_sweep(which):
     system = oscillator(**FAILING[which])

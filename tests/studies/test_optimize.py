@@ -28,6 +28,7 @@ def orbit():
 COST = mi.Quantity("cost", lambda orbit: orbit.period + (orbit.system.value("q") - 4.0) ** 2)
 
 
+@pytest.mark.slow
 def test_in_closed_form(heated):
     best = mi.optimize(heated, minimize=COST, over={"q": (2.5, 6.0)})
     # The period is ln((q - 1)/(q - 2)) + ln 2.
@@ -85,13 +86,13 @@ def test_an_orbit_moves_while_events_pass_the_beginning_of_a_period(orbit):
     assert there.step == pytest.approx(orbit.step, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_orbit_is_not_moved_past_its_fold(orbit):
     with pytest.raises(mi.OrbitError, match="fold"):
         continue_to(orbit, {"amplitude": 0.17})
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_drive_beats_the_papers_operating_point(orbit):
     over = {"amplitude": (0.2, 0.3), "omega": (0.45, 0.6)}
     best = mi.optimize(orbit, maximize="mean speed", over=over)
@@ -116,7 +117,7 @@ def test_a_drive_beats_the_papers_operating_point(orbit):
     assert margins.loc[("omega", "down"), "what"] == "period-doubling"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_device_whose_frame_slips_does_best_where_a_slip_ends_at_the_impact():
     over = {"amplitude": (40.0, 90.0), "omega": (2.0 * math.pi * 500.0, 2.0 * math.pi * 750.0)}
     found = []
@@ -197,7 +198,7 @@ def test_margins_of_what_ends_nowhere(heated):
         mi.bifurcation_margins(heated, ["x"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_value(heated, tmp_path):
     best = mi.optimize(heated, maximize="period", over={"q": (2.5, 6.0)})
     assert best == mi.optimize(heated, maximize="period", over={"q": (2.5, 6.0)})

@@ -38,6 +38,7 @@ def front(orbit):
     return mi.pareto_front(orbit, AIMS, over=OVER, points=5)
 
 
+@pytest.mark.slow
 def test_a_front_in_closed_form(front):
     table = front.table
     # A hotter heater is quicker, and nothing else is varied: the front is the curve of all q.
@@ -50,13 +51,13 @@ def test_a_front_in_closed_form(front):
     assert front.failed == ()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_points_that_another_beats_are_left_out(orbit):
     both = mi.pareto_front(orbit, {"period": "minimize", "heater": "maximize"}, over=OVER, points=3)
     assert both.table["q"].tolist() == [6.0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_interrupted(orbit):
     def stop(points):
         if points == 3:

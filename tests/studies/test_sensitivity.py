@@ -50,7 +50,7 @@ def by_differences(orbit, name, tell, width=3e-3):
     return total
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_by_all_parameters_of_device_and_drive(orbit, found):
     assert set(found.parameters) == {*DEVICE, "amplitude", "omega", "phase"}
     for name in (*DEVICE, "amplitude", "omega"):
@@ -141,7 +141,7 @@ def test_impact_oscillator():
     np.testing.assert_allclose(*pairs, rtol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_switching_times_that_move():
     drive = mi.Trapezoid(amplitude=0.22, omega=0.5, flat=0.4)
     orbit = mi.find_orbit(ZHAO, drive, transient=300)
@@ -169,7 +169,7 @@ def test_own_quantity(orbit):
     assert found["phase"] == pytest.approx(-1.0 / math.pi, rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_at_a_fold_there_is_none(orbit):
     branch = mi.continue_orbit(orbit, "amplitude", 0.17)
     fold = next(point for point in branch.special_points if point.label == "CF")

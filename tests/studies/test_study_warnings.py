@@ -51,6 +51,7 @@ def basins(executor=None):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", [None, lambda: ProcessPoolExecutor(1)])
 def test_a_grid_on_both_sides_of_a_guard_is_reported_once_with_its_share(executor):
     (told,) = caught_by(mi.StartWarning, lambda: basins(executor))
@@ -76,6 +77,7 @@ def test_a_sweep_names_once_the_values_that_begin_beyond_a_guard():
     assert caught_by(mi.StartWarning, lambda: over([5.0, 10.0])) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
 def test_orbits_and_exponents_tell_of_a_guess_beyond(verb):
     start = "guess" if verb is mi.find_orbit else "initial"

@@ -31,6 +31,7 @@ def hysteresis():
     return mi.sweep(ZHAO, DRIVE, "amplitude", values, direction="both", transient=200, periods=20)
 
 
+@pytest.mark.slow
 def test_hysteresis_of_the_paper(hysteresis):
     summary = hysteresis.statistics
     up, down = (summary[summary["direction"] == name] for name in ("up", "down"))
@@ -48,6 +49,7 @@ def test_hysteresis_of_the_paper(hysteresis):
     np.testing.assert_allclose(alone["v2 max_x"], alone["v2 max_y"], atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "omega"), [(0.6, 0.4), (0.4, 0.3)])
 def test_chaotic_values_have_errors_that_long_runs_confirm(amplitude, omega):
     drive, start = mi.Sine(amplitude=amplitude, omega=omega), mi.kicked_state(ZHAO)
@@ -93,6 +95,7 @@ def test_both_is_up_and_down():
     pd.testing.assert_frame_equal(both, apart, check_exact=True)
 
 
+@pytest.mark.slow
 def test_workers_do_not_matter():
     serial, threads = (swept(direction="both", workers=n) for n in (1, 2))
     pd.testing.assert_frame_equal(serial, threads, check_exact=True)
@@ -152,6 +155,7 @@ def test_bias_from_zero():
     assert table.loc[table["bias"] == 0.1, "v2"].tolist() == expected.tolist()
 
 
+@pytest.mark.slow
 def test_initial():
     states = {"up": mi.State(v2=0.5), "down": mi.State(v2=0.9)}
     both = swept(direction="both", initial=states)
@@ -281,6 +285,7 @@ def test_unknown_parameter_lists_the_known():
         swept(parameter="volts")
 
 
+@pytest.mark.slow
 def test_a_stored_sweep_continues_where_it_was_interrupted(tmp_path):
     values = np.linspace(0.2, 0.24, 8)
     whole = swept(values, direction="both")
@@ -309,7 +314,7 @@ def test_a_store_of_another_sweep_is_refused(tmp_path):
         mi.sweep(ZHAO, DRIVE.replace(omega=0.6), "amplitude", values, **more)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_sweep_by_processes(forking, tmp_path):
     def make():
         return ProcessPoolExecutor(2, mp_context=forking)
@@ -331,7 +336,7 @@ def cooled(mode, t, y, p):
     return (1.0 - y.T - (0.5 if mode.valve == 1 else 0.0),)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_state_follows_the_stop_the_belt_and_the_surface_that_hold_it():
     resting = mi.System(
         states=("x", "v"),

@@ -122,6 +122,7 @@ PLAIN = mi.Options(engine="interpreted", method="dop853")
 ENGINES = [(e, m) for e in ("interpreted", "compiled") for m in ("adams", "bdf", "dop853", "auto")]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("engine", "method"), ENGINES)
 @pytest.mark.parametrize(
     ("flow", "period", "mu", "where", "remedy"),
@@ -154,7 +155,7 @@ def test_a_jump_is_reported_in_the_units_of_the_system():
     assert "at x = -4e-06," in str(one.message)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_and_exponents_tell_of_a_jump_that_their_runs_meet():
     system = quiet(rubbing).changed(mu=0.2)
     assert len(caught_by(lambda: mi.find_orbit(system, transient=10, options=PLAIN))) == 1
@@ -162,6 +163,7 @@ def test_orbits_and_exponents_tell_of_a_jump_that_their_runs_meet():
     assert len(caught_by(lambda: mi.lyapunov(system, options=PLAIN, **few))) == 1
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize(
     "given",
     [

@@ -77,6 +77,7 @@ def rubbing(form, **given):
     )
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("given", [{}, {"typical": {"x": 3.0, "v": 2.0, "time": 0.5}}])
@@ -86,6 +87,7 @@ def test_runs(form, method, given):
     assert list(run.events["event"]) == ["turn"] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["named", pytest.param("arrays", marks=pytest.mark.slow)])
 def test_orbits_and_exponents(form):
     options = mi.Options(engine="interpreted", method="dop853", rtol=1e-6)

@@ -86,6 +86,7 @@ def test_tolerances_and_distributions():
     )
 
 
+@pytest.mark.slow
 def test_sweeps_and_branches():
     lengths = {"transient": 2, "periods": 2}
     tables = [

@@ -56,6 +56,7 @@ def test_a_sweep_carries_a_resting_body_along_with_its_stop(typical):
     assert table["x"].tolist() == pytest.approx(WALLS)
 
 
+@pytest.mark.slow
 def test_a_stop_that_only_a_transition_describes():
     caught = mi.Guard("caught", gap, rest, modes=(FREE,))
     assert swept(body(caught))["x"].iloc[-1] == pytest.approx(1.4)

@@ -75,6 +75,7 @@ each_result = pytest.mark.parametrize("name", NAMES)
 each_saved = pytest.mark.parametrize("saved", NAMES, indirect=True)
 
 
+@pytest.mark.slow(all=True)
 @each_result
 def test_copies_are_equal_and_tables_are_not_carried(name):
     value = results()[name]
@@ -127,6 +128,7 @@ def simulated(amplitude):
     return mi.simulate(oscillator().changed(A=amplitude), 2, options=PLAIN)
 
 
+@pytest.mark.slow
 def test_results_return_from_a_pool_of_processes():
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         (run,) = pool.map(simulated, [0.5])
@@ -159,6 +161,7 @@ run.save(sys.argv[2])
 """
 
 
+@pytest.mark.slow
 def test_functions_of_main_travel_with_their_code_and_stay_out_of_files(tmp_path):
     script, carried, kept = (tmp_path / name for name in ("main.py", "run.pickle", "run.zip"))
     script.write_text(NOTEBOOK)
@@ -175,6 +178,7 @@ def test_functions_of_main_travel_with_their_code_and_stay_out_of_files(tmp_path
     assert mi.load(kept, system=run.system) == run
 
 
+@pytest.mark.slow(all=True)
 @each_saved
 def test_a_file_gives_the_result_back_where_the_system_is_given(saved):
     name, value, path = saved
@@ -183,6 +187,7 @@ def test_a_file_gives_the_result_back_where_the_system_is_given(saved):
     assert loaded == value
 
 
+@pytest.mark.slow(all=True)
 @each_saved
 def test_without_the_system_a_result_shows_itself(saved):
     name, value, path = saved
@@ -221,6 +226,7 @@ def test_tables_are_there_without_the_system(saved, tables):
         assert again.equals(one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("saved", ["branch"], indirect=True)
 def test_a_branch_is_drawn_without_the_system(saved):
     assert len(mi.plot_branch(mi.load(saved[2])).lines) == len(mi.plot_branch(saved[1]).lines)
@@ -399,6 +405,7 @@ def test_a_part_of_another_type_is_reported(part, tmp_path):
         mi.load(tmp_path / "rest.zip")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
 def test_files_that_are_none_are_reported(saved, tmp_path):
     path, whole = saved[2], saved[2].read_bytes()
@@ -499,6 +506,7 @@ def test_a_branch_is_reported_in_a_line():
     assert list(curve.summary())[1:3] == ["kind", "parameters"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("member", ["header.json", "result.zeros.npy"])
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
 def test_a_file_that_expands_too_far_is_not_read(saved, member):
@@ -521,6 +529,7 @@ def test_a_file_that_expands_too_far_is_not_read(saved, member):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stride", [37, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
 def test_every_bit_of_the_directory_of_a_file(saved, stride):

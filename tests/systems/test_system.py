@@ -16,6 +16,7 @@ PLAIN = mi.Options(engine="interpreted", method="dop853")
 ENGINES = [mi.Options(), mi.Options(method="dop853"), PLAIN]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("options", ENGINES, ids=["adams", "dop853", "interpreted"])
 @pytest.mark.parametrize("arrays", [False, True], ids=["named", "arrays"])
 def test_a_ball_comes_to_rest(options, arrays):
@@ -61,6 +62,7 @@ def test_until_comes_after_what_else_happens_in_its_instant():
     assert "mark" in run.events["event"].tolist()
 
 
+@pytest.mark.slow
 def test_no_forcing_no_periods_in_tables():
     run = mi.simulate(ball(), duration=0.5, options=PLAIN)
     assert list(run.events.columns) == ["t", "event", "mode before", "mode after", "x", "v"]
@@ -75,6 +77,7 @@ def test_no_forcing_no_periods_in_tables():
         mi.sweep(ball(), "e", [0.5])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arrays", [False, True], ids=["named", "arrays"])
 def test_until(arrays):
     if arrays:

@@ -69,6 +69,7 @@ def turn_on(mode, t, y, p):
     return ON, (y.q + 1e-3 * t,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", METHODS)
 @pytest.mark.parametrize("at", [30.0, 333.3])
 def test_a_guard_at_a_time(options, at):
@@ -222,6 +223,7 @@ def test_a_rebound_from_a_moving_wall_has_orbits():
     oscillator(rebound).check_recurrence()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("begin", "end", "periods"), [(20.0, 30.0, 100), (3.0, 3.9, 60), (2e3, 2e3 + 2.0, 2010)]
 )
@@ -243,6 +245,7 @@ def test_a_pulse_in_a_forced_flow_is_found(begin, end, periods):
         assert begin <= later < end
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("period", [TURN, 6.2831853, 1e-3])
 def test_a_forcing_with_jumps_and_a_rounded_period_is_periodic(period):
     def flow(mode, t, y, p):

@@ -80,7 +80,7 @@ def same_tables(one, other):
         pd.testing.assert_series_equal(wanted, other[name], check_exact=True)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "adams", pytest.param("bdf", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "arrays",
@@ -150,6 +150,7 @@ def test_until_and_durations_are_in_the_users_units():
     assert ended.tolist() == pytest.approx([3.0 * math.sqrt(2.0) * T], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_saved_and_pickled_in_the_units_in_which_it_counted(tmp_path):
     small = oscillator(L, T, typical=SIZES)
     run = mi.simulate(small, 5, options=PLAIN)
@@ -164,6 +165,7 @@ def test_saved_and_pickled_in_the_units_in_which_it_counted(tmp_path):
     assert (shown.events["x"] == run.events["x"]).all()
 
 
+@pytest.mark.slow
 def test_a_sweep_is_in_the_users_units():
     values = np.array([0.3, 0.5, 0.6])
     how = {"transient": 5, "periods": 2, "options": PLAIN, "workers": 1}
@@ -174,7 +176,7 @@ def test_a_sweep_is_in_the_users_units():
     assert (other["speed"].dropna() == one["speed"].dropna() * L / T).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbits_and_branches_of_what_is_small():
     one = mi.find_orbit(oscillator(), transient=200)
     other = mi.find_orbit(oscillator(L, T, typical=SIZES), transient=200)
@@ -256,7 +258,7 @@ def relief(unit_of_time, unit_of_length, unit_of_pressure, **changes):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_valve_at_250_hertz_in_si_that_slides_sticks_and_stops():
     one = mi.simulate(relief(1.0, 1.0, 1.0), 6, options=PLAIN)
     second, metre, pascal = 1.0 / 250.0 / 8.0, 1e-4, 2e4
@@ -272,6 +274,7 @@ def test_a_valve_at_250_hertz_in_si_that_slides_sticks_and_stops():
     assert ours == pytest.approx(one.events["pressure"].to_numpy(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_lies_far_from_one_is_reported():
     tiny = oscillator(1e-10, 1.0)
     with pytest.warns(mi.ScaleWarning, match=r"x stays below .* System\(typical=\{'x'"):
@@ -303,7 +306,7 @@ def pendulum(size, **typical):
                      **typical)  # fmt: skip
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
 def test_states_below_the_steps_of_differences_are_reported(verb):
     given = {"transient": 60, "options": mi.Options(engine="interpreted")}
@@ -321,6 +324,7 @@ def beside_a_pole(mode, t, y, p):
     return y.v, 5e-4 * math.cos(0.5 * t) - y.x - 0.2 * y.v + 1e-9 / (0.003 - y.x) ** 2
 
 
+@pytest.mark.slow
 def test_differences_of_states_of_order_one_leave_a_narrow_domain():
     given = {"states": ("x", "v"), "flow": beside_a_pole, "period": 4.0 * math.pi}
     with pytest.raises(mi.OrbitError, match="or give typical magnitudes of states far from one: S"):

@@ -50,6 +50,7 @@ def orbit():
     return mi.find_orbit(struck(), transient=30, options=FAST)
 
 
+@pytest.mark.slow
 def test_special_points_of_a_branch(orbit):
     grazing = mi.continue_orbit(orbit, "A", 0.25, through_grazing=False)
     check(mi.continue_orbit(orbit, "A", 0.11).special_table, grazing.special_table)
@@ -62,6 +63,7 @@ def fork(mode, t, y, p):
     return (p.a * y.x - y.x**3 + p.b,)
 
 
+@pytest.mark.slow
 def test_special_points_of_equilibria_and_of_a_curve():
     system = mi.System(states=("x",), flow=fork, parameters={"a": 1.0, "b": -1.0})
     (first,) = mi.find_equilibria(system, guess={"x": -1.2})
@@ -74,6 +76,7 @@ def test_special_points_of_equilibria_and_of_a_curve():
     check(mi.continue_curve(fold, "a", 1.1, steps=steps).special_table, cusp.special_table)
 
 
+@pytest.mark.slow
 def test_a_bifurcation_diagram():
     system = mi.System(states=("x",), flow=fork, parameters={"a": 1.0, "b": 0.0})
     given = {"values": 2, "starts": 1, "recurrence": SHORT, "options": PLAIN}
@@ -83,7 +86,7 @@ def test_a_bifurcation_diagram():
     assert list(full.special_table)[-1] == "branch"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_bifurcation_diagram_without_branches(orbit):
     full = mi.bifurcation_diagram(
         orbit.system, "A", (0.1, 0.25), values=2, starts=0, recurrence=SHORT, options=FAST, depth=0

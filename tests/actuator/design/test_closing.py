@@ -63,6 +63,7 @@ def test_a_contact_spring_of_61_khz_would_collapse():
     assert volts.max() < mi.pull_in_voltage(SWITCH)
 
 
+@pytest.mark.slow
 def test_closing_is_that_of_scipy(found):
     """The first bounces, by integration in a fixed frame with Newton's restitution.
 
@@ -116,7 +117,7 @@ def test_units(found):
     assert " s," not in repr(bare)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_closes_above_the_dynamic_pull_in_voltage():
     volts = mi.pull_in_voltage(SWITCH, dynamic=True)
     below, above = (
@@ -172,6 +173,7 @@ def test_a_compliant_contact_is_that_of_scipy():
     assert found.bounces == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", [2.8e-5, 5.4e-5])
 def test_a_block_within_a_compliant_contact_may_leave_it(duration):
     """In the flights that follow, by the test above, the block is far from the stopper."""

@@ -150,6 +150,7 @@ def test_a_voltage_with_terms(by):
     assert mi.Actuator.from_design(**device.datasheet) == device
 
 
+@pytest.mark.slow
 def test_the_regime_is_that_of_a_slow_pull_in():
     """The frame slips before the blow if a run under a slow voltage has a slip before it."""
     for friction, regime in ((0.35, "slips before the blow"), (4.0, "sticks until the blow")):
@@ -188,7 +189,7 @@ def test_a_file_with_a_table_design(tmp_path):
         mi.load_actuator(file)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("delta", [2.5e-6, 1e-6, 4e-6])
 def test_dynamic_pull_in_without_damping_follows_from_the_energy(delta):
     free = mi.load_actuator("mita2003").replace(c=0.0)
@@ -199,7 +200,7 @@ def test_dynamic_pull_in_without_damping_follows_from_the_energy(delta):
     assert mi.pull_in_voltage(near, dynamic=True) == pytest.approx(closed, rel=2e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_dynamic_pull_in_with_damping_against_another_integrator():
     """An independent bisection with SciPy's DOP853 at rtol 1e-10 gives 30.0985538 V."""
     mita = mi.load_actuator("mita2003")

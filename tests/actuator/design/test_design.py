@@ -14,7 +14,7 @@ PAPER = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_pull_in_is_where_the_slow_device_switches_on():
     voltage = mi.pull_in_voltage(PAPER)
     assert math.isclose(voltage, math.sqrt(4 / 27))
@@ -78,7 +78,7 @@ def test_no_steps_say_why():
         struck.step_lengths()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_speed_over_the_voltage_of_one_side():
     one = mi.Sine(amplitude=0.24, omega=0.5)
     pair = mi.TwoSided(right=one, left=mi.Sine(amplitude=1e-9, omega=0.5))
@@ -119,6 +119,7 @@ def test_resolution_of_a_device_that_bounces():
     np.testing.assert_allclose(bounce * table["impacts per period"], blow, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_no_resolution_says_why():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     speeds = mi.speed_over_voltage(PAPER, drive, [0.1, 0.12], transient=50, periods=10)
@@ -133,7 +134,7 @@ def test_no_resolution_says_why():
         replace(speeds, table=failed).resolution()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_period_one_window_of_type_two():
     drive = mi.Sine(amplitude=0.18, omega=0.485)
     window = mi.period_one_window(PAPER, drive, (0.16, 0.19))
@@ -177,7 +178,7 @@ def test_blows_without_rest_are_impacts():
     assert math.isnan(quiet.displacement_std)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
     omegas = (2.0 * math.pi * 460.0, 2.0 * math.pi * 500.0)
     chart = mi.operating_chart(SLIPPING, omega=omegas, crises=2, periods=300)
@@ -245,7 +246,7 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
             assert turns[1] > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_window_continues_where_only_the_slips_change():
     # At 51.9 V a slip ends at the impact: before and after it, one impact a period is stable.
     ends = []
@@ -264,7 +265,7 @@ def test_a_window_continues_where_only_the_slips_change():
         assert (abs(steps[-1] - steps[-2]) > 1e-3 * abs(steps[-1])) == doubled
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     """The frame no longer rests before the blow: with static friction above dynamic, a jump."""
     LIGHT = mi.Actuator(

@@ -74,7 +74,7 @@ def test_the_balance_closes(name):
     assert (found.table["energy"][found.table["kind"] == "lost"] >= 0.0).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", LOSSY)
 def test_the_balance_closes_with_terms_that_lose(name):
     run = simulated(ZHAO.adding(*LOSSY[name]), mi.Sine(amplitude=0.3, omega=0.5), 4)
@@ -130,6 +130,7 @@ def test_periods_and_blows_make_up_the_whole(run):
     np.testing.assert_allclose(blows["lost impacts"], hits["energy lost"][:-1], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_an_orbit_stores_nothing_and_gives_the_same(run, orbit):
     found = mi.energy(orbit)
     assert found.periods == orbit.periods
@@ -152,6 +153,7 @@ def test_an_orbit_against_a_load_does_work_on_it(run):
     assert abs(found.imbalance) < 1e-11
 
 
+@pytest.mark.slow
 def test_in_si_it_is_the_same_in_joules():
     plain, scales = MITA.to_dimensionless(), MITA.scales
     volts, time = scales.unit("V"), scales.unit("s")

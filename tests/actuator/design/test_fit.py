@@ -16,6 +16,7 @@ def measured(device, drive):
     return mi.simulate(device, drive, 4, window=(2, 4)).blow_statistics.displacement_per_blow
 
 
+@pytest.mark.slow
 def test_two_parameters_are_found_again():
     targets = [
         mi.Target(quantity="displacement per blow", value=measured(DEVICE, SLOW), drive=SLOW),
@@ -113,7 +114,7 @@ def test_a_misfit_is_said():
     assert str(found).startswith(f"misfit: {found.note}\n")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_jump_at_the_fit_does_not_hide_what_other_targets_determine():
     device = mi.Actuator.from_design(
         frequency=1500, quality=20, proof_mass="0.1 mg", frame_mass="1.16 mg", gap="4 um",

@@ -32,7 +32,7 @@ def test_what_friction_holds_by_hand():
     assert math.isnan(held.stall_force)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_it_walks_until_the_frame_is_torn_off(curve):
     assert curve.holding_force == pytest.approx(0.4 * WEIGHT, rel=1e-12)
     assert curve.sliding_force == pytest.approx(0.27 * WEIGHT, rel=1e-12)
@@ -44,7 +44,7 @@ def test_it_walks_until_the_frame_is_torn_off(curve):
     np.testing.assert_allclose(table["power"], table["load"] * table["mean speed"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve):
     # By a run: from the orbit just below it goes on, just above the frame breaks away.
     below, above = (curve.walking_force * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
@@ -66,7 +66,7 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
     assert beyond.final.v1 < -10.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_steps_are_those_of_runs(curve):
     loaded = ZHAO.adding(mi.FrameForce(force=8.0))
     run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked_state(ZHAO), options=OPTIONS)
@@ -74,7 +74,7 @@ def test_steps_are_those_of_runs(curve):
     assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_frame_that_always_slips_is_not_running_away():
     # Beyond the friction on a frame that slips, 2.47 uN, nothing ends a slip; below, all do.
     loads = [-2.6e-6, 0.0, 0.5e-6, 2.6e-6, 3e-6]
@@ -92,7 +92,7 @@ def test_a_frame_that_always_slips_is_not_running_away():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_friction_that_rises_with_the_speed_holds_in_the_end():
     # 0.3 at rest, 0.24 once the frame slips, and 1 s/m more: 3 uN are held at a slow slip back.
     rising = SLIPPING.adding(mi.StribeckFriction(speed=1e-4, viscous=10.0))
@@ -109,7 +109,7 @@ def test_friction_that_rises_with_the_speed_holds_in_the_end():
     assert curve.table["does"].tolist() != ["runs away"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_figure_and_file(curve, tmp_path):
     ax = mi.plot_force_curve(curve)
     assert {text.get_text() for text in ax.get_legend().get_texts()} >= {"orbit", "runs away"}

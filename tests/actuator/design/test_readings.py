@@ -36,6 +36,7 @@ def test_duty_cycle_of_a_run(run):
     assert found.table["share"].sum() == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_duty_cycle_of_an_orbit(orbit, tmp_path):
     found = mi.duty_cycle(orbit)
     slips = orbit.segments[orbit.segments["mode"] == "forward-free"]
@@ -71,6 +72,7 @@ def test_life_by_hand(orbit):
     assert found.distance == pytest.approx(0.5 * 1e-3 / (2e-6 * force), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_friction_larger_than_the_weight_asks_for_the_normal_force():
     clamped = MITA.replace(g=MITA.g / 100.0, mu_s=100.0 * MITA.mu_s, mu_d=100.0 * MITA.mu_d)
     one, other = (
@@ -110,7 +112,7 @@ def test_ring_down_in_closed_form():
     assert found.table["t"].iloc[0] == pytest.approx(2.0 * math.pi / root, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ring_down_between_stoppers_that_yield():
     device = ZHAO.adding(mi.CompliantStopper(stiffness=1e4, damping=0.3))
     found = mi.ring_down(device, DRIVE, options=FINE)
@@ -133,6 +135,7 @@ def test_ring_down_of_a_run_in_si(tmp_path):
     assert mi.load(tmp_path / "ring.zip") == found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "options"),
     [(0.3, OPTIONS), pytest.param(0.001, mi.Options(method="dop853"), marks=pytest.mark.slow)],
@@ -164,7 +167,7 @@ def test_ring_down_in_vacuum(quality):
     assert found.table["amplitude"].max() <= friction / light.k
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_slow_decay_whose_frequency_depends_on_the_amplitude():
     # Of a spring x + k3 x^3 it is 1 + 3/8 k3 a^2 to first order, and a falls exponentially.
     k3 = 0.0625

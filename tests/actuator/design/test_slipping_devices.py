@@ -9,7 +9,7 @@ import mems_impact as mi
 from mems_impact.actuator.design import operating_chart
 from tests.actuator.slipping import LIGHT, PULLED, SLIPPING, random_device
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 SEEDS = range(2)
 
 

@@ -37,6 +37,7 @@ def found():
     return mi.soft_landing(SWITCH.replace(c=0.0), PULSE, over=OVER)
 
 
+@pytest.mark.slow
 def test_landing_at_zero_speed_is_that_of_the_energy(found):
     width, pause = landing(SWITCH, 110.0)
     assert found.drive.width == pytest.approx(width, rel=1e-6)
@@ -70,7 +71,7 @@ def test_values(found, tmp_path):
     assert "width [s]" in found._repr_html_()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_damping_and_flanks():
     """The largest impact speed vanishes with damping, and with flanks of 2 us."""
     bounds = {"width": ("5 us", "20 us"), "pause": ("2 us", "20 us")}
@@ -79,6 +80,7 @@ def test_damping_and_flanks():
     assert damped.drive.rise == 2e-6
 
 
+@pytest.mark.slow
 def test_defaults_without_units():
     """From the device alone: 1.2 times the pull-in voltage."""
     bare = mi.soft_landing(mi.load_actuator("zhao2004"))

@@ -15,7 +15,7 @@ def until_still(actuator, drive=DRIVE, **given):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_spring_brings_the_walk_to_rest():
     # With one coefficient of friction the frame slips back by as much as it walks.
     run = until_still(ZHAO.replace(mu_s=0.27).adding(mi.FrameSpring(k1=2e4)))
@@ -32,7 +32,7 @@ def test_a_spring_brings_the_walk_to_rest():
     assert orbit.state.x1 == pytest.approx(run.final.x1, rel=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_frame_that_slips_back_at_intervals_does_not_stand_still():
     # mu_s > mu_d: four steps forward, then all of them back at once.
     run = until_still(ZHAO.adding(mi.FrameSpring(k1=2e4)), periods=100)

@@ -140,6 +140,7 @@ def test_a_step_may_end_in_the_next_chunk():
     assert whole.displacement_per_impact_std > 0.0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("keep", ["events", "statistics"])
 def test_windows_add_up(keep, chattering):
     # 0.9 of a forcing period is within a slip here: x1 at the border is integrated anew.
@@ -172,6 +173,7 @@ def test_position_at_a_border_within_a_slip(chattering):
     assert run.statistics["displacement per period"] == pytest.approx(moved, rel=1e-9)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("window", [None, (3, 9), (0, 12), (4.25, 8.5)])
 @pytest.mark.parametrize(("actuator", "drive"), [(ZHAO, DRIVE), (SLIPPERY, SLOW)])
 def test_both_ways_of_keeping_are_the_same(actuator, drive, window):

@@ -36,7 +36,7 @@ def test_a_run_tells_the_limit_and_a_length_that_reaches_it(slipping, speed, met
     assert longer.statistics["mean speed"] == pytest.approx(speed, rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_verbs_of_the_steady_state(slipping, speed):
     device, drive = slipping
     options = mi.Options(method="auto")
@@ -50,7 +50,7 @@ def test_verbs_of_the_steady_state(slipping, speed):
     assert response.table["mean speed"].iloc[0] == pytest.approx(speed, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_report_has_one_number(slipping, speed):
     device, drive = slipping
     text = f"{1e3 * speed:.4g}"

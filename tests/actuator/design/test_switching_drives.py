@@ -16,7 +16,7 @@ def branch():
     return mi.continue_orbit(orbit, "amplitude", stop=0.19)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_continues_where_events_pass_each_other(branch):
     """The end of the slip passes a switch, and nothing happens; the impact does, and it turns."""
     assert [s.label for s in branch.special_points] == ["simultaneous events", "G"]
@@ -32,7 +32,7 @@ def test_a_branch_continues_where_events_pass_each_other(branch):
     assert silent["admissible"].all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_brute_force_loses_the_orbit_there():
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
     values = [*np.linspace(0.3, 0.206, 20), CORNER + 1e-5, CORNER - 1e-5]

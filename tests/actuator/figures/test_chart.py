@@ -27,6 +27,7 @@ def chart():
     return SimpleNamespace(parameters=names, table=table, types=types, special_table=special)
 
 
+@pytest.mark.slow
 def test_chart(tmp_path):
     ax = mi.plot_chart(chart())
     texts = [text.get_text() for text in ax.texts]
@@ -44,6 +45,7 @@ def test_chart(tmp_path):
     ax.figure.savefig(tmp_path / "chart.png")
 
 
+@pytest.mark.slow
 def test_an_inset_magnifies_close_points_and_covers_no_axis(tmp_path):
     # As in the tutorial: on and off part at the right alone, and the line runs below.
     found = chart()

@@ -35,6 +35,7 @@ def narrow():
     )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("found", "sliding", "walking", "holding"),
     [(load(), "27.8", "19.3", "41.2"), (narrow(), "33.31", "46.67", "49.35")],

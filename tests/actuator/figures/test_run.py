@@ -64,6 +64,7 @@ def test_chosen_states_are_drawn_as_those_of_any_system(run):
     assert texts == ["impact", "forward-free", "stuck-free"]
 
 
+@pytest.mark.slow
 def test_units_are_those_of_the_device():
     device = mi.load_actuator("mita2003")
     run = mi.simulate(device, mi.Sine(amplitude=100, omega=6.283), periods=2)
@@ -74,6 +75,7 @@ def test_units_are_those_of_the_device():
     assert -1.3 * device.delta < low < high < 1.3 * device.delta
 
 
+@pytest.mark.slow
 def test_a_voltage_that_differs_from_the_drive_has_a_panel():
     device = ZHAO.adding(mi.SeriesResistance(resistance=0.1))
     options = mi.Options(engine="interpreted")

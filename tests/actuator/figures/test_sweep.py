@@ -1,10 +1,12 @@
 """A sweep and a branch of an actuator, as the generic figures draw them."""
 
 import numpy as np
+import pytest
 
 import mems_impact as mi
 
 
+@pytest.mark.slow
 def test_the_table_says_what_the_figure_shows(tmp_path):
     zhao, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
     sweep = mi.sweep(zhao, drive, "amplitude", np.linspace(0.2, 0.24, 3), transient=40, periods=4,

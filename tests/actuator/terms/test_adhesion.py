@@ -76,7 +76,7 @@ def test_files_and_units(tmp_path):
     assert mi.load(tmp_path / "run.mems").system.actuator == device
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_sweep_over_the_force():
     held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
     device = ZHAO.adding(mi.Adhesion(force=0.0))

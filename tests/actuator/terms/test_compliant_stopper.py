@@ -208,6 +208,7 @@ def test_a_block_starts_before_the_electrode():
         mi.simulate(soft, SILENT, periods=1, initial=mi.State(x2=0.8))
 
 
+@pytest.mark.slow
 def test_bounces_that_end_in_rest_are_one_blow():
     # Pressed by 0.45 V from near by, the block bounces and comes to rest; then it is let go.
     soft = ZHAO.adding(CompliantStopper(stiffness=1e3, damping=1.5))
@@ -268,7 +269,7 @@ def test_units_files_and_pickles(tmp_path):
     assert again.impacts.equals(run.impacts)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_orbit_over_the_stiffness():
     soft = ZHAO.adding(CompliantStopper(stiffness=1e5, damping=1.2))
     hard = ZHAO.adding(CompliantStopper(stiffness=1.2e5, damping=1.2))

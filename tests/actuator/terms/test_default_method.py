@@ -31,7 +31,7 @@ def test_these_terms_are_stiff():
     assert {name for name in TERM_CLASSES if term_type(name).stiff} == STIFF.keys()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", STIFF)
 def test_a_device_with_a_stiff_term_runs_by_default(name):
     """Where Adams' method is lost; beside a run with a hundredth of the tolerances."""
@@ -59,6 +59,7 @@ def test_a_choice_of_the_users_wins():
     assert system.family(mi.Options()).suited(stiff=True).problem().options.method == "bdf"
 
 
+@pytest.mark.slow
 def test_results_and_files_tell_the_method(tmp_path):
     device = ZHAO.adding(FILM)
     run = mi.simulate(device, DRIVE, 1, initial={"v2": 1.0}, options=INTERPRETED)
@@ -73,6 +74,7 @@ def test_results_and_files_tell_the_method(tmp_path):
     assert '"auto"' in json.dumps(json.loads((store / "study.json").read_text())["identity"])
 
 
+@pytest.mark.slow
 def test_energies_of_such_a_run_are_by_its_method():
     run = mi.simulate(ZHAO.adding(FILM), DRIVE, 2, options=INTERPRETED)
     found = mi.energy(run)

@@ -109,7 +109,7 @@ def test_refuses_what_no_dielectric_does(values, field):
         mi.DielectricCharging(**values)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_branch_over_the_share_ends_where_the_paper_is():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     device = ZHAO.adding(mi.DielectricCharging(share=0.1, time=3.0))

@@ -235,6 +235,7 @@ def test_one_side_or_both():
         COMB.replace(sides="top")
 
 
+@pytest.mark.slow
 def test_spline_keeps_the_shape_of_a_table():
     rng = np.random.default_rng(5)
     for _ in range(40):
@@ -415,14 +416,14 @@ def test_drawn_force_and_contact_voltage():
         comb.under(mi.Sine(amplitude=21.0, frequency=0.24))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_dynamic_pull_in_of_a_table():
     slow = mi.pull_in_voltage(ZHAO.replace(c=0.0), dynamic=True)
     found = mi.pull_in_voltage(ZHAO.replace(c=0.0).adding(PLATE), dynamic=True)
     assert found == pytest.approx(slow, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_compiled_and_continued():
     x = np.linspace(-0.5, 0.5, 161)
     plate = mi.TabulatedCapacitance(positions=x, capacitances=2.0 / (1.0 - x))

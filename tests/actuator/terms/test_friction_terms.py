@@ -146,7 +146,7 @@ def test_files_units_and_pickles(tmp_path):
     assert mi.load(tmp_path / "run.mems").events.equals(runs[0].events)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_orbit_over_the_speed():
     device = ZHAO.adding(mi.StribeckFriction(speed=0.02))
     options = mi.Options(method="dop853")
@@ -183,7 +183,7 @@ def test_a_width_that_the_tolerances_do_not_resolve_is_refused_with_those_that_d
         mi.find_orbit(narrow.under(drive), options=mi.Options())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_events_are_those_of_any_width_where_the_tolerances_resolve_it():
     """Integration errors missed two events here, and ended runs at narrower widths."""
     drive, counts = mi.Sine(amplitude=0.24, omega=0.5), set()

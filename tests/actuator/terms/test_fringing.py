@@ -108,7 +108,7 @@ def test_range_units_file_and_pickle(tmp_path):
     assert mi.load(tmp_path / "run.zip").actuator == device
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_branch_and_sweep_over_the_width():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     device = ZHAO.adding(mi.Fringing(width=6.0))

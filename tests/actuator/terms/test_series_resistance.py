@@ -166,7 +166,7 @@ def limited_arc(resistance, limit, parasitic, volts, span, y, stops=()):
         sign = 0.0 if sign else math.copysign(1.0, demand(t, y))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbit_with_a_limited_current_is_that_of_scipy():
     omega, turn = 0.9, 2.0 * math.pi / 0.9
     term = mi.SeriesResistance(resistance=0.4, parasitic_capacitance=0.2, current_limit=0.25)
@@ -235,6 +235,7 @@ def test_impacts_under_a_limited_current_are_those_of_scipy():
     assert energy.input == pytest.approx(given, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_current_limit_that_tolerances_do_not_resolve_is_refused():
     # 5 sqrt(1e-9)/2 is the least resistance before the capacitance 2; above it, a hundredth of the
     # tolerances makes no difference.
@@ -342,7 +343,7 @@ def test_refuses_what_no_circuit_has(values, field):
         mi.SeriesResistance(**values)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_end_of_a_sequence_of_impacts_leaves_the_charge_as_it_is():
     """With a time constant of 7e-11 s the charge is C(x) times the voltage, but for 1e-6."""
     mita = mi.load_actuator("mita2003")
@@ -358,7 +359,7 @@ def test_the_end_of_a_sequence_of_impacts_leaves_the_charge_as_it_is():
     assert "release" not in set(run.events["event"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_time_constant_of_a_millionth_of_the_period():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     device = ZHAO.adding(mi.SeriesResistance(resistance=1e-6 * drive.period))
@@ -376,7 +377,7 @@ def test_a_time_constant_of_a_millionth_of_the_period():
     assert run.final.x1 == pytest.approx(paper.final.x1, abs=2e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sweeps_and_branches_over_the_resistance():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     device = ZHAO.adding(mi.SeriesResistance(resistance=0.02))

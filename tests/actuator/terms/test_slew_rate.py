@@ -63,6 +63,7 @@ def relaxed(drive, rate, steps):
     return times, found, dt
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "drive",
     [
@@ -82,6 +83,7 @@ def test_agrees_with_small_steps(drive):
         assert output.switches == tuple(sorted(set(output.switches)))
 
 
+@pytest.mark.slow
 def test_motion_with_impacts_is_that_of_scipy():
     firm = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3)
     device = firm.adding(mi.SlewRate(rate=0.2))
@@ -148,7 +150,7 @@ def test_refuses_a_voltage_whose_sign_is_unknown():
         ZHAO.adding(mi.SlewRate(rate=0.1)).under(drive)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_is_a_parameter_of_orbits():
     drive = mi.Square(amplitude=0.25, omega=0.7, rise=0.3)
     system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.3)).under(drive)
@@ -165,7 +167,7 @@ def test_is_a_parameter_of_orbits():
     assert there.state.x2 == pytest.approx(last.state.x2, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_branch_ends_where_the_source_begins_to_limit():
     # The rate of the sine reaches that of the source at amplitude = 0.1/0.8.
     system = ZHAO.replace(mu_s=5.0).adding(mi.SlewRate(rate=0.1)).under(

@@ -151,6 +151,7 @@ def reference(y, t, device, film, drive):
     return [v, (pull - push - k * x - c * v) / m2, *(v - u / tau)]
 
 
+@pytest.mark.slow
 def test_a_run_meets_an_integration_of_the_same_equations():
     run = mi.simulate(
         DEVICE, DRIVE, periods=1.0, initial=mi.State(v2=0.9, x2=-0.2), options=INTERPRETED
@@ -170,6 +171,7 @@ def test_a_run_meets_an_integration_of_the_same_equations():
     assert there[2:] == pytest.approx(film.tolist(), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_without_gas_the_papers_model_comes_back():
     thin = ZHAO.adding(FILM.replace(pressure=1e-9, free_path_pressure=0.0, viscosity=1e-10))
     bare = mi.simulate(ZHAO, DRIVE, periods=2, initial=KICKED, options=INTERPRETED)
@@ -204,7 +206,7 @@ modes = 2
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_device_in_si_and_its_dimensionless_form_are_one(tmp_path):
     path = tmp_path / "device.toml"
     path.write_text(SI)
@@ -259,7 +261,7 @@ def test_what_is_refused(values):
         FILM.replace(**values)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_orbit_over_the_pressure():
     """Multipliers meet differences of runs; more gas, and a slower impact."""
     drive, options = mi.Sine(amplitude=0.3, omega=0.5), mi.Options(method="dop853", rtol=1e-11)

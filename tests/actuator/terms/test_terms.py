@@ -81,6 +81,7 @@ def test_parameters_by_name():
         system.changed(**{"tilt.slope": 2.0})
 
 
+@pytest.mark.slow(all=True)
 def test_files_and_pickles(tmp_path):
     device = ZHAO.adding(mi.Tilt(angle=0.1), mi.FrameSpring(k1=2.0))
     for term in device.terms:

@@ -80,7 +80,7 @@ def test_where_nothing_is_stiff_it_is_the_one_step_method():
     assert auto.implicit_arcs == 0
 
 
-@pytest.mark.slow  # compiles the loop
+@pytest.mark.nightly  # compiles the loop
 def test_both_forms_choose_alike():
     runs = [
         simulate(CHASE, (3e3,), [1.0], 3.0, rtol=1e-9, atol=1e-11, engine=engine, method="auto")
@@ -227,6 +227,7 @@ def test_handing_over_all_the_time_changes_no_event(case):
     assert auto.final.y == pytest.approx(alone.final.y, abs=1e-7)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.usefixtures("restless")
 def test_a_run_is_sampled_and_taken_up_with_what_was_learnt_before(case):
     automaton, p, start, settings = case

@@ -139,6 +139,7 @@ def resident():
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
 @pytest.mark.parametrize("method", [pytest.param("adams", marks=pytest.mark.slow), "bdf"])
 def test_engines_free_their_memory(method):
@@ -153,6 +154,7 @@ def test_engines_free_their_memory(method):
     assert resident() - before < 500_000  # 125 bytes an engine
 
 
+@pytest.mark.slow
 def test_threads_give_what_one_thread_gives():
     def one(k):
         e = 0.3 + 0.005 * k
@@ -172,6 +174,7 @@ def test_threads_give_what_one_thread_gives():
             assert np.array_equal(samples, other_samples)
 
 
+@pytest.mark.slow
 def test_interpreted_engines_in_threads_leave_standard_output_alone():
     out = sys.stdout
 
@@ -197,7 +200,7 @@ ENDLESS = """
 """
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["compiled", "interpreted"])
 def test_an_interrupt_ends_a_long_run_and_keeps_it(engine):
     code = textwrap.dedent(ENDLESS).format(root=str(Path(__file__).parents[2]), engine=engine)

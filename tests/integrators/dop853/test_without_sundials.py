@@ -53,6 +53,7 @@ WITHOUT = """
 """
 
 
+@pytest.mark.slow
 def test_it_needs_no_scikit_sundae():
     code = textwrap.dedent(WITHOUT).format(root=str(Path(__file__).parents[3]))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -95,7 +95,7 @@ def test_compiled_code_is_found_again(folder):
     assert folder.go() == (["1.0", "1.0", "1.0"], False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_number_in_another_file_or_from_the_environment(folder):
     folder.write("constants.py", "RATE = 5.0  # edited")
     assert folder.go(GAIN="7") == (["5.0", "5.0", "7.0"], True)
@@ -114,7 +114,7 @@ def test_a_broken_file_is_replaced(folder):
     assert folder.go() == (["1.0", "1.0", "1.0"], False)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_edit_keeps_the_code_of_other_functions(folder):
     def kept(role):
         return {file.name for file in folder.compiled.rglob(f"{role}_kernel*.code")}
@@ -204,6 +204,7 @@ WITHOUT_COMPILER = """
 """
 
 
+@pytest.mark.slow
 def test_with_numba_switched_off_the_interpreted_engine_takes_over():
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(WITHOUT_COMPILER)],

@@ -73,6 +73,7 @@ def squares(n):
     return (0.5, 1.5, 2.5, 3.5, 4.5)[n**2] + (0.5, 1.5)[pow(n, 0) - 1]
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("n", [-2, -1, 1, 2, 5])
 @pytest.mark.parametrize(
     "function",
@@ -115,6 +116,7 @@ OPERATIONS = {
 }
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_an_integer_is_that_of_python_or_an_error(name):
     function = OPERATIONS[name]
@@ -136,6 +138,7 @@ def test_sums_and_products_within_64_bits_are_no_errors():
             assert machine(i, j) == function(i, j)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("convert", [int, round, math.floor, math.ceil, math.trunc])
 def test_the_integer_of_a_real_number_is_that_of_python_or_an_error(convert):
     def function(x):
@@ -169,6 +172,7 @@ def digits(n):
     return k
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("function", "largest"), [(factorial, 20), (fibonacci, 91), (digits, 30), (math.factorial, 20)]
 )

@@ -50,6 +50,7 @@ def units_off(values, x, exact):
         return float(max(errors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.5, 1.0, 10.0, 1e3, 1e6, 1e9])
 def test_errors_are_below_one_unit_in_the_last_place(compute, largest):
     x = np.random.default_rng(1).uniform(-largest, largest, 1500)
@@ -92,6 +93,7 @@ assert all(function(0.37 * i) == math.cos(0.37 * i) for i in range(1, 500))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="others have it always")
 def test_without_fused_multiply_add_the_library_computes():
     settings = {**os.environ, "NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": ""}

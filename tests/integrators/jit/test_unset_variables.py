@@ -50,6 +50,7 @@ def helper(x):
 FUNCTIONS = (branch, two_branches, loop, while_loop, augmented, helper)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
 def test_a_read_of_a_variable_without_a_value_raises(function):
     compiled, raised = njit(**JIT)(take_snapshot(function).frozen()[0]), 0

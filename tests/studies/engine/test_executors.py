@@ -74,7 +74,7 @@ def test_a_chunk_that_kills_three_workers_is_given_up(pool):
     assert len(made) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chain_continues_past_a_chunk_that_is_given_up(pool):
     table = run_study(Toy(size=12, chained=(12,), deadly=(5,)), executor=pool)
     assert table.index[table["status"] != "ok"].tolist() == [4, 5, 6, 7]
@@ -98,7 +98,7 @@ def die():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_workers_that_die_before_they_compute_are_no_fault_of_the_points(forking):
     def make():
         return ProcessPoolExecutor(2, mp_context=forking, initializer=die)
@@ -119,7 +119,7 @@ run_study(Toy(size=4), executor={make}ProcessPoolExecutor(1, mp_context=context)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("make", ["", "lambda: "])
 @pytest.mark.parametrize("method", ["spawn", "forkserver"])
 def test_a_script_without_a_main_guard_is_an_error(tmp_path, method, make):
@@ -186,7 +186,7 @@ def test_a_pool_that_never_starts_a_worker_leaves_what_was_done():
         run_study(STUDY, executor=lambda: Racing(0))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_a_point_raises_in_a_process(pool):
     with pytest.raises(ZeroDivisionError, match="point 17") as caught:
         run_study(Toy(size=40, buggy=(17,)), executor=pool, chunk=4)
@@ -230,7 +230,7 @@ def pid():
     return os.getpid()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_workers_go_with_the_process_that_they_work_for(forking, tmp_path):
     path = tmp_path / "workers"
     driver = forking.Process(target=compute, args=(path, "fork"))

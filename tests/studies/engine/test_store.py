@@ -96,7 +96,7 @@ def test_failed_points_are_computed_again(store, chained, again):
     assert mi.load(store).discard_failed() == 0
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_study_that_is_killed_continues(forking, store, chained, kills):
@@ -376,6 +376,7 @@ def test_a_file_system_that_is_read_only(store, monkeypatch):
         run_study(STUDY, store=store)
 
 
+@pytest.mark.slow
 def test_a_second_process_is_refused_and_readers_are_not(forking, store):
     quick = Toy(size=1000)
     process = forking.Process(target=keep_computing, args=(replace(quick, each=0.05), store))
@@ -439,6 +440,7 @@ def test_a_lock_ends_with_its_process_though_its_workers_live(forking, tmp_path)
         os.kill(worker, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_the_modules_of_studies_import_where_there_is_no_fcntl():
     code = "import sys; sys.modules['fcntl'] = None; import mems_impact.studies.engine.store"
     subprocess.run([sys.executable, "-c", code], check=True)

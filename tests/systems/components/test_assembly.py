@@ -170,6 +170,7 @@ def test_two_frictions_on_one_body_hold_with_both_limits():
     assert turned.final.mode == "forward-forward"
 
 
+@pytest.mark.slow
 def test_the_actuator_put_together_from_parts_is_the_actuator():
     device = mi.load_actuator("zhao2004")
     drive = mi.Sine(amplitude=0.24, omega=0.5)
@@ -217,6 +218,7 @@ def test_they_run_compiled_as_they_run_interpreted(method):
         assert np.abs(one.events["t"] - other.events["t"]).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_systems_of_parts_are_values():
     system = block([STOP, GROUND], parameters={"rate": 0.0})
     again = pickle.loads(pickle.dumps(system))
@@ -303,7 +305,7 @@ def test_a_mistake_in_a_flow_with_parts_is_reported_where_it_was_made(flow, sent
     assert "test_assembly.py" in str(caught.value)
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("exchanged", [False, True])
 def test_a_block_that_comes_to_rest_on_a_plate_leaves_it_where_the_ground_holds_it(
@@ -352,7 +354,7 @@ def test_two_frictions_hold_one_body_up_to_the_sum_of_their_static_limits(turned
     assert run.final.v == pytest.approx(0.6 * 2.0 + 0.05 * 2.0**2, rel=1e-9)
 
 
-@pytest.mark.quick(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("exchanged", [False, True])
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_a_ring_of_frictions_holds_what_some_forces_within_their_limits_hold(order, exchanged):
@@ -449,7 +451,7 @@ def test_frictions_that_bear_a_load_together_break_away_together_in_any_order(or
 BARS = [("v1", 0.0), ("v2", 0.0), ("v1", "v2"), ("v3", "v1"), ("v2", "v3")]
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_around_a_ring_at_rest_not_all_that_slides_does_so_in_one_direction(seed):
     # The relative speeds around a ring add up to zero: of those of contacts at rest, none can

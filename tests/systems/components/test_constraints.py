@@ -29,6 +29,7 @@ def pressed(typical=None):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "typical", [pytest.param(None, marks=pytest.mark.slow), SIZES], ids=["plain", "typical"]
 )
@@ -74,7 +75,7 @@ def test_three_bodies_are_put_together_with_their_distances_and_one_speed():
         assert y == pytest.approx(once, abs=1e-15)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sliding_along_a_curved_surface_has_one_multiplier():
     def flow(mode, t, y, p):
         return y.v, -4.0 * mode.line - y.x + 0.3 * math.cos(t)
@@ -108,7 +109,7 @@ def test_sliding_along_a_curved_surface_has_one_multiplier():
     assert spectrum.kind == "periodic"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_exponents_of_bodies_that_stay_together():
     spectrum = mi.lyapunov(pressed(), 4, transient=20 * TURN)
     assert spectrum.exponents[:2] == pytest.approx([-0.05, -0.05], abs=1e-3)
@@ -116,7 +117,7 @@ def test_exponents_of_bodies_that_stay_together():
     assert spectrum.kind == "periodic"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cycle_of_bodies_that_stay_together_is_that_of_one():
     def alone(mode, t, y, p):
         return y.v, (1.0 - y.x**2) * y.v - y.x
@@ -149,6 +150,7 @@ def damped(mode, t, y, p):
     return y.y - 0.3 * y.x + 0.1 * mode.line, -y.x - 0.5 * y.y - mode.line + p.q
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("h", "slope"),
     [({"y": 1.0}, (0.0, 1.0)), ({"x": 0.3, "y": 0.7}, (0.3, 0.7)),
@@ -202,6 +204,7 @@ def test_bodies_at_rest_on_each_other_stand_still_as_one():
     assert found.eigenvalues == pytest.approx(sorted(roots, key=lambda root: -root.imag), rel=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("stiffness", [0.5, 2.9e3, 5.2e3, 2.4e4, 3e5])
 def test_bodies_that_rest_on_each_other_anywhere_are_a_continuum(stiffness):
     """Rounding errors of a stiff spring, whose force the contact cancels, leave no eigenvalue."""
@@ -225,7 +228,7 @@ def carried(mode, t, y, p):
     return y.v, -(y.x**3) - 0.2 * y.v + 0.3 * math.cos(t) - near, y.w, -0.5 * y.z + near
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_body_stuck_to_another_one_anywhere_has_a_stable_orbit_for_each_place():
     system = mi.System(
         states=("x", "v", "z", "w"), flow=carried, period=TURN, masses={"v": 1.0, "w": 1.0},

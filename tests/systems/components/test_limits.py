@@ -42,6 +42,7 @@ def stribeck(**changes):
     return mi.Stribeck(**{"static": 0.3, "dynamic": 0.2, "speed": 0.1, **changes})
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -96,6 +97,7 @@ def test_friction_that_adds_energy_during_a_run_is_warned_of(friction, message):
         mi.simulate(block(**friction), duration=3.0, options=PLAIN)
 
 
+@pytest.mark.slow
 def test_limits_themselves_are_allowed():
     for e in (0.0, 1.0):
         ball(e)

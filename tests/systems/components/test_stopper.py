@@ -81,6 +81,7 @@ def test_two_bodies_keep_their_momentum(e):
     assert run.final.mode == "free"  # nothing presses them together
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("distance", [False, True])
 def test_a_rattler_between_two_stops_loses_the_closed_form(distance):
     other = "w" if distance else ("z", "w")

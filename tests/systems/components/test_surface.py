@@ -168,6 +168,7 @@ def test_a_state_leaves_an_intersection_where_one_surface_lets_it_go():
     assert (run.final.x, run.final.y) == pytest.approx((x, -1.0), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_not_unique_is_an_error_with_two_of_them():
     def product(mode, t, y, p):
         return -1.0 * mode.sx, -1.0 * mode.sy, 1.0 * mode.sx * mode.sy
@@ -183,7 +184,7 @@ def test_a_motion_that_is_not_unique_is_an_error_with_two_of_them():
         mi.simulate(crossing(fork, {"x": 0.1, "y": 0.3}), duration=2.0, options=PLAIN)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_three_surfaces_that_depend_on_each_other():
     def flow(mode, t, y, p):
         return (
@@ -248,6 +249,7 @@ def test_a_body_with_friction_slides_along_the_line_that_its_control_holds():
     assert run.final.x == pytest.approx(1.7 * t * math.exp(t - 4.0), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "b", "meets"), [(1.6, 1.3, False), (1.05, 1.1, True)])
 def test_an_orbit_slides_on_two_surfaces_for_parts_of_its_period(a, b, meets):
     def flow(mode, t, y, p):
@@ -270,7 +272,7 @@ def test_an_orbit_slides_on_two_surfaces_for_parts_of_its_period(a, b, meets):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_limit_cycle_lies_on_an_intersection():
     def flow(mode, t, y, p):
         growth = p.mu - y.z * y.z - y.w * y.w
@@ -293,6 +295,7 @@ def test_a_limit_cycle_lies_on_an_intersection():
     assert cycle.stable
 
 
+@pytest.mark.slow
 def test_equilibria_on_an_intersection_have_the_eigenvalues_of_the_motion_along_it():
     def flow(mode, t, y, p):
         return (
@@ -350,6 +353,7 @@ def retained(mode, t, y, p):  # at z = 1 only the flow of x > 0 > y lets a state
     )
 
 
+@pytest.mark.slow(all=True)
 @pytest.mark.parametrize(
     ("flow", "end", "motions"),
     [
@@ -391,6 +395,7 @@ def test_equal_axes_leave_an_intersection_together():
     assert (run.final.x, run.final.y) == pytest.approx((4.5, 4.5), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "b", "mode"),
     [(1.7, -2.4, "above-below"), (-1.7, 2.4, "below-above"), (-1.7, 0.3, "below-sliding")],
@@ -410,6 +415,7 @@ def test_a_switch_throws_a_state_off_an_intersection(a, b, mode):
     assert (run.final.x, run.final.y) == pytest.approx(away, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_two_levels_in_small_units():
     def flow(mode, t, y, p):
         return ((0.3 - mode.a - 0.4 * mode.b) * 1e-13,)
@@ -433,6 +439,7 @@ def along_circle(t, y, d, p):
     return 2.0 * y.x * d.x + 2.0 * y.y * d.y
 
 
+@pytest.mark.slow
 def test_a_state_slides_on_a_circle_and_on_its_intersections():
     wall = mi.SwitchingSurface("wall", unit_circle, rate=along_circle)
 
@@ -451,6 +458,7 @@ def test_a_state_slides_on_a_circle_and_on_its_intersections():
     assert (run.final.x, run.final.y) == pytest.approx((math.cos(5.0), -math.sin(5.0)), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_three_surfaces_through_a_line_hold_a_state_there():
     def flow(mode, t, y, p):
         push = 0.3 - mode.a - 0.5 * mode.c, -0.2 - mode.b - 0.4 * mode.c
