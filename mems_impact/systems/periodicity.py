@@ -32,7 +32,7 @@ from mems_impact.systems.validation import loaded, reachable_functions
 
 __all__ = ["check_autonomy", "check_forcing", "check_recurrence"]
 
-BLOCKS = 256  # parts of a run in which one phase is compared
+BLOCKS = 64  # parts of a run in which one phase is compared
 CONSECUTIVE_PERIODS = 64  # compared for motions without an end, before 2^n periods
 MAX_DOUBLINGS = 20
 GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples, less whole numbers, are spread evenly

@@ -382,8 +382,21 @@ class System(HybridSystem):
 
     def check_forcing(self, trajectory: Trajectory) -> None:
         """Raise FunctionError unless the functions of the forcing are periodic along a run."""
-        if self.forced:
+        if not self.forced:
+            return
+        final, events, period = trajectory.final, trajectory.events, trajectory.period
+        modes = {trajectory.start.mode, *events.mode_after.tolist()}
+        end = final.cycle + final.time / period
+        late = trajectory.start.cycle > 0
+        if late or any(end > self._compared.get(mode, 0.0) for mode in modes):
             periodicity.check_forcing(self, self.definition, trajectory)
+            if not late:
+                self._compared |= {mode: max(end, self._compared.get(mode, 0.0)) for mode in modes}
+
+    @cached_property
+    def _compared(self) -> dict[int, float]:
+        """Times to which the functions of the forcing were found periodic, in periods, by mode."""
+        return {}
 
     @property
     def user_transitions(self) -> frozenset[str]:
