@@ -523,6 +523,10 @@ class ContinuationProblem(ABC, Generic[P, R, E]):
         """Return the start beyond a loss, or the reason for the end there."""
         return located.reason
 
+    def pass_stall(self, point: P, direction: Floats) -> Restart[P] | None:
+        """Return the start beyond a point where no step succeeds; None if there is none."""
+        return None
+
     def rebased(self, point: P, direction: Floats) -> tuple[P, Floats] | None:
         """Return the point for other equations, if the present ones become ill-posed; else None."""
         return None
@@ -651,27 +655,21 @@ class Continuation(Generic[P, R, E]):
             self._length /= 2.0
             self._reduction_reason = reason_of(error, problem.family)
             if self._length < self.steps.min_step:
-                problem.stalled()
-                problem.branch.ended = problem.no_step(point, error)
+                known = self._known()
+                onward = problem.pass_stall(point, direction)
+                if onward is None:
+                    problem.stalled()
+                self._proceed(onward or problem.no_step(point, error), known)
             return
         stop = self._first_stop(located.events)
         if stop is not None:
             until = next(i for i, each in enumerate(located.events, 1) if each is stop)
             loss = stop if stop is located.loss else None
             located = replace(located, events=located.events[:until], loss=loss)
-        earlier = {id(event) for event in problem.branch.special_points}
+        known = self._known()
         problem.accept(located)
         if located.loss is not None:
-            onward = problem.pass_loss(located, self._length)
-            # The loss is named, or found to be none, by the orbits beyond it.
-            events = [each for each in problem.branch.special_points if id(each) not in earlier]
-            stop = self._first_stop(events)
-            if isinstance(onward, str):
-                problem.branch.ended = onward
-            elif stop is not None:
-                problem.branch.ended = self._stopped(stop)
-            else:
-                self._restart(onward)
+            self._proceed(problem.pass_loss(located, self._length), known)
         elif stop is not None:
             problem.record_event(stop)
             problem.branch.ended = self._stopped(stop)
@@ -687,6 +685,21 @@ class Continuation(Generic[P, R, E]):
             if not problem.branch.ended:
                 self._rebase()
                 self._adapt(iterations)
+
+    def _known(self) -> set[int]:
+        return {id(event) for event in self.problem.branch.special_points}
+
+    def _proceed(self, onward: Restart[P] | str, known: set[int]) -> None:
+        """Restart beyond a loss, unless the branch ends there."""
+        # The loss is named, or found to be none, by the orbits beyond it.
+        events = [each for each in self.problem.branch.special_points if id(each) not in known]
+        stop = self._first_stop(events)
+        if isinstance(onward, str):
+            self.problem.branch.ended = onward
+        elif stop is not None:
+            self.problem.branch.ended = self._stopped(stop)
+        else:
+            self._restart(onward)
 
     def _first_stop(self, events: Sequence[E]) -> E | None:
         """Return the first special point at which the continuation ends."""

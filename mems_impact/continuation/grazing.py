@@ -278,12 +278,12 @@ def change_signature(
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-    condition = test.equation(shooting)
-    point = _at_level(shooting, unknowns, value, condition, level)
+    condition, begin = test.equation(shooting), shooting.evaluate(unknowns, np.array([value]))
+    point = at_level(shooting, begin, condition, level)
     if not isinstance(monitor, SegmentLengthTest):
         # An event that changes the state at zero speed too, as a reset, leads to a distant orbit.
         closer = CONVERGENCE_RATIO * level
-        near = _at_level(shooting, point.unknowns, float(point.values[0]), condition, closer)
+        near = at_level(shooting, point, condition, closer)
         if not _approaches(orbit, value, shooting, near, point):
             raise OrbitError(NO_ORBIT_BEYOND, "find an orbit beyond it")
     direction = tangent(point)
@@ -664,8 +664,8 @@ def _approaches(
     return apart(near) <= APPROACH_RATIO * apart(point) + REMOVED_EVENT_MARGIN * CONVERGENCE_RATIO
 
 
-def _at_level(
-    shooting: Shooting, unknowns: Floats, value: float, condition: DefiningSystem, level: float
+def at_level(
+    shooting: Shooting, begin: ShootingEvaluation, condition: DefiningSystem, level: float
 ) -> ShootingEvaluation:
     """Solve for the orbit and the parameter at which `condition` has the value `level`.
 
@@ -674,9 +674,9 @@ def _at_level(
     OrbitError
         If the iteration does not converge.
     """
-    start = np.append(unknowns, value)
+    start = np.append(begin.unknowns, begin.values)
     # The distance is short, so the gradient at its start suffices.
-    gradient = condition.gradient(shooting.evaluate(unknowns, start[-1:]))
+    gradient = condition.gradient(begin)
 
     def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
         point = shooting.evaluate(u[:-1], u[-1:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,12 +40,15 @@ from mems_impact.continuation.chatter_onset import (
 )
 from mems_impact.continuation.grazing import (
     NO_ORBIT_BEYOND,
+    at_level,
     change_signature,
     changed_guard,
     neighbour,
 )
 from mems_impact.continuation.homoclinic import SlowPassage, has_large_error_growth, slow_passage
+from mems_impact.continuation.sliding import ADDING_SLIDING, discontinuity, is_discontinuity
 from mems_impact.continuation.special_points import (
+    MAX_VANISHING_LENGTH,
     BranchEvent,
     admissible_bracket,
     classify,
@@ -64,6 +68,7 @@ from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
     GRAZING,
+    MEETING,
     NEIMARK_SACKER,
     ORBIT_LABELS,
     PERIOD_DOUBLING,
@@ -82,7 +87,7 @@ from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit, reduced_monodromy
-from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, length_gradient
 from mems_impact.orbits.signature import BOUNDARY
 
 __all__ = ["BranchPoint", "OrbitBranch", "follow"]
@@ -424,6 +429,8 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         joined, reason = self._change_signature(loss)
         # If only the order of events changes, the motion is the same.
         passing = False
+        if joined is not None and _short_segments(loss.orbit.shooting, loss.orbit.point):
+            loss = self._adding_sliding(loss, joined)
         if joined is not None and isinstance(loss.monitor, SegmentLengthTest):
             guard = changed_guard(loss.orbit.shooting, joined[0])
             passing = guard == NONE
@@ -444,6 +451,37 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             swapped = OrbitError("events exchange their order repeatedly", "take shorter steps")
             return self.no_step(point, swapped)
         return Restart(point, direction, max(length / 2.0, self.steps.initial_step))
+
+    def pass_stall(
+        self, point: ShootingEvaluation, direction: Floats
+    ) -> Restart[ShootingEvaluation] | None:
+        """Continue with the orbits without segments that vanish together.
+
+        An example is an orbit that leaves its sliding region several times in a period: where
+        these excursions vanish, either sign of each of their lengths solves the equations.
+        """
+        shooting = self.shooting
+        shrinking = [
+            i
+            for i in _short_segments(shooting, point)
+            if length_gradient(shooting, point, i) @ direction < 0.0
+        ]
+        if not shrinking or not self.reconnecting:
+            return None
+        value, orbit = float(point.values[0]), make_orbit(shooting, point)
+        monitor = SegmentLengthTest(MEETING, shrinking[0])
+        loss = BranchEvent(MEETING, MEETING, value, orbit, direction, monitor)
+        try:
+            joined = neighbour(loss, self.branch.parameter)
+            touch = _touch_beyond(loss, joined)
+        except CONTINUATION_ERRORS:
+            return None
+        self.branch.special_points.append(touch)
+        self.record_event(touch)
+        self.shooting, start, onward = joined
+        self.piece += 1
+        self.record(start, onward)
+        return Restart(start, onward, self.steps.initial_step)
 
     def restarted_cycle(
         self, point: ShootingEvaluation, direction: Floats
@@ -506,13 +544,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         )
         return f"{onset.kind}: {BEYOND_ONSET}"
 
-    def _change_signature(
-        self, loss: BranchEvent
-    ) -> tuple[tuple[Shooting, ShootingEvaluation, Floats] | None, str]:
+    def _change_signature(self, loss: BranchEvent) -> tuple[Joined | None, str]:
         """Return the branch that joins at `loss`, or None with the reason."""
         parameter = self.branch.parameter
         try:
-            if not isinstance(loss.monitor, ModeChoiceTest):
+            # The shortest excursions from sliding are known least, and a run finds longer ones.
+            if not isinstance(loss.monitor, ModeChoiceTest) and not _adds_sliding(loss):
                 joined = change_signature(loss.orbit, loss.monitor, parameter)
                 if not defects(*joined[:2]):
                     return joined, ""
@@ -525,6 +562,21 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         except CONTINUATION_ERRORS:
             by_impact = loss.kind == GRAZING or ORBIT_CONTINUUM in reason
             return None, reason if by_impact else NO_ORBIT_BEYOND
+
+    def _adding_sliding(self, loss: BranchEvent, joined: Joined) -> BranchEvent:
+        """Return the point at which the orbits beyond a loss touch the boundary of sliding.
+
+        The length of an excursion from sliding is known to the root of the residual where it
+        vanishes; the orbits that slide on are smooth there. Any other loss is returned unchanged.
+        """
+        try:
+            touch = _touch_beyond(loss, joined)
+        except CONTINUATION_ERRORS:
+            return loss
+        if not _adds_sliding(touch):
+            return loss
+        self.branch.special_points[-1] = touch
+        return touch
 
     def _named(self, event: BranchEvent, guard: int) -> BranchEvent:
         """Name a point of simultaneous events after the guard that gains or loses an event."""
@@ -729,6 +781,51 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             if special is not None and self.low <= special.value <= self.high:
                 found.append((position, special))
         return found
+
+
+Joined = tuple[Shooting, ShootingEvaluation, Floats]
+"""An orbit of the changed signature, and the direction of its branch."""
+
+
+def _short_segments(shooting: Shooting, point: ShootingEvaluation) -> list[int]:
+    """Return the segments of vanishing length between two events of guards, shortest first."""
+    lengths, m = point.ends - point.starts, shooting.m
+    codes = [segment.guard(m) for segment in shooting.segments]
+    order = np.argsort(lengths)[: int((lengths < MAX_VANISHING_LENGTH).sum())]
+    return [i for i in order.tolist() if NONE not in (codes[i - 1], codes[i])]
+
+
+def _adds_sliding(event: BranchEvent) -> bool:
+    """Return whether a sliding orbit touches the boundary of its sliding region at a point."""
+    if not isinstance(event.monitor, ClosestApproachTest) or not is_discontinuity(event):
+        return False
+    try:
+        return discontinuity(event).type == ADDING_SLIDING
+    except CONTINUATION_ERRORS:
+        return False
+
+
+def _touch_beyond(loss: BranchEvent, joined: Joined) -> BranchEvent:
+    """Return the point at which orbits without the short segments of a loss touch their guards.
+
+    Raises
+    ------
+    OrbitError
+        If it is not found.
+    """
+    shooting, start, onward = joined
+    before = loss.orbit.segments
+    touches = [
+        ClosestApproachTest(kind_of(shooting.automaton.guards[guard]), guard)
+        for i in _short_segments(loss.orbit.shooting, loss.orbit.point)
+        if (guard := before[i - 1].guard(shooting.m)) != NONE
+    ]
+    rooms = [test.value(shooting, start, onward) for test in touches]
+    first = touches[int(np.argmin([math.inf if room is None else room for room in rooms]))]
+    here = at_level(shooting, start, first.equation(shooting), 0.0)
+    special = classify(first, shooting, here, tangent(here, onward))
+    assert special is not None
+    return special
 
 
 def _refined(

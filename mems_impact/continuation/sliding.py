@@ -73,6 +73,7 @@ TOUCH_TESTS = (ClosestApproachTest, ContactSpeedTest)
 SURFACE_MARGIN = 1e-5  # largest margin of a guard whose surface contains the point
 STATE_DISTANCE = 1e-4  # of states at which modes are determined, relative to the orbit's size
 DIFFERENCE_STEP = 1e-3  # of derivatives along a field, relative to the period or time scale
+SLIDE_STEP = 1e-2  # along a field to states at which a mode is tested to slide, likewise
 RATE_TOLERANCE = 1e-6  # of rates that are zero in a mode that slides, relative to the largest rate
 TANGENT_TOLERANCE = 1e-4  # of the rate of a tangent field, relative to the other derivatives
 CUBIC_TOLERANCE = 1e-2  # of its second derivative at a cubic tangency, relative to the third
@@ -320,6 +321,13 @@ class Junction:
 
     # Modes next to the point.
 
+    def modes_after(self, mode: int, guard: int) -> set[int]:
+        """Return the modes after an event at the point and around it, earlier and later too."""
+        aside = STATE_DISTANCE * self.time_scale
+        places = [(self.time, y) for y in self.nearby()]
+        places += [(self.time + move, self.state) for move in (-aside, aside)]
+        return {self._mode_after(mode, guard, t, y) for t, y in places} - {NONE}
+
     @cached_property
     def transitions(self) -> frozenset[tuple[int, int, int]]:
         """Mode, guard and mode after it, of the transitions at the point and around it."""
@@ -336,7 +344,7 @@ class Junction:
             for j, guard in enumerate(self.automaton.guards):
                 if guard.records or guard.impact or abs(margins[j]) > SURFACE_MARGIN:
                     continue
-                after = {self._mode_after(mode, j, y) for y in self.nearby()} - {mode, NONE}
+                after = self.modes_after(mode, j) - {mode}
                 found |= {(mode, j, into) for into in after}
                 reached |= after
         return frozenset(found)
@@ -346,10 +354,14 @@ class Junction:
         normal = self.gradient(surface)
         if not normal.any():
             return False
-        around = self.nearby(normal)
+        around = [(self.time, y) for y in self.nearby(normal)]
+        reach = SLIDE_STEP * self.time_scale
 
         def rates(field: int) -> float:
-            values = [self.derivative(field, surface, 1, self.time, y) for y in around]
+            # Along the field too: the rate of a tangent field may depend on time alone.
+            slope = self.automaton.slope_at(field, self.time, self.state, self.parameters)
+            along = [(self.time + s, self.state + s * slope) for s in (-reach, reach)]
+            values = [self.derivative(field, surface, 1, t, y) for t, y in (*around, *along)]
             return float(np.abs(values).max())
 
         largest = max(rates(other) for other in modes)
@@ -496,15 +508,14 @@ class Junction:
                 continue
             if side * float(normal @ self.gradient(margin)) >= 0.0:
                 continue
-            after = {self._mode_after(mode, surface.guard, y) for y in self.nearby()}
-            if after & surface.sliding:
+            if self.modes_after(mode, surface.guard) & surface.sliding:
                 return mode
         return NONE
 
-    def _mode_after(self, mode: int, guard: int, y: Floats) -> int:
+    def _mode_after(self, mode: int, guard: int, t: float, y: Floats) -> int:
         """Return the mode after an event at a state; NONE if it has none."""
         try:
-            into, _ = self.automaton.state_after(mode, guard, self.time, y, self.parameters)
+            into, _ = self.automaton.state_after(mode, guard, t, y, self.parameters)
         except FUNCTION_FAILURES:
             return NONE
         return into if 0 <= into < len(self.automaton.modes) else NONE

@@ -28,6 +28,7 @@ from mems_impact.orbits.signature import Segment
 from mems_impact.orbits.spectrum import multipliers_stable, ratios
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
+MAX_TOUCH_RATIO = 1e4  # of a change of the flow to the rate of its guard, for bounded multipliers
 MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14
 MAX_ERROR_RATIO = 1e6  # largest ratio of the error of a monodromy matrix to the tolerance
 ERROR_SAFETY = 3.0  # factor on the estimate of this error
@@ -145,12 +146,13 @@ class PeriodicOrbit:
     def touches(self) -> bool:
         """Whether a guard is reached at zero rate, where multipliers are unbounded.
 
-        They are bounded if the flow is continuous there.
+        They are bounded if the flow is continuous there, or changes by no more than the rate, as
+        where a vanishing excursion from sliding ends.
         """
         m = self.shooting.m
         return any(
-            abs(float(event.rates[segment.guard(m)])) <= TOUCHING_RATE
-            and self.shooting.kick(i, self.point).any()
+            (rate := abs(float(event.rates[segment.guard(m)]))) <= TOUCHING_RATE
+            and np.abs(self.shooting.kick(i, self.point)).max() > MAX_TOUCH_RATIO * rate
             for i, (segment, event) in enumerate(zip(self.segments, self.point.events, strict=True))
             if event is not None and segment.guard(m) != NONE
         )

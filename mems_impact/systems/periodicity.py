@@ -276,7 +276,10 @@ def _compare_at(
     # The period may be rounded, and a phase lie at a jump.
     shift = min(DRIFT * cycle, 0.01) * period
     beside = [each.values(at._replace(t=early + sign * shift)) for sign in (-1.0, 1.0)]
-    size += ROUNDING_RTOL * max(_largest(each, place._replace(t=early)) for place in places)
+    # A mode that slides mixes the fields of others, and has their rounding errors.
+    modes = each.modes or range(len(system.modes))
+    states = [place._replace(t=early, mode=mode) for place in places for mode in modes]
+    size += ROUNDING_RTOL * max(_largest(each, state) for state in states)
     for i, (a, b) in enumerate(zip(one, other, strict=True)):
         room = size + 2.0 * max(abs(values[i] - a) for values in beside)
         if abs(a - b) > room:

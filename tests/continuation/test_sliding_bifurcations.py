@@ -231,7 +231,7 @@ def test_a_branch_passes_all_sliding_bifurcations(climb):
         for name, point in named(branch).items():
             found = mi.sliding_type(point)
             assert found == f"{name.split()[-1]}-sliding"
-            assert point.value == pytest.approx(exact(*POINTS[name], 1.7), abs=1e-9)
+            assert point.value == pytest.approx(exact(*POINTS[name], 1.7), abs=1e-10)
             expected = {"adding": "cubic", "switching": "invisible"}.get(name, "visible")
             assert found.tangency == expected
             assert found.rates == pytest.approx((0.0, 2.0), abs=1e-7)
@@ -287,6 +287,42 @@ def test_sliding_bifurcations_are_curves(climb, name):
     assert curve.table.B.iloc[0] == pytest.approx(begun, abs=1e-9)
     last = curve.table.iloc[-1]
     assert pytest.approx(exact(path, special, guess, 1.69), abs=1e-9) == last.B
+
+
+# --- Excursions from sliding that vanish
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tilt", [0.0, 0.05])
+@pytest.mark.parametrize("part", ["surface", "friction"])
+def test_a_branch_passes_excursions_from_sliding_that_vanish(part, tilt):
+    """The load reaches the limit 1.3 up at A = 1.3 - tilt and down at A = 1.3 + tilt."""
+
+    def flow(mode, t, y, p):
+        hold = 1.3 * mode.line if part == "surface" else 0.0
+        return p.A * math.cos(t - 0.7) + p.tilt - hold, y.x - 0.4 * y.z + math.sin(t)
+
+    line = (
+        mi.SwitchingSurface("line", "x") if part == "surface" else mi.Friction("line", "x", mu=1.3)
+    )
+    system = mi.System(
+        states=("x", "z"), flow=flow, period=2.0 * math.pi, parameters={"A": 1.5, "tilt": tilt},
+        parts=[line],
+    )  # fmt: skip
+    shrinks = mi.continue_orbit(mi.find_orbit(mi.simulate(system, 40)), "A", stop=1.1)
+    grows = mi.continue_orbit(shrinks.orbits[-1], "A", stop=1.5)
+    peaks = sorted({1.3 - tilt, 1.3 + tilt})
+    for branch, values in ((shrinks, peaks[::-1]), (grows, peaks)):
+        assert branch.ended == "A reached its bound"
+        assert branch.table.admissible.all()
+        # The linear filter remembers, the sliding state does not.
+        decay = math.exp(-0.8 * math.pi)
+        assert branch.table["largest multiplier"].to_numpy() == pytest.approx(decay, abs=1e-9)
+        assert [point.value for point in branch.special_points] == pytest.approx(values, abs=1e-10)
+        for point in branch.special_points:
+            found = mi.sliding_type(point)
+            assert found == "adding-sliding"
+            assert found.third == pytest.approx(-point.value, rel=1e-8)
 
 
 # --- A published oscillator on a belt

@@ -108,6 +108,20 @@ def test_a_surface_that_moves_with_a_parameter_and_a_level():
     )
 
 
+def test_rates_of_a_state_at_rest_on_a_surface_are_no_jumps(recwarn):
+    """They are rounding errors of fields of order one, in every period others."""
+
+    def flow(mode, t, y, p):
+        return 0.7 * math.cos(t - 1.0) - 1.1 * mode.line, y.x - 0.2 * y.z
+
+    still = mi.System(
+        states=("x", "z"), flow=flow, period=2.0 * math.pi, parts=[mi.SwitchingSurface("line", "x")]
+    )
+    run = mi.simulate(still, periods=30, options=PLAIN)
+    assert (run.final.x, run.final.z) == pytest.approx((0.0, 0.0), abs=1e-13)
+    assert not [each for each in recwarn if each.category is mi.DiscontinuityWarning]
+
+
 def signs(x_drift, x_gains, y_drift, y_gains):
     """Return the flow x' = x_drift - x_gains (sgn x, sgn y), y' alike, z' = 1."""
 
