@@ -659,8 +659,8 @@ class PluginWarning(UserWarning):
 class UnitsWarning(UserWarning):
     """Numbers of a device, a drive or a target look like numbers in other units.
 
-    Either a device file looks like SI but does not declare it, or a number of a device in SI, of a
-    term, a drive or a target is far outside the usual range. For a frequency below a 300th of the
+    Either a device file without ``units`` looks like SI, or a number of a device in SI, of a term,
+    a drive or a target is far outside the usual range. For a frequency below a 300th of the
     resonance, the warning suggests kilohertz, unless the voltage pulls the block in.
 
     See Also
@@ -708,7 +708,7 @@ class ScaleWarning(UserWarning):
 
 
 class StartWarning(UserWarning):
-    """A motion starts where a guard with a state transition has a negative margin, or may part.
+    """A motion starts where a guard that moves the state has a negative margin, or may part.
 
     The motion may part on a switching surface from which the flow leads away to both sides.
 
@@ -780,7 +780,7 @@ class ValidityWarning(UserWarning):
 
 
 class StiffnessWarning(UserWarning):
-    """The steps of an explicit method are limited by stability; an implicit one may be faster.
+    """Stability limits the steps of an explicit method; an implicit method may be faster.
 
     See Also
     --------

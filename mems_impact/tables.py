@@ -266,16 +266,16 @@ TIME = "t"
 
 
 def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> xr.Dataset:
-    """Return a table as labelled arrays: ``dataset["x2"].attrs["units"]`` is its unit.
+    """Return a table as labelled arrays: ``dataset["x2"].attrs["units"]`` is the unit of x2.
 
     Parameters
     ----------
     table : DataFrame
-        One of this package, such as ``run.samples()`` or ``found.table`` of a map.
+        A table of this package, such as ``run.samples()`` or the ``table`` of a map.
     index : str or sequence of str, optional
-        The columns that identify a row and become coordinates; several span a grid, such as
-        ``("omega", "amplitude")`` of a map. By default the running time ``t`` if the table has it,
-        and otherwise the number of the row.
+        The columns that identify a row and become coordinates; several columns span a grid, such as
+        ``("omega", "amplitude")`` of a map. By default the running time ``t``, or the number of the
+        row in a table without ``t``.
 
     Returns
     -------

@@ -228,8 +228,9 @@ class Actuator(Checked):
         Parameters
         ----------
         **values : float or str
-            New values by name, those of a term as ``tilt.angle``. A term that the device does not
-            have is added. Parameters may have their names in data sheets (see `DataSheet`).
+            New values by name; a number of a term is named as in ``tilt.angle``. A term that the
+            device does not have is added. Parameters may have their names in data sheets (see
+            `DataSheet`).
 
         Raises
         ------
@@ -254,7 +255,7 @@ class Actuator(Checked):
         return device.adding(*terms) if terms else device
 
     def term(self, name: str) -> Term | None:
-        """Return the term of that name; None if the device has none."""
+        """Return the term with a name; None if the device has no such term."""
         return next((term for term in self.terms if term.name() == name), None)
 
     def to_array(self) -> NDArray[np.float64]:

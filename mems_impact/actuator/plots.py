@@ -80,11 +80,11 @@ TITLE = 0.07  # height of its title
 def plot_chart(chart: OperatingChart, ax: Any = None) -> Any:
     """Draw the on (wide) and off (dashed) boundaries of an operating chart over the frequency.
 
-    Crosses are simulated values, other points are continued. The types of the paper are shaded,
-    and the points of codimension two between them marked. Without types, a solid line is the onset
-    of slip, and dashed lines bound the lowest voltages with equal impacts in every forcing period;
-    lines are straight between dots, at which alone the voltage was computed. An inset shows the
-    difference of boundaries that are too close to be distinguished.
+    Crosses are simulated values, other points are continued. The types of the paper are shaded, and
+    the points of codimension two between them marked. Without types, a solid line is the onset of
+    slip, and dashed lines bound the lowest voltages with equal impacts in every forcing period;
+    straight lines join dots, the computed voltages. An inset shows the difference of boundaries
+    that are too close to be distinguished.
 
     Parameters
     ----------

@@ -679,8 +679,8 @@ def report(
     drive : Drive, optional
         By default a slow sine above the pull-in voltage.
     path : str or os.PathLike, optional
-        File of the page. It is written after each section, so that an interruption keeps those that
-        are finished.
+        File of the page. The file is written after each section, so that an interruption keeps
+        finished sections.
     title : str, optional
         Title of the page.
     description : str, optional

@@ -356,7 +356,7 @@ class BlowStatistics(SummaryRepr):
         between blows, which the column "displacement" of `Run.blows` excludes; 0 without
         displacement and blows, NaN if the frame slips without blows.
     displacement_std : float
-        Population standard deviation of that column; NaN without blows.
+        Population standard deviation of the column "displacement"; NaN without blows.
     si : bool
         Whether the displacements are in SI, as for a device in SI.
 

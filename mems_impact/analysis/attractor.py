@@ -74,8 +74,8 @@ class InitialCondition(NamedTuple):
 class RecurrenceOptions:
     """Options of recurrence detection: transient, tolerance and Lyapunov exponents.
 
-    A motion that converges slowly to an orbit is followed until it arrives, for up to 64 times as
-    long. Chaos may be a transient that ends in an orbit; only a longer run shows this.
+    A motion that converges slowly to an orbit is followed to the orbit, for up to 64 times as long.
+    Chaos may be a transient that ends in an orbit; only a longer run shows this.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ class RecurrenceOptions:
         Forcing periods over which a motion that has not become periodic is then measured.
     longest : int
         Longest period in returns: the largest n of a period-n motion. A motion that the exponent
-        does not classify is followed once more with four times as many.
+        does not classify is followed once more with four times this n.
     tolerance : float
         Relative tolerance for recognizing a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
-        Motions whose largest Lyapunov exponent is computed, which classifies a motion that has not
-        repeated itself as chaotic or quasi-periodic.
+        Motions whose largest Lyapunov exponent is computed. The exponent classifies an aperiodic
+        motion as chaotic or quasi-periodic.
     chaos_persistence : float
         Multiple (>= 1) of `transient` + `periods` after which a motion must still be chaotic to
         count as chaotic. A motion whose exponent has no sign yet is followed for as long.

@@ -19,8 +19,7 @@ __all__ = ["BoundaryType", "boundary_type", "type_of_boundary"]
 class BoundaryType(str):
     """Type of a boundary equilibrium: a string, with the numbers of Feigin's criterion.
 
-    - "persistence": on one side the equilibrium of one mode exists, on the other side that of the
-      other mode;
+    - "persistence": on either side of the point the equilibrium of one mode exists;
     - "nonsmooth fold": both exist on the same side, and neither on the other.
 
     Attributes
@@ -36,7 +35,7 @@ class BoundaryType(str):
         Derivatives by the parameter of the margins that are zero, each along the branch of its
         mode; the equilibrium of a mode exists where its margin is positive.
     criterion : float
-        Their ratio with the opposite sign: positive at persistence, negative at a nonsmooth fold.
+        The negative ratio of the slopes: positive at persistence, negative at a nonsmooth fold.
 
     See Also
     --------
@@ -97,9 +96,9 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
     Notes
     -----
     For a field that is continuous across the surface, the criterion is the ratio of the
-    determinants of both Jacobians, 1 + C^T N^-1 E [1]_. For a Filippov system the other branch is
-    that of pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the jump of
-    the field.
+    determinants of both Jacobians, 1 + C^T N^-1 E [1]_. For a Filippov system the other branch
+    consists of pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the
+    jump of the field.
 
     References
     ----------

@@ -268,8 +268,8 @@ def continue_orbit(
 ) -> Branch:
     """Continue a periodic orbit, stable or unstable, in one parameter.
 
-    The branch passes folds, grazings and period doublings; each is located and listed. Where the
-    number of unstable multipliers changes without such a point, an "unexplained" point is listed.
+    Folds, grazings and period doublings of the branch are located and listed. Where the number of
+    unstable multipliers changes without such a point, an "unexplained" point is listed.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def continue_orbit(
         A parameter of the drive (``"amplitude"``, ``"omega"``, …), of the actuator or of the
         system.
     stop : float
-        Value towards which the branch starts, and at which it ends.
+        Value towards which the branch starts, and its bound.
     back : float, optional
         Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
@@ -289,25 +289,24 @@ def continue_orbit(
         inadmissible.
     events : mapping of str to callable or (str, float), optional
         Further special points by name: the zeros of a function of the `Orbit`, or a column of the
-        branch's table with its value there, such as ``("impact speed", 0.3)``. The name is their
-        kind and label. A function returns NaN where it is undefined; a jump is no zero.
+        branch's table with its value there, such as ``("impact speed", 0.3)``. The name is the kind
+        and label of these points. A function returns NaN where it is undefined; a jump is no zero.
     stop_at : str or collection of str, optional
         Labels or kinds of special points, events included: the branch ends at the first such point.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with each value of the
-        parameter.
+        True: show a counter after a second. A function is called with each value of the parameter.
 
     Returns
     -------
     Branch
-        Its `ended` holds the reason why it ends.
+        ``ended`` holds the reason of its end.
 
     Raises
     ------
     InvalidParameter
         If an argument is out of range, or the parameter cannot have the value `stop`.
     FunctionError
-        If a function of `events` raises, or returns no number, at the first orbit. Later on, it
+        If a function of `events` raises, or returns no number, at the first orbit; a later failure
         ends the branch.
 
     See Also
@@ -425,7 +424,7 @@ def switch_branch(
     """Switch to the branch that emanates from a period doubling, Hopf point or branch point.
 
     At a branch point, the branch that crosses is continued on both sides of the point: at a
-    pitchfork it has both halves, and the branch point between them.
+    pitchfork, both halves with the branch point between them.
 
     Parameters
     ----------
@@ -435,13 +434,13 @@ def switch_branch(
     bounds : tuple of float, optional
         Smallest and largest value of the parameter; by default the values of the branch.
     steps : StepControl, optional
-        As for `continue_orbit`, or `continue_equilibrium`. The number of steps is that of each
+        As for `continue_orbit`, or `continue_equilibrium`. The largest number of steps is for each
         side.
     through_grazing
         As for `continue_orbit`.
     events, stop_at
         As for `continue_orbit`, or `continue_equilibrium`. A branch through a branch point ends at
-        its first such point on each side.
+        the first such point on each side.
     progress
         As for `continue_orbit`.
 
@@ -455,7 +454,7 @@ def switch_branch(
     InvalidParameter
         If `special` is none of these.
     OrbitError
-        If no orbit of that branch is found.
+        If no orbit of the branch is found.
 
     See Also
     --------
@@ -949,8 +948,9 @@ def continue_curve(
 
     Points of codimension two on the curve are located and listed. A curve of Neimark-Sacker points
     ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance, and a curve of Hopf
-    points where its pair of eigenvalues does, at a Bogdanov-Takens point. A branch point has a
-    curve if a symmetry or an invariant subspace keeps it; otherwise it unfolds.
+    points where its pair of eigenvalues becomes real, at a Bogdanov-Takens point. A branch point
+    has a curve if a symmetry or an invariant subspace keeps the branch point; otherwise the branch
+    point unfolds.
 
     Parameters
     ----------
@@ -962,7 +962,7 @@ def continue_curve(
     parameter : str
         The second parameter; the first is the parameter of the branch.
     stop : float
-        Value towards which the curve starts, and at which it ends.
+        Value towards which the curve starts, and its bound.
     fixed : str or callable, optional
         Quantity of an orbit: a column of its branch's table, such as ``"impact speed"``, or a
         function of the `Orbit`.
@@ -976,7 +976,7 @@ def continue_curve(
     Returns
     -------
     Curve
-        Its `ended` holds the reason why it ends.
+        ``ended`` holds the reason of its end.
 
     Raises
     ------
@@ -1234,7 +1234,7 @@ def continue_equilibrium(
         An isolated equilibrium, from `find_equilibria`.
     parameter : str
     stop : float
-        Value towards which the branch starts, and at which it ends.
+        Value towards which the branch starts, and its bound.
     back : float, optional
         Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
@@ -1244,18 +1244,17 @@ def continue_equilibrium(
     stop_at : str or collection of str, optional
         Labels or kinds of special points, events included: the branch ends at the first such point.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with each value of the
-        parameter.
+        True: show a counter after a second. A function is called with each value of the parameter.
 
     Returns
     -------
     EquilibriumBranch
-        Its `ended` holds the reason why it ends.
+        ``ended`` holds the reason of its end.
 
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or the equilibrium is one of a continuum.
+        If an argument is out of range, or the equilibrium belongs to a continuum.
     FunctionError
         If a function of `events` raises, or returns no number, at the first equilibrium.
 

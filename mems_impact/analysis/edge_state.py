@@ -62,8 +62,8 @@ class EdgeState(Result):
     settled : bool
         Whether the motion along the boundary has become periodic or is at rest.
     orbit : Orbit or Equilibrium or None
-        The saddle, found from the last state by Newton's method; None if there is none nearby, as
-        on a chaotic edge state.
+        The saddle, found from the last state by Newton's method; None if no saddle is near, as on a
+        chaotic edge state.
     attractors : tuple of State
         A state of either attractor.
     table : DataFrame
@@ -251,8 +251,8 @@ def edge_state(
     """Find the edge state between the attractors of two states, by edge tracking.
 
     The edge state attracts the motions on the boundary between the basins: usually a saddle orbit
-    or a saddle equilibrium. If a state between the two reaches a third attractor, its boundary with
-    that of `first` is tracked.
+    or a saddle equilibrium. If a state between the two reaches a third attractor, the boundary
+    between this attractor and the attractor of `first` is tracked.
 
     Parameters
     ----------
@@ -263,8 +263,8 @@ def edge_state(
         Largest number of returns, which are forcing periods or, for an autonomous system, time
         steps.
     min_distance, max_distance : float, optional
-        Distances of the two enclosing states after a bisection, and at which the next one begins;
-        in the units of the integration.
+        Distances of the two enclosing states after a bisection, and at which the next bisection
+        begins, in the units of the integration.
     tolerance : float, optional
         Change of the state per period of the edge state at which it has settled, relative to its
         size.

@@ -98,7 +98,7 @@ class Equilibrium(Result):
 
     @property
     def nullity(self) -> int:
-        """Dimension of the continuum of equilibria that contains it, 0 for an isolated equilibrium.
+        """Dimension of the continuum of equilibria around this equilibrium, 0 if isolated.
 
         A body that sticks or rests has a continuum of equilibria.
         """
@@ -108,9 +108,9 @@ class Equilibrium(Result):
     def stable(self) -> bool | None:
         """Whether all eigenvalues have negative real parts: states of its mode approach it.
 
-        None ("neutral") if one is imaginary within its error, 1e-9 of the entries of the Jacobian
-        matrix of the flow, and none has a positive real part. On a boundary, stability depends on
-        the flow beyond as well.
+        None ("neutral") if an eigenvalue is imaginary within its error, 1e-9 of the entries of the
+        Jacobian matrix of the flow, and no eigenvalue has a positive real part. On a boundary,
+        stability depends on the flow beyond as well.
         """
         return self.numeric.stable
 
@@ -121,7 +121,7 @@ class Equilibrium(Result):
 
     @property
     def boundaries(self) -> tuple[str, ...]:
-        """The guards on whose zero it lies, so that states nearby are in several modes."""
+        """The guards whose margins are zero, so that states nearby are in several modes."""
         return self.numeric.boundaries
 
     @property

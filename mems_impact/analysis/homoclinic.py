@@ -71,7 +71,7 @@ class HomoclinicEnd(Result):
 
     @property
     def cycles(self) -> str:
-        """The cycles near the homoclinic orbit: one stable or unstable, or infinitely many cycles.
+        """The cycles nearby: a stable cycle, an unstable cycle, or infinitely many cycles.
 
         Empty if the saddle quantity is zero. Two homoclinic orbits at once, as in a symmetric
         system, may have further cycles.

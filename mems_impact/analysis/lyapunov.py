@@ -50,10 +50,10 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
     Parameters
     ----------
     exponent : float
-        Largest exponent per period or time scale, without those that are zero for every motion (see
-        `LyapunovSpectrum.trivial`). -inf if events annihilate perturbations.
+        Largest exponent per period or time scale, without exponents that are zero for every motion
+        (see `LyapunovSpectrum.trivial`). -inf if events annihilate perturbations.
     error : float
-        Its standard error.
+        Standard error of the exponent.
     returns : bool, optional
         Whether the motion was found to repeat after some periods; None if unknown.
 
@@ -95,14 +95,13 @@ class LyapunovSpectrum(Result):
     system : System
     options : Options
     exponents : float array, shape (k,)
-        Largest first, in 1/(the system's unit of time). -inf if events annihilate perturbations,
-        for example when all bodies rest on each other.
+        Largest first, in 1/(the system's unit of time). -inf if events annihilate perturbations, as
+        when all bodies rest on each other.
     errors : float array, shape (k,)
         Standard errors, from parts of the run long enough to be independent (see
         `docs/lyapunov.md`).
     periods : float
-        Number of forcing periods over which they were averaged; time scales for an autonomous
-        system.
+        Number of averaged forcing periods; of time scales for an autonomous system.
     period : float
         Length of one period or time scale.
     converged : bool
@@ -271,9 +270,9 @@ def lyapunov(
 
     Notes
     -----
-    Exponents that are zero for every motion carry no information. The one of the phase of the
-    forcing, and those of cyclic components, such as the position of an actuator, are not listed;
-    the one along the flow of an autonomous system is. `LyapunovSpectrum.trivial` lists them.
+    Exponents that are zero for every motion carry no information. The exponents of the phase of the
+    forcing and of cyclic components, such as the position of an actuator, are not listed, unlike
+    the exponent along the flow of an autonomous system (see `LyapunovSpectrum.trivial`).
 
     Examples
     --------

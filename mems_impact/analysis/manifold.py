@@ -542,10 +542,10 @@ def manifold(
 ) -> Manifold:
     """Compute the one-dimensional stable or unstable manifold of a saddle.
 
-    The saddle is a fixed point of the Poincaré map: from one start of a forcing period to a later
-    one, between upward crossings of the section of an autonomous system, or of an equilibrium over
-    a time step. The map integrates through all events. An orbit of n periods has n points, each
-    with a manifold of two halves.
+    The saddle is a fixed point of the Poincaré map: from a start of a forcing period to a later
+    start, between upward crossings of the section of an autonomous system, or of an equilibrium
+    over a time step. The map integrates through all events. An orbit of n periods has n points,
+    each with a manifold of two halves.
 
     Parameters
     ----------
@@ -554,8 +554,8 @@ def manifold(
         The stable manifold separates the basins of attraction. It requires a section of two
         dimensions.
     length : float
-        Arclength of each half. It and `distance` are in the units of the integration: those of the
-        system, or its typical sizes.
+        Arclength of each half. `length` and `distance` are in the units of the integration: the
+        units of the system, or its typical sizes.
     distance : float, optional
         Largest distance of neighbouring points; 1/200 of the length by default.
     angle : float, optional
@@ -581,11 +581,11 @@ def manifold(
     Notes
     -----
     The unstable manifold consists of images of a short segment along the eigenvector (Hobson 1993).
-    Where the map jumps, by an impact more or less at the instant of the section, it is in pieces.
-    The stable manifold grows from the saddle by the search circle of England, Krauskopf and Osinga
-    (2004), which needs no inverse of the map. At an impact at the instant of the section it
-    continues from the state on the other side. It is the part of the stable set that is connected
-    with the saddle in this sense; a map without inverse may have more.
+    Where the map jumps, by an impact more or less at the instant of the section, the manifold is in
+    pieces. The stable manifold grows from the saddle by the search circle of England, Krauskopf and
+    Osinga (2004), which needs no inverse of the map. At an impact at the instant of the section the
+    manifold continues from the state on the other side. A map without inverse may have further
+    parts of the stable set.
 
     Examples
     --------

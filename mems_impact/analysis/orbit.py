@@ -142,7 +142,7 @@ class Orbit(Result):
 
     @property
     def period(self) -> float:
-        """The forcing period (the orbit takes `periods` of them), or that of a limit cycle."""
+        """The forcing period (see `periods`), or the period of a limit cycle."""
         return float(self.system.out("time", self.numeric.point.period))
 
     @property
@@ -168,7 +168,7 @@ class Orbit(Result):
         """Floquet multipliers over the whole orbit, largest first.
 
         One per component of the state that is free at the start of the orbit: x2 and v2 if the
-        frame of an actuator is stuck. A single 0 if none is free, as at rest on a stopper.
+        frame of an actuator is stuck. A single 0 if no component is free, as at rest on a stopper.
         """
         return self.numeric.multipliers
 
@@ -176,9 +176,9 @@ class Orbit(Result):
     def stable(self) -> bool | None:
         """Whether all multipliers lie inside the unit circle.
 
-        None ("neutral") if one lies on it within its error, and none beyond, as of conservative
-        motions and at bifurcations. The error of the monodromy matrix is that of the integration,
-        at least 1e-7 of the largest entry.
+        None ("neutral") if a multiplier lies on the circle within its error, and no multiplier
+        beyond, as of conservative motions and at bifurcations. The error of the monodromy matrix is
+        the error of the integration, at least 1e-7 of the largest entry.
         """
         return self.numeric.stable
 
@@ -208,7 +208,7 @@ class Orbit(Result):
 
     @property
     def closest_approach(self) -> float:
-        """Smallest gap at which two bodies turn back without an impact, NaN if there is none.
+        """Smallest gap at which two bodies turn back without an impact, NaN without such a gap.
 
         Negative for an inadmissible orbit with penetration.
         """
@@ -259,7 +259,7 @@ class Orbit(Result):
         )
 
     def section(self, direction: int = 0) -> pd.DataFrame:
-        """Return the crossings of the Poincaré section or, without one, the starts of periods.
+        """Return the crossings of the Poincaré section, or else the starts of periods.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class Orbit(Result):
     def samples(self, per_period: int = 200) -> pd.DataFrame:
         """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
 
-        An inadmissible orbit is sampled as it was solved, with penetration.
+        An inadmissible orbit is sampled with its penetration.
         """
         grid = self._grid(whole("per_period", per_period, 1))
         return run_tables.samples(grid, self.numeric.point.period, self.system)
@@ -300,7 +300,7 @@ class Orbit(Result):
 
     @property
     def returns(self) -> tuple[HybridState, ...]:
-        """The states at its returns, in scaled units: starts of periods, or upward crossings."""
+        """The states at returns, in scaled units: starts of periods, or upward crossings."""
         if self.system.forced:
             grid = self._grid(1)
             later = range(1, self.periods)
@@ -529,9 +529,9 @@ def find_orbit(
         functions depends on time.
     OrbitError
         If there is no orbit near the guess, or the motion does not return, diverges, comes to rest,
-        or grows without bound in a state that should be `cyclic`; its ``partial`` is the `State`
-        that was reached. If the converged solution is inadmissible; its ``partial`` is this
-        `Orbit`, whose ``defects`` list the violations.
+        or grows without bound in a state that should be `cyclic`; ``partial`` is the last `State`.
+        If the converged solution is inadmissible; ``partial`` is this `Orbit`, whose ``defects``
+        list the violations.
     RunError
         If the run from the guess fails.
     FunctionError

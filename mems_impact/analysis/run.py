@@ -139,20 +139,20 @@ class Run(Result):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Start and end of the run, in forcing periods (0: start of the first one)."""
+        """Start and end of the run, in forcing periods; 0 is the start of the first period."""
         start, final = self.trajectory.start, self.trajectory.final
         period = self.trajectory.period
         return start.cycle + start.time / period, final.cycle + final.time / period
 
     @property
     def end(self) -> float:
-        """The time at the end; ``start`` of a run that continues this one."""
+        """The time at the end; ``start`` of a run that continues this run."""
         final = self.trajectory.final
         return float(self.system.out("time", final.cycle * self.trajectory.period + final.time))
 
     @property
     def final(self) -> State:
-        """The state at the end; ``initial`` of a run that continues this one."""
+        """The state at the end; ``initial`` of a run that continues this run."""
         return self.system.state_of(self.trajectory.final)
 
     @cached_property

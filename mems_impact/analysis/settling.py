@@ -114,13 +114,13 @@ class Settling(SummaryRepr):
     Attributes
     ----------
     kind : {"settled", "changing", "fluctuating", "unknown"}
-        "settled" if all statistics are within `SETTLING_RTOL` of their limits; "changing" if one
-        still changes; "fluctuating" if the motion does not become periodic, so that the length of
-        the run limits the precision, and chaos may be a transient that outlasts it; "unknown" if
-        the run has less than four periods.
+        "settled" if all statistics are within `SETTLING_RTOL` of their limits; "changing" if a
+        statistic still changes; "fluctuating" if the motion does not become periodic, so that the
+        length of the run limits the precision, and chaos may be a transient that outlasts it;
+        "unknown" if the run has less than four periods.
     periods : float
         Length of a run whose statistics settle, in forcing periods, or in time for an autonomous
-        system; infinite if it is unknown.
+        system; infinite if unknown.
     rows : dict of str to SettlingRow
         By statistic, in scaled units.
 
@@ -167,7 +167,7 @@ class Settling(SummaryRepr):
         return f"{text} ({row.kind})" if row.kind == CHANGING else text
 
     def remaining(self, name: str) -> float:
-        """Return a bound of the distance of a statistic from its limit; NaN if it is undefined."""
+        """Return a bound of the distance of a statistic from its limit; NaN if undefined."""
         row = self.rows.get(name)
         return math.nan if row is None else float(self.system.out(name, row.remaining))
 

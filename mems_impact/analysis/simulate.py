@@ -107,7 +107,7 @@ def simulate(
         Initial state; by default the initial state of the system.
     start : float, optional
         Time at which the run begins; by default the phase of the initial state, which is 0 without
-        forcing. A run that continues another, ``initial=run.final``, keeps its time with
+        forcing. A run that continues another run, ``initial=run.final``, keeps the time with
         ``start=run.end``.
     window : tuple of float, optional
         First and last forcing period of the statistics, within the run and counted from the time
@@ -130,10 +130,10 @@ def simulate(
     InvalidParameter
         If an argument is out of range.
     RunError
-        If the run fails; its ``trajectory`` is the `Run` up to there.
+        If the run fails; ``partial`` is the `Run` up to the failure.
     FunctionError
-        If a function is wrong in a mode that this run is the first to reach; its ``trajectory`` is
-        the `Run`.
+        If a function is wrong in a mode that this run is the first to reach; ``partial`` is the
+        `Run`.
 
     Warns
     -----
@@ -147,8 +147,8 @@ def simulate(
     Notes
     -----
     By default an actuator starts at rest in the middle. The frame may slide at the start; a block
-    on a stopper that moves into it strikes at once. A frame at rest sticks if static friction can
-    hold it: the initial mode follows from Equation (4) of the paper.
+    on a stopper that moves towards the stopper strikes at once. A frame at rest sticks if static
+    friction can hold the frame: the initial mode follows from Equation (4) of the paper.
 
     Examples
     --------

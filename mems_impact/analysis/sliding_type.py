@@ -21,11 +21,11 @@ class SlidingType(str):
     """Type of a bifurcation at a discontinuity: a string, with the numbers of its criterion.
 
     At the boundary of the sliding region of a surface (sticking, for dry friction), where one of
-    the two fields is tangent to it:
+    the two fields is tangent to the surface:
 
     - "grazing-sliding": the orbit arrives and departs with the tangent field;
-    - "crossing-sliding": it arrives with the other field, and departs with the tangent one;
-    - "switching-sliding": it arrives with the other field, and slides;
+    - "crossing-sliding": the orbit arrives with the other field, departs with the tangent field;
+    - "switching-sliding": the orbit arrives with the other field, and slides;
     - "adding-sliding": a sliding orbit touches the boundary.
 
     Elsewhere:
@@ -44,7 +44,7 @@ class SlidingType(str):
     modes : tuple of str
         Modes in which the orbit arrives and departs.
     state : State
-        The state there.
+        The state at the point.
     time : float
         Time since the start of the period.
     tangent, other, sliding : str
@@ -56,7 +56,7 @@ class SlidingType(str):
         Second and third derivative along the tangent field.
     tangency : str
         "visible" (second > 0), "invisible" (second < 0), "cubic" (second = 0); empty where the
-        first derivative is not zero, as with a static friction above the dynamic one.
+        first derivative is not zero, as with a static friction above the dynamic friction.
 
     See Also
     --------
@@ -132,8 +132,8 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
     Notes
     -----
     A mode slides on the surface of a guard if it keeps the guard's margin constant there, so modes
-    of components, of hand-written guards and of the actuator are recognized alike. The field on
-    the other side is known only if a guard leads from it to sliding.
+    of components, of hand-written guards and of the actuator are recognized alike. The field on the
+    other side is known only if a guard leads from there to sliding.
 
     References
     ----------

@@ -107,7 +107,7 @@ class SpecialPoint(BifurcationPoint):
     kind : str
         "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
         crosses, as in symmetric systems), the name of another guard that is touched, such as
-        "break-away", "onset of complete chatter" (beyond it the chatter sequence no longer ends in
+        "break-away", "onset of complete chatter" (beyond which the chatter sequence does not end in
         sticking contact), or "unexplained" where the number of unstable multipliers changes without
         such a point.
     label : str

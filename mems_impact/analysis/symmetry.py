@@ -40,7 +40,7 @@ class Symmetry:
     signs : dict of str to int
         1 or -1 by state.
     half_period : bool
-        Whether it shifts time by half a forcing period.
+        Whether the symmetry shifts time by half a forcing period.
 
     See Also
     --------
@@ -81,7 +81,7 @@ class Symmetry:
     def image(self, solution: Equilibrium) -> Equilibrium: ...
 
     def image(self, solution: Orbit | Equilibrium) -> Orbit | Equilibrium:
-        """Return the symmetric partner of an orbit or equilibrium; itself if it is symmetric.
+        """Return the symmetric partner of an orbit or equilibrium; a symmetric solution itself.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Symmetry:
         Raises
         ------
         InvalidParameter
-            If the symmetry does not map it to a solution.
+            If the symmetry does not map `solution` to a solution.
         """
         if self.keeps(solution):
             return solution
@@ -177,7 +177,7 @@ def symmetries(solution: Orbit | Equilibrium) -> tuple[Symmetry, ...]:
     Returns
     -------
     tuple of Symmetry
-        That with the most signs changed first; empty for a system with more than 12 states.
+        The symmetry with the most changed signs first; empty for a system with more than 12 states.
 
     See Also
     --------

@@ -54,9 +54,9 @@ class Verification(Result):
         run only, and the largest differences of instants, impact speeds and each component of the
         state. The last row is the state at the end of the run, if the comparison reaches it.
     agrees : bool
-        False if an event is missing, doubled or shifted in one of the runs without growing
-        differences before it. A motion too sensitive to be compared to its end agrees as far as the
-        comparison goes.
+        False if an event is missing, doubled or shifted in either run without growing differences
+        before the event. A motion too sensitive for a comparison to its end agrees as far as the
+        comparison reaches.
     horizon : float
         Forcing period up to which the runs were compared and agree.
     verdict : str

@@ -44,8 +44,7 @@ MIN_SEPARATION_RATIO = 0.01  # least distance of these points, relative to the l
 class StepControl:
     """Control of the step length, in the space of unknowns and parameter.
 
-    Of the segments of an orbit, the one that moves most counts: steps do not shorten with the
-    number of events.
+    The segment of an orbit that moves most counts: steps do not shorten with the number of events.
 
     Attributes
     ----------

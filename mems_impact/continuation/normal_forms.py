@@ -185,15 +185,15 @@ class NormalForm:
     ----------
     equation : str
         The normal form, with the names of the coefficients. x and y are real coordinates, z and w
-        complex ones along the critical eigenvectors, which have length one.
+        complex coordinates along the critical eigenvectors, which have length one.
     coefficients : dict of str to float or complex
-        By name, in the units of the integration: those of the system, or its typical sizes.
+        By name, in the units of the integration: the units of the system, or its typical sizes.
     errors : dict of str to float
         Estimated errors of the coefficients.
     criticality : str
         "supercritical" if the orbit, curve or cycle that bifurcates is stable on the center
-        manifold, "subcritical" if it is unstable; empty for a fold or a transcritical branch point,
-        if the coefficient is zero within three times its error, or if the critical eigenvalue is
+        manifold, "subcritical" if unstable; empty for a fold or a transcritical branch point, if
+        the coefficient is zero within three times its error, or if the critical eigenvalue is
         double, as without damping.
 
     See Also
@@ -225,7 +225,7 @@ class NormalForm:
 
     @property
     def coefficient(self) -> float:
-        """The first coefficient, which is real; of codimension one it is the only one."""
+        """The first coefficient, which is real; at codimension one the only coefficient."""
         return float(next(iter(self.coefficients.values())).real)
 
     @property

@@ -42,8 +42,8 @@ class Guard:
     margin : callable, optional
         ``margin(mode, t, y, p)`` returns the margin.
     transition : callable, optional
-        ``transition(mode, t, y, p)`` returns the new mode and the new state. Without it the guard
-        only records: mode and state are unchanged.
+        ``transition(mode, t, y, p)`` returns the new mode and the new state. A guard without a
+        transition only records: mode and state are unchanged.
     modes : tuple of int, optional
         Modes in which the guard is active; all by default.
     rate : callable, optional
@@ -53,9 +53,9 @@ class Guard:
         Simultaneous guards are handled in ascending order; by default impacts come first, then the
         other guards in the order of the list.
     condition : bool, optional
-        True if the margin is a condition of the mode, such as a holding force: it then fires at
-        once in a mode that begins where its margin is negative. By default it waits there until the
-        margin has been positive.
+        True if the margin is a condition of the mode, such as a holding force: the guard then fires
+        at once in a mode that begins where its margin is negative. By default the guard waits there
+        until the margin has been positive.
     impact : bool, optional
         True if the margin is a gap and the transition an impact: its closest approaches are
         recorded, and a sequence of impacts that accumulates is completed (see `Impact`).
@@ -68,9 +68,9 @@ class Guard:
 
     Notes
     -----
-    An `Automaton` has one function for all margins and one for all transitions. If it was not
-    generated from guards (see `mems_impact.hybrid.definition`), its guards have only a name and an
-    order.
+    An `Automaton` has one function for all margins and one function for all transitions. If the
+    automaton was not generated from guards (see `mems_impact.hybrid.definition`), its guards have
+    only a name and an order.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class Impact(Guard):
         As in `Guard`; `margin` is the gap, and `transition` the rebound.
     rest : callable, optional
         ``rest(mode, t, y, p)`` returns mode and state of the sticking contact at the end of a
-        chatter sequence. Without it such a sequence ends the run.
+        chatter sequence. Without `rest` such a sequence ends the run.
 
     See Also
     --------

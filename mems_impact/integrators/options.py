@@ -25,19 +25,19 @@ class Options:
         ``"auto"``, which is ``"dop853"``, and ``"bdf"`` where the system is stiff. Adams needs
         about half the evaluations of BDF if the drive is near the resonance; BDF is faster for a
         slow drive or a stiff system. ``"dop853"`` retains its order after an event: it is several
-        times as fast for short arcs, and the most accurate in long sequences of impacts. It needs
-        no SUNDIALS. The default is Adams, but ``"auto"`` for an actuator with a term that may make
-        its equations stiff, such as `SqueezeFilm`; `Run.options` has the method of a run.
+        times as fast for short arcs, and the most accurate method in long sequences of impacts. The
+        default is Adams, but ``"auto"`` for an actuator with a term that may make its equations
+        stiff, such as `SqueezeFilm`; `Run.options` has the method of a run.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float
         Absolute tolerance of the local error, in the units of the state, above 0.
     max_steps : int
-        Most internal steps in one arc (from a transition to the next).
+        Largest number of internal steps in an arc, from a transition to the next transition.
     max_events : int
-        Most events in one forcing period.
+        Largest number of events in a forcing period.
     engine : {"auto", "compiled", "interpreted"}
-        Compiled code, or interpreted code, which is slower; ``"auto"`` is compiled code if it is
+        Compiled code, or interpreted code, which is slower; ``"auto"`` is compiled code if
         available, and otherwise interpreted code with a warning.
 
     Raises
@@ -77,7 +77,7 @@ class Options:
         _within("max_events", self.max_events, 1, 2**62)
 
     def suited(self, stiff: bool) -> Options:
-        """Return the options with a method, by default one that suits the system."""
+        """Return the options with a method, by default a method that suits the system."""
         if self.method is not None:
             return self
         return replace(self, method="auto" if stiff else "adams")

@@ -290,7 +290,7 @@ class Animation:
         Parameters
         ----------
         number : int
-            From 0; a negative one counts from the end.
+            From 0; negative numbers count from the end.
 
         Returns
         -------
@@ -346,7 +346,7 @@ class Animation:
         Raises
         ------
         InvalidParameter
-            If the suffix is another, or ffmpeg for MP4 is missing.
+            If the suffix is none of these, or ffmpeg for MP4 is missing.
         InvalidFile, FileNotWritten
             If the file cannot be written.
         """

@@ -88,9 +88,9 @@ def plot_branch(
 ) -> Any:
     """Draw a state on the section over the parameter of one or more branches.
 
-    Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones omitted.
-    Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is grazed; LP, H,
-    BP, BE of equilibria, and ? where stability changes without a detected special point.
+    Stable orbits and equilibria are solid lines, unstable solutions dashed, inadmissible solutions
+    omitted. Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is grazed;
+    LP, H, BP, BE of equilibria, and ? where stability changes without a detected special point.
 
     Parameters
     ----------
@@ -173,8 +173,8 @@ def plot_diagram(
 ) -> Any:
     """Draw a bifurcation diagram: its branches over its attractors.
 
-    Stable orbits are solid lines, unstable ones dashed, with the labels of `plot_branch`; dots are
-    attractors from runs.
+    Stable orbits are solid lines, unstable orbits dashed, with the labels of `plot_branch`; dots
+    are attractors from runs.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ CURVE_SAME = 0.005  # distance at which points coincide, as a part of the axes
 def plot_curve(curve: Curve | Sequence[Curve], ax: Any = None) -> Any:
     """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
 
-    The axes are those of the first curve; others may have the two parameters in either order.
+    Axes are as for the first curve; other curves may have the two parameters in either order.
     Points of codimension two are marked, with their kinds.
 
     Parameters

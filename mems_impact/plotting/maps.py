@@ -57,8 +57,8 @@ def plot_basins(
     ax : matplotlib Axes, optional
         Where to draw; a new figure of a column's width by default.
     x, y : str, optional
-        Components of the state on the axes; by default those in which starts differ. A single
-        component gives a strip.
+        Components of the state on the axes; by default the components in which starts differ. A
+        single component gives a strip.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def plot_basins(
     Raises
     ------
     InvalidParameter
-        If `basins` is not a result of `basins`, or starts do not differ in a component.
+        If `basins` is no result of `basins`, or all starts agree in a component.
 
     See Also
     --------

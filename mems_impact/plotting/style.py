@@ -90,12 +90,12 @@ def style(*sheets: Sheet) -> Iterator[None]:
     ----------
     *sheets : str, path or mapping
         Files of matplotlib's style sheets, names of matplotlib's styles, or settings by name; later
-        ones take precedence. Without sheets, only the package's own style applies.
+        sheets take precedence. Without sheets, only the package's own style applies.
 
     Yields
     ------
     None
-        Figures drawn within the context have that style.
+        Figures drawn within the context have this style.
 
     Raises
     ------

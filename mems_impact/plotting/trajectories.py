@@ -212,8 +212,8 @@ ORBIT_POINTS_PER_PERIOD = 1000
 def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Any:
     """Draw one state of a periodic orbit over another, with impacts and the section.
 
-    A dotted line joins the states before and after a jump. A diamond is where the orbit crosses
-    the Poincaré section, or where a forcing period or the cycle begins if the system has none.
+    A dotted line joins the states before and after a jump. A diamond is where the orbit crosses the
+    Poincaré section or, without a section, where a forcing period or the cycle begins.
 
     Parameters
     ----------
@@ -221,8 +221,8 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     ax : matplotlib Axes, optional
         Axes to draw on; a new figure by default.
     x, y : str, optional
-        States on the axes, or ``"t"``; by default the first two non-cyclic states, or a single one
-        over time, and for an actuator the block between the stoppers.
+        States on the axes, or ``"t"``; by default the first two non-cyclic states, or a single
+        state over time, and for an actuator the block between the stoppers.
 
     Returns
     -------

@@ -134,7 +134,8 @@ def plot_tolerance_analysis(
     analysis : ToleranceAnalysis or StoredStudy
         A store, running or finished, has neither specification nor indices.
     quantity : str or sequence of str, optional
-        Columns of the table; by default those with a specification, or the first that vary.
+        Columns of the table; by default columns with a specification, or the first columns that
+        vary.
     ax : matplotlib Axes, optional
         Where to draw the histogram of one quantity; a new figure of a column's width by default.
 

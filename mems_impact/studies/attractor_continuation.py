@@ -364,12 +364,12 @@ class AttractorBranches(ParameterResult):
         The system at the value of the basins.
     parameter : str
     table : DataFrame
-        One row per branch and a value at which it was seen: the parameter, the name of the
-        ``attractor``, its motion and the measured quantities, as in `basins`. Values at which a
-        motion failed are rows of the attractor "failed", with the reason.
+        One row per branch and value of the parameter at which the branch was seen: the parameter,
+        the name of the ``attractor``, its motion and the measured quantities, as in `basins`.
+        Values at which a motion failed are rows of the attractor "failed", with the reason.
     branches : DataFrame
-        One row per branch: its name, the first and the last value at which it was seen, its kinds
-        of ``motion``, and its ends ``before`` and ``after``: the branch to which the motion jumps,
+        One row per branch: its name, its first and last value of the parameter, its kinds of
+        ``motion``, and its ends ``before`` and ``after``: the branch to which the motion jumps,
         empty where the values end.
 
     See Also
@@ -412,10 +412,10 @@ def continue_attractors(
     """Continue coexisting attractors over a parameter, to the ends of their branches.
 
     Each attractor is continued upwards and downwards from the system's own value; every value
-    starts from the state at the previous one. If a motion does not return to its attractor when the
-    parameter steps back by one value, it has jumped: its branch ends between the two values, and it
-    has reached another branch, known or new. A period doubling does not end a branch. Branches that
-    none of the attractors reaches stay undetected; run `basins` at other values to find them.
+    starts from the state at the previous value. If a motion does not return to its attractor when
+    the parameter steps back by one value, the motion has jumped to another branch, known or new:
+    its branch ends between the two values. A period doubling does not end a branch. To find
+    branches that none of the attractors reaches, run `basins` at other values.
 
     Parameters
     ----------

@@ -123,9 +123,8 @@ class Basins(Result):
     attractors : DataFrame
         One row per attractor, the largest share first: its name, ``motion``, ``period``,
         ``points``, ``share`` of all points with the bounds ``low`` and ``high``; the largest
-        Lyapunov exponent if `RecurrenceOptions` asks for it, computed once per attractor, which
-        separates "chaotic" from "quasi-periodic"; then the columns of the table for its first
-        point.
+        Lyapunov exponent if `RecurrenceOptions` asks for exponents, computed once per attractor;
+        then the columns of the table for its first point.
     returns : DataFrame
         The states at the returns of each attractor, over one period or the whole simulation.
 
@@ -214,7 +213,8 @@ class Basins(Result):
         """Compute basin entropy and boundary basin entropy of a grid.
 
         The grid is divided into boxes; incomplete boxes at its upper ends are omitted. The entropy
-        of a box is that of the shares of the attractors among its points, without failed ones.
+        of a box is the entropy of the shares of the attractors among its points, without failed
+        points.
 
         Parameters
         ----------
@@ -224,8 +224,8 @@ class Basins(Result):
         Returns
         -------
         BasinEntropy
-            ``basin`` (Sb) is the mean over all boxes, ``boundary`` (Sbb) that over the boxes with
-            at least two attractors: above log 2 the boundary is fractal.
+            ``basin`` (Sb) is the mean over all boxes, ``boundary`` (Sbb) the mean over the boxes
+            with at least two attractors: above log 2 the boundary is fractal.
 
         Raises
         ------
@@ -253,9 +253,9 @@ class Basins(Result):
     def uncertainty_exponent(self, largest: int | None = None) -> UncertaintyExponent:
         """Estimate the uncertainty exponent of a grid.
 
-        A point is uncertain at a distance if another attractor is reached within this distance from
-        it along the axes. The fraction of uncertain points grows as the distance to the power of
-        the exponent, as long as it is far below 1.
+        A point is uncertain at a distance if a point within this distance along the axes reaches
+        another attractor. The fraction of uncertain points, as long as it is far below 1, grows as
+        the distance to the power of the exponent.
 
         Parameters
         ----------
@@ -265,9 +265,9 @@ class Basins(Result):
         Returns
         -------
         UncertaintyExponent
-            ``exponent`` is 1 for a smooth boundary and smaller for a fractal one, whose dimension
-            is that of the grid minus the exponent; ``error`` is its variation between halves of the
-            range of distances.
+            ``exponent`` is 1 for a smooth boundary and smaller for a fractal boundary, whose
+            dimension is the dimension of the grid minus the exponent; ``error`` is the variation of
+            the exponent between halves of the range of distances.
 
         Raises
         ------
@@ -325,16 +325,16 @@ def basins(
     """Compute basins of attraction; ``basins(actuator, drive, …)``.
 
     The initial states are a grid over one or two components, or a sample of a box in any number of
-    them. Motions with the same attractor are recognized afterwards, over all points: they agree in
-    kind and period and return to the same states. Two aperiodic motions cannot be identified with
-    certainty; they count as one attractor if the boxes around their returns intersect.
+    components. Motions with the same attractor agree in kind and period and return to the same
+    states. Two aperiodic motions cannot be identified with certainty; they count as one attractor
+    if the boxes around their returns intersect.
 
     Parameters
     ----------
     system : System, or Actuator and Drive
     x, y : tuple of str and array_like
-        Component of the state and its values; one of the two is enough. The values are in the units
-        of the system: ``("v2", values)``.
+        Component of the state and its values, in the units of the system: ``("v2", values)``; x or
+        y alone is enough.
     box : mapping of str to (float, float), optional
         Instead of x and y, bounds of components of the state, between which states are sampled.
     samples : int, optional
@@ -345,7 +345,7 @@ def basins(
     seed : int, optional
         Seed of the sample.
     initial : State or mapping of str to float, optional
-        All other components; the system's own start by default.
+        All other components; by default the initial state of the system.
     recurrence : RecurrenceOptions, optional
         Length of the transient, and criteria for a periodic motion.
     distance : float, optional
@@ -360,7 +360,7 @@ def basins(
     executor : concurrent.futures.Executor or callable, optional
         Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads or processes; by default that of the cores. Results do not depend on it.
+        Number of threads or processes; by default the number of cores. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -383,12 +383,12 @@ def basins(
     A periodic motion that at most 1 % of the points reach counts as an attractor only if motions
     from perturbed states return to it, since a point may lie on the stable manifold of a saddle.
 
-    Shares are those of all points, failed ones included. Of a sample, their bounds are the interval
-    of Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the box
-    lies with a probability of 95 %. A grid is not random: there the bounds are the share of the
-    points whose neighbours all reach the same attractor, and of those that have such a neighbour or
-    are one. The truth lies between them as far as the grid resolves the basin, and where boundaries
-    are fractal they are far apart.
+    Shares are of all points, failed points included. The bounds of a sample are the interval of
+    Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the box lies
+    with a probability of 95 %. The bounds of a grid are the share of the points whose neighbours
+    all reach the same attractor, and the share of these points and their neighbours. The share of
+    the basin lies between these bounds as far as the grid resolves the basin; at fractal boundaries
+    the bounds are far apart.
 
     Examples
     --------

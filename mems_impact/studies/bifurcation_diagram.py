@@ -123,13 +123,13 @@ class BifurcationDiagram(Result):
     branches : tuple of Branch or EquilibriumBranch
         Each once.
     parents : tuple of int or None
-        For each branch the number of the branch from which it emanates; None for one that was
-        found from an attractor or by a search.
+        For each branch the number of the branch from which it emanates; None for a branch found
+        from an attractor or by a search.
     origins : tuple of SpecialPoint, EquilibriumPoint or None
         The special point of the parent at which the branch emanates.
     attractors : DataFrame
-        One row per attractor and value: the parameter, motion, period, branch (its number, or -1 if
-        it lies on none), Lyapunov exponent, and its last state.
+        One row per attractor and value: the parameter, motion, period, the number of its branch (-1
+        if there is none), Lyapunov exponent, and the last state of the motion.
     cloud : DataFrame
         The attractors on the section, with the columns of `sweep`.
     finished : tuple of str
@@ -208,7 +208,7 @@ class BifurcationDiagram(Result):
         return "\n".join(lines)
 
     def children(self, number: int | None) -> tuple[int, ...]:
-        """Return the numbers of the branches that emanate from a branch; of the roots for None."""
+        """Return the numbers of the branches that emanate from a branch; for None of the roots."""
         return tuple(i for i, parent in enumerate(self.parents) if parent == number)
 
     def _line(self, number: int) -> str:
@@ -960,8 +960,7 @@ def bifurcation_diagram(
     neighbours, and from states in a box. The orbit of each attractor is continued both ways,
     through grazings and folds, unless it lies on a known branch. At period doublings, branch points
     and Hopf points the branches that emanate are continued in turn. Newton's method from many
-    states finds unstable orbits, of up to four forcing periods, and equilibria that no branch leads
-    to.
+    states finds unstable orbits, of up to four forcing periods, and equilibria on no known branch.
 
     Parameters
     ----------
@@ -982,14 +981,14 @@ def bifurcation_diagram(
     initial : State or mapping of str to float, optional
         A further initial state.
     recurrence : RecurrenceOptions, optional
-        Recognition of attractors; times of an autonomous system are in its units.
+        Recognition of attractors, in the units of an autonomous system.
     steps : StepControl, optional
         Step lengths, and the largest number of points of a branch.
     options : Options, optional
         Of the integration, as for `find_orbit`.
     resume : BifurcationDiagram, optional
-        A partial result, which the computation completes; or a complete one, whose branches and
-        attractors are known.
+        A partial result, which the computation completes, or a complete result, whose branches and
+        attractors are then known.
     store : str or os.PathLike, optional
         File in which the diagram is saved while it is computed; an interrupted or killed
         computation resumes from it, and a finished one is loaded.
@@ -1005,7 +1004,7 @@ def bifurcation_diagram(
     InvalidParameter
         If an argument is out of range.
     InvalidFile
-        If `store` holds something else, or a diagram of other arguments.
+        If `store` holds no diagram, or a diagram of other arguments.
     Interrupted
         On Ctrl-C; ``partial`` is the diagram of the finished branches, for `resume`.
 

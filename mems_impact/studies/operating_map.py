@@ -105,7 +105,7 @@ class OperatingMap(Result):
     Attributes
     ----------
     system : System
-        At its own values of the two.
+        At its own values of both parameters.
     x, y : Axis
         Name and values of each parameter.
     table : DataFrame
@@ -213,8 +213,9 @@ def operating_map(
     x, y : tuple of str and array_like
         Parameter and its values, in the units of the system: ``("amplitude", values)``.
     initial : State or mapping of str to float, optional
-        Initial state of every point; the system's own by default. It decides which of several
-        attractors is found: for an actuator, `kicked_state` finds the attractor with impacts.
+        Initial state of every point; by default the initial state of the system, which decides
+        between several attractors: for an actuator, `kicked_state` finds the attractor with
+        impacts.
     recurrence : RecurrenceOptions, optional
         Length of the transient, and criteria for a periodic motion.
     options : Options, optional
@@ -225,7 +226,7 @@ def operating_map(
     executor : concurrent.futures.Executor or callable, optional
         Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads or processes; by default that of the cores. Results do not depend on it.
+        Number of threads or processes; by default the number of cores. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns

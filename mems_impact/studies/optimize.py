@@ -145,7 +145,7 @@ OPTIMIZATION_ENDINGS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Optimum(Result):
-    """The best orbit that an optimization found.
+    """The best orbit of an optimization.
 
     Attributes
     ----------
@@ -235,9 +235,9 @@ def optimize(
 
     A local search with the gradients of `sensitivity`: sequential quadratic programming with a
     trust region. The orbit is continued from iterate to iterate and keeps its sequence of impacts;
-    the search stays within the grazings, folds and period doublings that end it. The orbit stays
-    stable: by default the largest modulus of its multipliers is at most 0.95. Start from other
-    orbits to find other local optima.
+    the search stays within the grazings, folds and period doublings that end the orbit. The orbit
+    stays stable: by default the largest modulus of its multipliers is at most 0.95. Start from
+    other orbits to find other local optima.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def optimize(
     over : mapping of str to tuple of float
         The parameters to vary, each with its lowest and highest value.
     maximize, minimize : str or Quantity
-        The objective, for one of the two: a quantity of `sensitivity`, or with `tolerances` its
+        The objective, exactly one of both: a quantity of `sensitivity`, or with `tolerances` its
         first-order standard deviation, "standard deviation of mean speed".
     subject_to : mapping of str to tuple of float, optional
         Lowest and highest value of a quantity, None for no bound: ``{"largest multiplier": (None,
@@ -257,8 +257,7 @@ def optimize(
     iterations : int, optional
         Largest number of trial points.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with the number of
-        points taken.
+        True: show a counter after a second. A function is called with the number of points taken.
 
     Returns
     -------
@@ -269,8 +268,8 @@ def optimize(
     InvalidParameter
         If an argument is out of range.
     OrbitError
-        If no orbit is found that meets `subject_to`; ``partial`` is the `Optimum` that misses them
-        least.
+        If no orbit is found that meets `subject_to`; ``partial`` is the `Optimum` with the least
+        violation.
     Interrupted
         By Ctrl-C; ``partial`` is the best point so far.
 
@@ -546,7 +545,7 @@ class ParetoFront(Result):
     start : Orbit
         Where the searches began.
     failed : tuple of str
-        Why points are missing, if any.
+        Reasons for missing points.
 
     See Also
     --------
@@ -614,8 +613,8 @@ def pareto_front(
 ) -> ParetoFront:
     """Compute the Pareto front of two quantities of a periodic orbit.
 
-    The method of epsilon constraints: each objective is optimized by itself, then the first one
-    with the second bounded at values between the two results.
+    The method of epsilon constraints: each objective is optimized by itself, then the first
+    objective with the second bounded at values between the two results.
 
     Parameters
     ----------
@@ -630,10 +629,9 @@ def pareto_front(
     subject_to, tolerances
         As for `optimize`; neither of the two aims may be limited.
     iterations : int, optional
-        Points that each search tries at most.
+        Largest number of trial points of each search.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with the number of
-        points done.
+        True: show a counter after a second. A function is called with the number of points done.
 
     Returns
     -------

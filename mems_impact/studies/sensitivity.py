@@ -398,13 +398,13 @@ def bifurcation_margins(orbit: Orbit, over: Sequence[str], reach: float = 0.5) -
     -------
     DataFrame
         One row per parameter and direction: parameter, value, direction ("down", "up"), at (the
-        value at the bifurcation, or the end of the range), margin (to there), relative (to value)
-        and what happens ("" for nothing).
+        value at the bifurcation, or the end of the range), margin (distance), relative (to the
+        value) and what happens ("" without a bifurcation).
 
     Raises
     ------
     InvalidParameter
-        If there is no such parameter, or it is 0, or `reach` is out of range.
+        If there is no such parameter, its value is 0, or `reach` is out of range.
 
     See Also
     --------
@@ -630,20 +630,21 @@ def sensitivity(
     """Compute sensitivities of a periodic orbit to its parameters.
 
     The orbit may be unstable. Derivatives of its states, event times, margins and speeds follow
-    from the variational equations along its arcs and the implicit function theorem; those of
-    `Quantity` functions by the chain rule. Multipliers, which are derivatives themselves, are
-    differentiated along corrected neighbouring orbits.
+    from the variational equations along its arcs and the implicit function theorem, derivatives of
+    `Quantity` functions by the chain rule. Multipliers are differentiated along corrected
+    neighbouring orbits.
 
     Parameters
     ----------
     orbit : Orbit
     over : sequence of str, optional
-        All by default, except the bias of a symmetric voltage, which would double the period.
+        All parameters by default, except the bias of a symmetric voltage, which would double the
+        period.
     quantities : sequence of str or Quantity, optional
-        All of the system's by default, except costly ones. For any system: "x per period" (or
-        "per cycle") for each cyclic state x, its observables (over the orbit), "period" of a limit
-        cycle, "impact speed" (the largest), "closest approach", "largest multiplier" (its
-        modulus). For an actuator: "displacement per period", "mean speed", "displacement per
+        All quantities of the system by default, except costly quantities. For any system: "x per
+        period" (or "per cycle") for each cyclic state x, its observables (over the orbit), "period"
+        of a limit cycle, "impact speed" (the largest), "closest approach", "largest multiplier"
+        (its modulus). For an actuator: "displacement per period", "mean speed", "displacement per
         impact", "impact speed", "closest approach", "energy lost per period" (in impacts, without
         friction; `energy` has the whole balance), "largest multiplier", and "energy given per
         period", which is costly.

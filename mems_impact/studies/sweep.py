@@ -333,12 +333,12 @@ class Sweep(ParameterResult):
         (the step; NaN without an impact), mean speed, closest approach and status. After each
         statistic follows its error, a bound of the distance from the attractor's value (see
         `Settling`): of a motion that does not become periodic, the statistical error; infinite if
-        it is unknown. A value without crossings is one row with NaN in the columns of a crossing. A
-        value that failed is one row with NaN in all columns and the reason, rather than "ok", as
-        status; the sweep continues from the last good state. For an autonomous system, crossings
-        have a number, from 0, in place of the period, and impacts are counted per time. The k-th
-        maxima of all states share a row, with NaN where a state has fewer; a state at rest has one
-        maximum, its value.
+        unknown. A value without crossings is one row with NaN in the columns of a crossing. A value
+        that failed is one row with NaN in all columns and the reason, rather than "ok", as status;
+        the sweep continues from the last good state. For an autonomous system, crossings have a
+        number, from 0, in place of the period, and impacts are counted per time. The k-th maxima of
+        all states share a row, with NaN where a state has fewer; a state at rest has one maximum,
+        its value.
 
     See Also
     --------
@@ -397,14 +397,14 @@ def sweep(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> Sweep:
-    """Sweep one parameter slowly; every value starts from the final state of the previous one.
+    """Sweep one parameter slowly; every value starts from the final state of the previous value.
 
     Parameters
     ----------
     system : System, or Actuator and Drive
     parameter : str
-        One of the system's: of an actuator, a number of the drive (``"amplitude"``, ``"omega"``, …)
-        or of the device.
+        A parameter of the system: of an actuator, a number of the drive (``"amplitude"``,
+        ``"omega"``, …) or of the device.
     values : array_like of float or str
         Values of the parameter, in any order; texts may have units (``"70 V"``).
     direction : {"up", "down", "both"}, optional
@@ -418,15 +418,16 @@ def sweep(
         both are required.
     section : {1, -1, 0}, optional
         Crossings of the Poincaré section to keep: upwards, downwards or both. A system without a
-        section is sampled at the beginning of each forcing period; an autonomous system without
-        one, at the local maxima of each state.
+        section is sampled at the beginning of each forcing period, an autonomous system at the
+        local maxima of each state.
     steady : bool, optional
-        Continue each run until its statistics have settled. See `steady_state`. Otherwise a value
-        whose statistics still change is warned of.
+        Continue each run until its statistics have settled. See `steady_state`. Otherwise
+        statistics that still change raise a warning.
     initial : State or mapping of str to State, optional
-        Initial state: one for both directions, or one each for ``"up"`` and ``"down"``; the
-        system's own by default. For an actuator, up starts at rest in the middle and down with a
-        kick (see `kicked_state`), so that both attractors appear in a bistable range.
+        Initial state: one for both directions, or one each for ``"up"`` and ``"down"``; by default
+        the initial state of the system. For an actuator, the sweep up starts at rest in the middle,
+        the sweep down with a kick (see `kicked_state`), so that both attractors appear in a
+        bistable range.
     options : Options, optional
     store : str or os.PathLike, optional
         Directory in which finished values are stored; an interrupted or killed sweep resumes from
@@ -434,7 +435,7 @@ def sweep(
     executor : concurrent.futures.Executor or callable, optional
         Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads; one at a time runs each direction. Results do not depend on it.
+        Number of threads, at most one for each direction. Results do not depend on it.
     progress : bool or callable, optional
         Show progress: after one second a bar on a terminal, elsewhere lines. A function is called
         with the number of finished values.
@@ -461,7 +462,8 @@ def sweep(
 
     Notes
     -----
-    Where the forcing period changes, the phase of the drive is carried over as a fraction of it.
+    Where the forcing period changes, the phase of the drive is carried over as a fraction of the
+    period.
 
     Examples
     --------

@@ -281,7 +281,7 @@ class ToleranceAnalysis(Spread, Result):
     specification : dict of str to (float, float)
         Bounds of the columns of a good device.
     table : DataFrame
-        One row per point: the sampled quantities, the parameters computed from them, its
+        One row per point: the sampled quantities, the parameters computed from them, the number
         ``sample``; ``motion``, ``period`` and the measured quantities, as in `operating_map`; and
         ``status``.
     indices : DataFrame or None
@@ -357,8 +357,8 @@ def tolerance_analysis(
     system : System, or Actuator and Drive
     over : mapping of str to distribution
         Independent distributions of parameters. They are frozen distributions of ``scipy.stats``,
-        in the units of the system: ``{"e": stats.norm(0.62, 0.02)}``. ``"5%"`` is
-        the normal distribution about the system's own value with a standard deviation of 5 % of it,
+        in the units of the system: ``{"e": stats.norm(0.62, 0.02)}``. ``"5%"`` is the normal
+        distribution about the system's own value with a standard deviation of 5 % of the value,
         ``"uniform: 5%"`` the uniform distribution within plus or minus 5 %. Both may have a unit in
         place of the per cent: ``"0.1 um"``.
     parameters : callable, optional
@@ -366,10 +366,10 @@ def tolerance_analysis(
         correlated parameters. `over` may then have any names, such as a line width on which
         stiffness, masses and gap depend.
     samples : int, optional
-        Number of points; a power of two suits Sobol's sequence, and indices need one.
+        Number of points; a power of two suits Sobol's sequence, and is required for indices.
     sampling : {"sobol", "lhs", "random"}, optional
         Scrambled Sobol sequence, Latin hypercube, or independent points. Confidence intervals of
-        shares are those of independent points, and conservative for the other two.
+        shares are for independent points, and conservative for Sobol and Latin hypercube samples.
     seed : int, optional
         Seed of the sample.
     specification : mapping of str to (float, float), optional
@@ -378,8 +378,8 @@ def tolerance_analysis(
     indices : bool, optional
         Whether to compute Sobol indices, which take d + 2 times as many points for d distributions.
     initial : State or mapping of str to float, optional
-        Initial state of every motion; the system's own by default. For an actuator, `kicked_state`
-        finds the attractor with impacts.
+        Initial state of every motion; by default the initial state of the system. For an actuator,
+        `kicked_state` finds the attractor with impacts.
     recurrence : RecurrenceOptions, optional
         Length of the transient, and criteria for a periodic motion.
     options : Options, optional
@@ -390,7 +390,7 @@ def tolerance_analysis(
     executor : concurrent.futures.Executor or callable, optional
         Threads by default, or processes. A cluster's executor, or a function that creates one.
     workers : int, optional
-        Number of threads or processes; by default that of the cores. Results do not depend on it.
+        Number of threads or processes; by default the number of cores. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns

@@ -178,13 +178,13 @@ class HybridSystem(Result, ABC):
         Parameters
         ----------
         changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: finite
-            differences at the end of a parameter's range go beyond it, as do trial steps.
+            Other values of some parameters, in the system's units, allowed or not, as finite
+            differences and trial steps need them.
         """
 
     @abstractmethod
     def shifted(self, values: Mapping[str, float]) -> Self:
-        """Return the system at other values, allowed or not, as continuation needs it."""
+        """Return the system at other values, allowed or not, for continuation."""
 
     @abstractmethod
     def restored(
@@ -274,7 +274,7 @@ class HybridSystem(Result, ABC):
         return self.forcing_period is not None
 
     def without_unit(self, name: str, values: Any, field: str = "") -> Any:
-        """Return values of a parameter, a state or the time, with texts as numbers in its unit.
+        """Return values of a parameter, a state or the time, with texts as numbers in the unit.
 
         Parameters
         ----------
@@ -653,7 +653,7 @@ class HybridSystem(Result, ABC):
 
     @property
     def mode_failure(self) -> Callable[[int, HybridState], tuple[str, str]] | None:
-        """Function that returns why no mode fits a state, and the remedy, if there is one."""
+        """Function that returns why no mode fits a state, and the remedy; or None."""
         return None
 
     def other_mode(self, start: HybridState, problem: Problem) -> int:
@@ -690,8 +690,8 @@ class HybridSystem(Result, ABC):
         fmi : {"3.0", "2.0"}, optional
             Version of the standard.
         inputs : sequence of str, optional
-            Parameters that become inputs, but none of the forcing period. Co-simulation holds them
-            between communication points.
+            Parameters that become inputs, except parameters of the forcing period. Co-simulation
+            holds inputs between communication points.
         initial : State or mapping of str to float, optional
             Initial state; by default the initial state of the system.
         options : Options, optional
@@ -706,7 +706,7 @@ class HybridSystem(Result, ABC):
         InvalidParameter
             If an argument is not allowed.
         FunctionError
-            If a function cannot be translated to C; it names the line.
+            If a function cannot be translated to C; the message names the line.
 
         See Also
         --------

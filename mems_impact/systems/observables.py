@@ -28,10 +28,10 @@ AT_EVENTS = ("sum", "mean", "min", "max")
 class Observable:
     """A named quantity of a system, shown in tables and studies.
 
-    A plain scalar function, like the other functions of a system. At events it is
-    ``function(mode, t, before, after, p)``, with the states just before and after; its values form
-    a column of the table of these events. Without events it is ``function(y, p)`` of the state, and
-    studies show its gain per period.
+    A plain scalar function, like the other functions of a system. ``function(mode, t, before,
+    after, p)`` receives the states just before and after an event; its values form a column of the
+    table of the events. Without events, ``function(y, p)`` receives the state, and studies show the
+    gain per period.
 
     Parameters
     ----------
@@ -39,7 +39,8 @@ class Observable:
         Heading of its column.
     function : callable
     at : tuple of str, optional
-        Names of the guards at whose events it is evaluated; empty for a quantity of the state.
+        Names of the guards at whose events the function is evaluated; empty for a quantity of the
+        state.
     reduce : {"sum", "mean", "min", "max", "gain"}, optional
         Reduction in studies: for values at events the sum per period, or the mean, smallest or
         largest value; "gain" is the change per period of a quantity of the state.
@@ -84,10 +85,10 @@ class Quantity:
         attributes such as `Orbit.gains`, `Orbit.impacts` or `Orbit.period`.
     unit : str, optional
     solved : bool, optional
-        Whether it requires converged orbits rather than first-order approximations, because it
-        depends on derivatives, as `Orbit.multipliers` do.
+        Whether the function requires converged orbits rather than first-order approximations,
+        because it depends on derivatives, as `Orbit.multipliers` do.
     costly : bool, optional
-        Whether to compute it only if it is requested by name.
+        Whether to compute the quantity only if requested by name.
 
     See Also
     --------

@@ -70,8 +70,8 @@ MAX_DISPLAYED_COMPONENTS = 8  # largest number of components in a repr
 class State:
     """A state of a system, with its mode and the phase of the forcing.
 
-    Values are in the units of the system. Components that are not given are those of the system's
-    initial state.
+    Values are in the units of the system. A component that is not given has its value in the
+    system's initial state.
 
     Parameters
     ----------

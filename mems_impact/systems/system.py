@@ -68,28 +68,29 @@ class System(HybridSystem):
     flow : callable
         ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` provide
         states and parameters by name (``y.x``, ``p.omega``); ``t`` is the time since the start of
-        the run; with a period, the flow is periodic and receives it less whole periods. For many
-        states, ``flow(mode, t, y, p, dy)`` writes the derivatives into
-        ``dy``, and ``y`` is an array (see `mems_impact.hybrid.definition`).
+        the run; with a period, the flow is periodic and receives the time less whole periods. For
+        many states, ``flow(mode, t, y, p, dy)`` writes the derivatives into ``dy``, and ``y`` is an
+        array (see `mems_impact.hybrid.definition`).
     parameters : mapping of str to float, optional
         Names and values.
     guards : sequence of Guard, optional
         Events that end a mode or are recorded: `Guard` and `Impact`.
     parts : sequence of Part, optional
         Ready-made components: `Friction`, `Stopper`, `Relay`, `SwitchingSurface`. ``flow`` then
-        returns the derivatives without them, and reads the mode of each part by its name
+        returns the derivatives without the parts, and reads the mode of each part by its name
         (``mode.wall``).
     masses : mapping of str to float, str or callable, optional
         Masses of the bodies on which parts act, by velocity: numbers, names of parameters or
         functions of ``p``; 1 by default.
     modes : sequence of Mode or str, optional
-        All modes, from `modes`; required if there are several and no guard names one.
+        All modes, from `modes`; required if there are several and no guard names a mode.
     period : float or callable, optional
-        The forcing period: a number, or ``period(p)``. Without one the functions may depend on
+        The forcing period: a number, or ``period(p)``. Without a period the functions may depend on
         time in any way, but only runs take such a system.
     switches : sequence of float or callable, optional
-        Times, ascending, at which the flow is discontinuous; or ``switches(p)``. With a period they
-        lie in (0, period] and recur; without one they are times above 0 since the start of the run.
+        Times, ascending, at which the flow is discontinuous; or ``switches(p)``. With a period the
+        times lie in (0, period] and recur; without a period they are above 0, since the start of
+        the run.
     switch_transition : callable, optional
         ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; by default
         both are unchanged. An initial state, a sample and the end of a run at such a time are the
@@ -97,13 +98,14 @@ class System(HybridSystem):
     constraints : mapping of mode to callable, optional
         Functions that are zero during a mode, such as the velocity of a body that sticks: ``{STUCK:
         speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the mode must
-        make them zero, and the flow must keep them zero. Equilibria, multipliers and exponents then
-        exclude perturbations that violate them. Parts define their own constraints.
+        make these functions zero, and the flow must keep them zero. Equilibria, multipliers and
+        exponents then exclude perturbations that violate constraints. Parts define their own
+        constraints.
     section : tuple of str and float, optional
         A Poincaré section: a state and its value. Crossings are recorded. The default section of a
         system with forcing is the start of the forcing period.
     initial : mapping of str to float, or State, optional
-        Initial state of runs by default; components that are not given are 0.
+        Initial state of runs by default; missing components are 0.
     observables : sequence of Observable, optional
         Named quantities in tables and studies, in addition to the states.
     units : mapping of str to str, optional
@@ -111,19 +113,19 @@ class System(HybridSystem):
     typical : mapping of str to float, optional
         Typical magnitudes of states, parameters and ``"time"``, or of units: ``{"x": 1e-6, "time":
         1e-3}``, ``{"m": 1e-6, "s": 1e-3}``. Integration and continuation then use variables scaled
-        by them, so that tolerances are relative to them; arguments and results remain in the
+        by these magnitudes, to which tolerances are relative; arguments and results remain in the
         system's units.
     cyclic : sequence of str, optional
-        States on which no function depends, such as a position that only grows. They are
-        accumulated separately, and an orbit need not close in them.
+        States on which no function depends, such as a position that only grows. Cyclic states are
+        accumulated separately, and an orbit need not close in a cyclic state.
     jacobian : callable, optional
         ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
         method "bdf"; finite differences by default.
     time_scale : float or callable, optional
         Characteristic time of the motion, if it is not the period; 1 by default. Guards and flow
-        are evaluated at least sixteen times in it, or a million times since the last event. For an
-        autonomous system, studies and exponents count it in place of forcing periods: give about
-        the period of its cycles.
+        are evaluated at least sixteen times in this time, or a million times since the last event.
+        For an autonomous system, studies and exponents count time scales in place of forcing
+        periods: give about the period of its cycles.
     name : str, optional
 
     Raises
@@ -286,7 +288,7 @@ class System(HybridSystem):
         return self._initial
 
     def shifted(self, values: Mapping[str, float]) -> Self:
-        """Return the system at other values, allowed or not, as continuation needs it."""
+        """Return the system at other values, allowed or not, for continuation."""
         other = self._copy()
         other._parameters = {**self._parameters, **arguments.numbers(values)}
         return other
@@ -364,7 +366,7 @@ class System(HybridSystem):
 
     @property
     def checked_modes(self) -> set[int]:
-        """The modes in which its functions have been validated; mutable."""
+        """The modes in which the functions have been validated; mutable."""
         return checks.checked_modes(self.definition, self._period)
 
     def check_recurrence(self) -> None:
@@ -472,8 +474,8 @@ class System(HybridSystem):
         Parameters
         ----------
         changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: finite
-            differences at the end of a parameter's range go beyond it, as do trial steps.
+            Other values of some parameters, in the system's units, allowed or not, as finite
+            differences and trial steps need them.
         """
         p = self._named({**self._parameters, **(changes or {})}.values())
         time = self.factor("time")
@@ -551,8 +553,8 @@ class System(HybridSystem):
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state whose mode is not given; `y` may be corrected in place.
 
-        If several modes fit, as within the hysteresis of a relay, `mode` is returned if it is one
-        of them.
+        If several modes fit, as within the hysteresis of a relay, `mode` is returned if it is among
+        them.
         """
         if self._begin is None:
             return mode
@@ -573,11 +575,10 @@ class System(HybridSystem):
     def start_in(self, mode: int, time: float, y: Floats, problem: Problem) -> HybridState:
         """Return the initial condition of a run from a state whose mode is given.
 
-        The state may come from a run at other parameters: a body rests on a stop, sticks to a belt
-        or slides along a surface that is elsewhere now, or a switching surface has passed it. So it
-        is moved to where the constraints of its mode hold, or, without constraints, to the guard on
-        which the mode rests; a mode whose margins are negative is replaced by the one that fits.
-        Rounding errors are kept, to resume a run bit for bit.
+        A state from a run at other parameters, in which a body rests, sticks or slides, is moved to
+        where the constraints of its mode hold, or, without constraints, to the guard on which the
+        mode rests; a mode whose margins are negative is replaced by a mode that fits. Rounding
+        errors are kept, to resume a run bit for bit.
         """
         automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
         if mode in automaton.constrained:

@@ -100,7 +100,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     Raises
     ------
     InvalidParameter
-        If `motion` is neither, or the run has no events.
+        If `motion` is neither a run nor an orbit, or the run has no events.
 
     Warns
     -----
@@ -171,7 +171,7 @@ class FrequencyResponse(ParameterResult):
         "omega", or "frequency" if the drive is given by its frequency.
     table : DataFrame
         One row per amplitude, direction and frequency, in the order of computation: these three,
-        the largest deflection of the block (delta if it strikes; NaN if it does not turn back),
+        the largest deflection of the block (delta with impacts; NaN without a turning point),
         impacting, impacts and blows per period, displacement per period, mean speed, and status.
 
     See Also
@@ -314,8 +314,8 @@ class SpeedOverVoltage(ParameterResult):
         The voltage that varies, such as "amplitude".
     table : DataFrame
         One row per amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
-        period, displacement per period, per impact and per blow, mean speed. The period is that of
-        v^2, even if a term depends on the sign of the voltage.
+        period, displacement per period, per impact and per blow, mean speed. The period is the
+        period of v^2, even if a term depends on the sign of the voltage.
 
     See Also
     --------
@@ -334,7 +334,7 @@ class SpeedOverVoltage(ParameterResult):
     def resolution(self) -> float:
         """Return the smallest forward step.
 
-        Only voltages with one blow per forcing period count, as all their steps are equal.
+        Only voltages with one blow per forcing period count, where all steps are equal.
 
         Returns
         -------
@@ -457,9 +457,9 @@ class PeriodOneWindow(SummaryRepr):
     margin : float
         Half the width divided by the middle: the relative tolerance of a voltage in the middle.
     si : bool
-        Whether the quantities are in SI, as they are for a device in SI.
+        Whether the quantities are in SI, as of a device in SI.
     drive_unit : str
-        Their SI unit: "C" under a `ChargeDrive`.
+        SI unit of the amplitudes: "C" under a `ChargeDrive`.
 
     See Also
     --------

@@ -55,7 +55,8 @@ class Closing(Result):
         Number of bounces on the stopper of the first impact that are at least `smallest_bounce`
         high.
     settling_time : float
-        Time from which on the block stays on that stopper [s]; NaN if it does not within the run.
+        Time from which on the block stays on the stopper [s]; NaN if the block does not stay within
+        the run.
     stopper : str
         "right" or "left"; empty if the contact does not close.
     smallest_bounce : float
@@ -119,9 +120,9 @@ def closing(
         A voltage that is switched on at t = 0: `VoltageStep` or `PulseAndHold`, or the first part
         of any other drive.
     duration : float or str, optional
-        Length of the run [s], or a text with a unit; by default until the contact stays closed. It
-        ends after at most 512 natural periods of the block; with a periodic drive after
-        one forcing period, and where a duration is given when the voltage is switched off.
+        Length of the run [s], or a text with a unit; by default until the contact stays closed, at
+        most 512 natural periods of the block, one forcing period of a periodic drive, or until the
+        voltage is switched off.
     initial : State or mapping of str to float, optional
         Initial state; at rest in the middle by default.
     smallest_bounce : float, optional

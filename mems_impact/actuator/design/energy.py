@@ -326,7 +326,8 @@ class Energy(Result):
     sums : WorkSums
         Losses and stored energies over time, in scaled units.
     end : int
-        The row of `sums` at the end; for an orbit one more row may follow, its first blow repeated.
+        The row of `sums` at the end; for an orbit another row may follow, which repeats its first
+        blow.
 
     See Also
     --------
@@ -485,8 +486,7 @@ def energy(
     """Compute the energy balance of a run or an orbit.
 
     The arcs of the motion are integrated again from their initial states, with work and losses as
-    additional states. These are as accurate as the motion, and the balance closes to the tolerance
-    of the run.
+    additional states, so that the balance closes to the tolerance of the run.
 
     Parameters
     ----------

@@ -63,19 +63,18 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
 
     In equilibrium k x2 = alpha v^2 / (d - x2)^2, that is v^2 = k x2 (d - x2)^2 / alpha, which has
     its maximum at x2 = d/3: above ``sqrt(4 k d^3 / (27 alpha))`` there is no equilibrium and the
-    block snaps to the stopper. The block reaches a stopper closer than d/3 before that, at
+    block snaps to the stopper. The block reaches a stopper closer than d/3 at a lower voltage,
     `resting_voltage`.
 
     With terms, the largest voltage of an equilibrium between the position without voltage and the
     stopper is computed numerically. Terms in series with the electrode transmit a slow voltage, and
-    its insulation is free of trapped charge. A force that does not depend on the position, such as
-    that of a comb drive, has no pull-in.
+    its insulation is free of trapped charge. A force that does not depend on the position, as of a
+    comb drive, has no pull-in.
 
     The dynamic pull-in voltage is the least voltage that, switched on suddenly, brings the block
-    from rest to the stopper in a held frame. Without damping, the energy gives
-    v^2 = k d x2 (d - x2) / (2 alpha), with its maximum at x2 = d/2: ``sqrt(k d^3 / (8 alpha))``,
-    0.9186 of the static voltage, for a stopper beyond d/2. With damping or terms it is found by
-    simulation.
+    from rest to the stopper in a held frame. Without damping, the energy gives v^2 = k d x2 (d -
+    x2) / (2 alpha), with its maximum at x2 = d/2: ``sqrt(k d^3 / (8 alpha))``, 0.9186 of the static
+    voltage, for a stopper beyond d/2. With damping or terms, simulations find this voltage.
 
     Parameters
     ----------
@@ -86,7 +85,8 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
     Returns
     -------
     float
-        [V]; 0 if the block is on the stopper without voltage.
+        Voltage Voltage Voltage Voltage Voltage Voltage Voltage Voltage Voltage [V]; 0 if the block
+        is on the stopper without voltage.
 
     Raises
     ------
@@ -116,10 +116,10 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
 def pull_in_charge(actuator: Actuator) -> float:
     """Compute the charge of a `ChargeDrive` at which the block reaches the right stopper.
 
-    With a parasitic capacitance Cp, the block of parallel plates is stable up to
-    (d/3) (1 + 2 alpha/(d Cp)) (J. I. Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656
-    (2003)); it snaps from there, or is pulled as far as a closer stopper. With other terms, the
-    largest charge of an equilibrium is computed numerically, as in `pull_in_voltage`.
+    With a parasitic capacitance Cp, the block of parallel plates is stable up to (d/3) (1 + 2
+    alpha/(d Cp)) (J. I. Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)); the block
+    snaps from there, or is pulled as far as a closer stopper. With other terms, the largest charge
+    of an equilibrium is computed numerically, as in `pull_in_voltage`.
 
     Parameters
     ----------
@@ -129,7 +129,8 @@ def pull_in_charge(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [C]; 0 if the block is on the stopper without charge.
+        Charge Charge Charge Charge Charge Charge Charge Charge Charge [C]; 0 if the block is on the
+        stopper without charge.
 
     Raises
     ------
@@ -203,7 +204,7 @@ def _dynamic_pull_in(actuator: Actuator) -> float:
 
 
 def resting_voltage(actuator: Actuator) -> float:
-    """Compute the voltage above which a block on the right stopper stays there.
+    """Compute the voltage above which a block stays on the right stopper.
 
     The voltage is ``sqrt(k delta / alpha) (d - delta)``, from the balance of attraction and spring
     with the frame at rest. With terms, attraction and adhesion balance all static forces; see
@@ -216,7 +217,7 @@ def resting_voltage(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [V]; 0 if it stays without voltage.
+        Voltage [V]; 0 if the block stays without voltage.
 
     Raises
     ------
@@ -243,10 +244,10 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     """Estimate the displacement of the frame by one impact on the right stopper, from momentum.
 
     A frame at rest leaves an impact of the block at `speed` with v1' = (1 + e) m2/(m1 + m2) speed
-    (Equation 5); friction and the load of spring, damper and attraction just after the impact slow
-    it down by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that it comes to rest after v1'^2/(2
-    a_f). The estimate neglects changes of load and friction during the slip, and events before
-    rest, in particular another impact. Terms contribute their forces just after the impact.
+    (Equation 5); friction and the load of spring, damper and attraction just after the impact
+    decelerate the frame by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that the frame stops after
+    v1'^2/(2 a_f). The estimate neglects changes of load and friction during the slip, and events
+    before rest, in particular another impact. Terms contribute their forces just after the impact.
 
     Parameters
     ----------
@@ -259,7 +260,8 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     Returns
     -------
     float or ndarray
-        [m]; infinite if the load overcomes friction.
+        Displacement Displacement Displacement Displacement Displacement Displacement Displacement
+        Displacement Displacement [m]; infinite if the load overcomes friction.
 
     Raises
     ------

@@ -205,8 +205,8 @@ class Fit(SummaryRepr):
         The actuator with the fitted values.
     parameters : DataFrame
         One row per free parameter: start, fitted value, bounds, standard error (infinite if the
-        data do not depend on it), whether the data determine it (to less than its value) and
-        whether it is at a bound.
+        data do not depend on the parameter), whether the data determine the parameter (to less than
+        its value) and whether it is at a bound.
     residuals : DataFrame
         One row per target: measured, computed, difference, and difference divided by the tolerance.
     singular_values : float array
@@ -293,7 +293,7 @@ def fit(
         Forcing periods discarded in each run. The defaults suit a drive much slower than the
         resonance.
     periods : int, optional
-        Forcing periods measured after them.
+        Forcing periods measured after the transient.
     initial : State, optional
         Initial state of the runs.
     options : Options, optional

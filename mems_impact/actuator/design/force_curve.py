@@ -53,17 +53,18 @@ class ForceCurve(Result):
         whether it is from an "orbit" or a "run".
     sliding_force : float
         Largest load at which every slip ends by itself: the friction on a slipping frame [N]. Above
-        it, a device that slips back runs away.
+        this load, a device that slips back runs away.
     holding_force : float
         Largest load that static friction holds without voltage [N].
     walking_force : float
         Largest load at which the device walks on the continued orbit: above it the frame breaks
-        away backwards during a rest and runs away [N]; NaN if it is above the given loads, or no
-        orbit was continued. A device whose frame slips back in every period has no such load: it
-        slows down, stalls, and walks back.
+        away backwards during a rest and runs away [N]; NaN if this load is above the given loads,
+        or no orbit was continued. A device whose frame slips back in every period has no such load,
+        but slows down, stalls, and walks back.
     stall_force : float
-        Load at which the speed is zero, interpolated between two rows [N]; NaN if there is none: a
-        device that friction holds between its blows still walks at the load that breaks it away.
+        Load at which the speed is zero, interpolated between two rows [N]; NaN if the speed is
+        never zero: a device that friction holds between its blows still walks at the load at which
+        its frame breaks away.
 
     See Also
     --------
@@ -115,8 +116,8 @@ def force_curve(
 ) -> ForceCurve:
     """Compute the mean speed of a device over an opposing force.
 
-    Loads are processed in ascending order, each from the state at the previous one: along a stable
-    periodic orbit if there is one, otherwise by runs.
+    Loads are processed in ascending order, each from the state at the previous load, along a stable
+    periodic orbit, or else by runs.
 
     Parameters
     ----------

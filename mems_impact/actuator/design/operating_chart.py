@@ -78,7 +78,7 @@ class OperatingChart(Result):
     ----------
     system : ActuatorSystem
     frequencies : tuple of float
-        The range of the chart, of omega or, if the drive has one, of its frequency [Hz].
+        The range of omega or, for a drive given by its frequency, of the frequency [Hz].
     special_points : tuple of CodimensionTwo
         Points of codimension two of the grazing curve, which separate the types.
     notes : tuple of str
@@ -988,12 +988,12 @@ def operating_chart(
     and off at the grazing; type III switches on at the fold of the orbit without impacts and off in
     a crisis of the chaotic attractor, which is located by simulation.
 
-    If the spring moves the frame before the block strikes, or keeps it slipping after a weak
-    impact, there are no types. The chart then contains, at `crises` frequencies (9 if that is 0,
-    without the off-boundary), the voltage of the first slip; the voltage of the first impact, on
-    the orbit with slip; the voltage below which impacts cease, by simulation; and the window of the
-    period-1 orbit with impacts, bounded by period doublings, folds or grazings. Curves of these
-    points join two frequencies if they connect them.
+    If the spring moves the frame before the block strikes, or keeps the frame slipping after a weak
+    impact, there are no types. The chart then contains, at `crises` frequencies (for 0, at 9
+    frequencies without the off-boundary), the voltage of the first slip; the voltage of the first
+    impact, on the orbit with slip; the voltage below which impacts cease, by simulation; and the
+    window of the period-1 orbit with impacts, bounded by period doublings, folds or grazings.
+    Curves of these points join frequencies that they connect.
 
     Parameters
     ----------
@@ -1006,7 +1006,7 @@ def operating_chart(
         the paper this is the range of Fig. 7, 0.44 to 0.51. The default may replace either end.
     frequency : tuple of float, optional
         Range of the frequency [Hz], in place of `omega`. Tables and figures are then in hertz, as
-        they are if the drive was given by its frequency.
+        for a drive given by its frequency.
     crises : int, optional
         Number of frequencies of type III at which the crisis is simulated, >= 0.
     columns : int, optional
@@ -1021,7 +1021,7 @@ def operating_chart(
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
     progress : bool or callable, optional
-        True: a line on standard error for each part. A function is called with that line.
+        True: a line on standard error for each part. A function is called with the line.
 
     Returns
     -------

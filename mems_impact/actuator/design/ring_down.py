@@ -60,17 +60,17 @@ class RingDown(Result):
     decrement : float
         Logarithmic decrement: mean logarithm of the ratio of two successive amplitudes.
     damping_ratio, quality : float
-        Damping ratio and quality factor of the linear oscillator with that decrement.
+        Damping ratio and quality factor of the linear oscillator with this decrement.
     time_constant : float
         Mean time in which the amplitude falls to 1/e [s].
     time : float
         Time from switching off until the amplitude has fallen to `share` of the first measured
         amplitude [s].
     table : DataFrame
-        One row per measured cycle: t (since switching off) and amplitude; for decays over hundreds
-        of cycles nine of them.
+        One row per measured cycle: t (since switching off) and amplitude; nine rows for a decay
+        over hundreds of cycles.
     si : bool
-        Whether the quantities are in SI, as they are for a device in SI.
+        Whether the quantities are in SI, as of a device in SI.
 
     See Also
     --------
@@ -112,8 +112,8 @@ def ring_down(
     system : Actuator and Drive, or Run or Orbit
         A run or an orbit provides its device and, as `initial`, its last state.
     initial : State or mapping of str to float, optional
-        The state at switching off; by default a kick (see `kicked_state`), or a weaker one if
-        impacts or slip of the frame last long after it.
+        The state at switching off; by default a kick (see `kicked_state`), or a weaker kick if
+        impacts or slip of the frame last long.
     share : float, optional
         Fraction of the first measured amplitude at which the measurement ends; between 0 and 1.
     options : Options, optional
@@ -136,8 +136,8 @@ def ring_down(
     Notes
     -----
     A decay over hundreds of cycles is not simulated to its end: its decrement is measured at nine
-    amplitudes from the first one down to its `share`, with tolerances adapted to its size. The
-    table then has a row for each of these.
+    amplitudes down to `share` of the first amplitude, with tolerances adapted to the size of the
+    amplitude. The table then has a row for each of these.
 
     With only the damper of the paper, and the frame at rest, the decrement is 2 pi zeta/sqrt(1 -
     zeta^2) with zeta = c/(2 sqrt(k m2)).

@@ -59,7 +59,8 @@ class SoftLanding(Result):
     speed : float
         Largest impact speed of the closing under this voltage [m/s].
     step_speed : float
-        That under a step to the voltage of the pulse [m/s]; NaN if this closes no contact.
+        Largest impact speed under a step to the voltage of the pulse [m/s]; NaN if the step closes
+        no contact.
     values : dict of str to float
         The optimal parameters.
     ended : str
@@ -134,8 +135,8 @@ def soft_landing(
         pull-in voltage.
     over : mapping of str to tuple of float, optional
         Parameters of the voltage to vary and their bounds, which may have units; by default
-        ``width`` and ``pause`` up to half a natural period. If the closing time under a step is
-        longer, it is their upper bound.
+        ``width`` and ``pause`` up to half a natural period. A longer closing time under a step is
+        their upper bound.
     iterations : int, optional
         Largest number of iterations of each search.
     options : Options, optional

@@ -125,7 +125,7 @@ class StaticForces:
         return max(forces) - min(forces) <= CONSTANT_RTOL * max(forces)
 
     def resting(self) -> float:
-        """Compute the voltage above which a block on the right stopper stays there."""
+        """Compute the voltage above which a block stays on the right stopper."""
         delta = self.actuator.delta
         return math.sqrt(max(self.squared_holding_voltage(delta) - self._adhesion(delta), 0.0))
 

@@ -30,18 +30,18 @@ class WearLife(SummaryRepr):
     normal_force : float
         Normal force of the frame on the ground [N].
     slip_per_period, slip_per_blow : float
-        Total slip path of the frame [m]; per blow NaN without blows.
+        Total slip path of the frame [m]; NaN per blow without blows.
     volume_per_blow : float
         Worn volume [m^3]; NaN without blows.
     blows : float
         Blows (see `mems_impact.BlowStatistics`) until the depth is reached; infinite without slip,
         0 if the frame slips without blows.
     time : float
-        Time until then [s].
+        Time until the depth is reached [s].
     distance : float
-        Distance walked until then [m].
+        Distance walked until the depth is reached [m].
     si : bool
-        Whether the quantities are in SI, as they are for a device in SI.
+        Whether the quantities are in SI, as of a device in SI.
 
     See Also
     --------
@@ -94,8 +94,8 @@ def life(
     depth : float
         Allowed wear depth [m], > 0.
     normal_force : float, optional
-        Normal force of the frame on the ground [N], > 0. By default the normal force of the weight;
-        required if static friction exceeds it, as in a clamped device given by its friction forces.
+        Normal force of the frame on the ground [N], > 0. By default the weight; required if static
+        friction exceeds the weight, as in a clamped device given by its friction forces.
 
     Returns
     -------

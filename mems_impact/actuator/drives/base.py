@@ -51,22 +51,21 @@ class Drive(Checked, ABC):
     ----------
     period : float
         The forcing period, > 0: the period of v(t)^2, to which the electrostatic force is
-        proportional. It may be shorter than the period of v(t).
+        proportional, and which may be shorter than the period of v(t).
     switches : tuple of float
         The times in (0, period], ascending, at which v or its rate is discontinuous; empty if v is
         smooth. Integration stops and restarts there.
     time_scale : float
         Characteristic time of the voltage, `period` by default: no step of the integration is
-        longer than 1/16 of it. It must be shorter for a waveform with short features that are not
-        bounded by switches.
+        longer than 1/16 of it. A waveform with short features that are not bounded by switches
+        needs a shorter time.
     left_voltage, left_rate : callable or None
         Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
     units : mapping of str to str
         The SI unit of every field that is not dimensionless: "V" (a charge in C if the actuator has
-        a `ChargeDrive`), "s", "rad/s" or "Hz" (see
-        `mems_impact.actuator.units.KNOWN_UNITS`). It determines `scaled`, and the heading of the
-        field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that
-        unit.
+        a `ChargeDrive`), "s", "rad/s" or "Hz" (see `mems_impact.actuator.units.KNOWN_UNITS`). The
+        unit determines `scaled`, and the heading of the field in tables of a device in SI. A field
+        may hold a tuple (of tuples) of numbers in its unit.
 
     Methods
     -------
@@ -184,8 +183,7 @@ class Drive(Checked, ABC):
         Parameters
         ----------
         **changes : object
-            New values, by parameter name. Of ``omega`` and ``frequency``, the one that is given
-            replaces both.
+            New values, by parameter name. Either of ``omega`` and ``frequency`` replaces both.
 
         Raises
         ------
@@ -224,7 +222,7 @@ class Drive(Checked, ABC):
 
         Notes
         -----
-        For a waveform without switches it is determined by samples; a subclass may override it.
+        Samples decide for a waveform without switches; a subclass may override the attribute.
         """
         return not self.switches and _signs(self) is Signs.ALTERNATE
 
@@ -268,7 +266,7 @@ class Drive(Checked, ABC):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers that can be varied; those of a nested drive as ``wave.omega``."""
+        """Names of the numbers that can be varied; in a nested drive as ``wave.omega``."""
         result: list[str] = []
         for name in type(self).model_fields:
             value = getattr(self, name)
@@ -281,7 +279,7 @@ class Drive(Checked, ABC):
         return tuple(result)
 
     def number(self, name: str) -> float:
-        """Return the number of that name, one of `names`."""
+        """Return the number with a name, one of `names`."""
         owner, _, nested = name.partition(".")
         value = getattr(self, owner)
         return value.number(nested) if nested else value
@@ -314,7 +312,7 @@ class Drive(Checked, ABC):
         return self.replace(**changes) if checked else self.replace_unchecked(**changes)
 
     def unit(self, name: str) -> str:
-        """Return the SI unit of the number of that name, empty if dimensionless."""
+        """Return the SI unit of a number, empty if dimensionless."""
         owner, _, nested = name.partition(".")
         return getattr(self, owner).unit(nested) if nested else self.units.get(name, "")
 

@@ -31,11 +31,11 @@ class Burst(Drive):
     Parameters
     ----------
     wave : Drive
-        The waveform that is switched on and off; each burst starts at its t = 0, which its phase
-        shifts.
+        The waveform that is switched on and off; each burst starts at t = 0 of the waveform, which
+        the phase of the waveform shifts.
     on : float
         Length of the burst in forcing periods of `wave`, > 0, not necessarily an integer. A period
-        of a sine without bias counts two of them.
+        of a sine without bias has two forcing periods.
     off : float, optional
         Length of the pause in forcing periods of `wave`, > 0.
     pause : float, optional

@@ -62,10 +62,10 @@ class Custom(Drive):
     ----------
     function : callable
         ``function(t, q)`` returns the voltage. It is plain Python on floats that numba compiles:
-        `math`, arithmetic, branches, and functions of the same kind. Its square must have the given
-        period; at a switch it returns the value after it.
+        `math`, arithmetic, branches, and functions of the same kind. The square of the voltage must
+        have the given period; at a switch, the function returns the value after the switch.
     rate : callable
-        ``rate(t, q)`` returns its time derivative.
+        ``rate(t, q)`` returns the time derivative of the voltage.
     period : float
         Forcing period [s], > 0.
     values : mapping of str to float, optional
@@ -83,8 +83,9 @@ class Custom(Drive):
     Raises
     ------
     InvalidParameter
-        If a parameter is out of range, missing or unknown; if numba cannot compile a function, or
-        it raises; if the rate is not the derivative, or the period not that of the square.
+        If a parameter is out of range, missing or unknown; if numba cannot compile a function, or a
+        function raises; if the rate is not the derivative of the voltage, or the square of the
+        voltage has another period.
 
     See Also
     --------
@@ -204,7 +205,7 @@ class Custom(Drive):
         return tuple(name for name, _ in self.values)
 
     def number(self, name: str) -> float:
-        """Return the value of that name."""
+        """Return the value with a name."""
         return dict(self.values)[name]
 
     def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:

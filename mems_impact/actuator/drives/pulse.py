@@ -29,8 +29,8 @@ class Pulse(PiecewiseDrive):
     period : float
         Time from one pulse to the next [s], > 0; the forcing period.
     width : float
-        Time from the beginning of the rise to the beginning of the fall [s], > 0. With equal
-        flanks it is the width at half height.
+        Time from the beginning of the rise to the beginning of the fall [s], > 0. With equal flanks
+        `width` is the width at half height.
     rise, fall : float, optional
         Duration of the flanks [s], >= 0; rise <= width and width + fall <= period.
     low : float, optional

@@ -33,8 +33,8 @@ class PulseAndHold(AperiodicDrive):
     low : float, optional
         Voltage in the pause [V].
     rise : float, optional
-        Duration of each flank [s], >= 0 and no longer than the pulse, and than the pause unless
-        that is 0.
+        Duration of each flank [s], >= 0 and no longer than the pulse, and than the pause unless the
+        pause is 0.
     duration : float, optional
         Time after which the voltage is switched off for as long [s], to start again; never by
         default. The forcing period is twice the duration.

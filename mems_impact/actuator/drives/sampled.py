@@ -48,9 +48,9 @@ class Sampled(PiecewiseDrive):
     voltages : sequence of float
         Voltages [V] at these times.
     period : float, optional
-        Forcing period [s]. By default the record is one period: up to its last sample if that
-        repeats the voltage of the first one, else, if the samples are equally spaced, one
-        spacing further.
+        Forcing period [s]. By default the record is one period: up to its last sample if the first
+        and the last voltage are equal, else, if the samples are equally spaced, one spacing
+        further.
     phase : float, optional
         Phase of the waveform [rad]; 2 pi is a period.
 
@@ -67,10 +67,11 @@ class Sampled(PiecewiseDrive):
     -----
     The interpolant is the monotone cubic of Fritsch and Butland (SciPy's "pchip"), closed over the
     period. It has a continuous rate, so that the integration need not stop at every sample, and no
-    overshoot: it never leaves the range between two neighbouring samples. Where the record bends
-    so sharply that a step of the integration might pass over it, there is a switch: after every
+    overshoot: it never leaves the range between two neighbouring samples. Where the record bends so
+    sharply that a step of the integration might pass over the bend, there is a switch: after every
     stretch over which the slope changes, in sum, by a quarter of the range in 1/16 of a period. A
-    smooth record has a few of them, a noisy one at every sample: smooth it first.
+    smooth record has a few switches, a noisy record a switch at every sample: smooth a noisy record
+    first.
 
     If the square of the voltage has half the period of the voltage, give half the record, unless
     the actuator has a term that depends on the sign.
@@ -102,8 +103,8 @@ class Sampled(PiecewiseDrive):
         ----------
         path : str or os.PathLike
             Columns separated by comma, semicolon, tab or blanks. Headings, settings written by an
-            oscilloscope, and lines that begin with # are skipped, apart from units such as
-            ``time [ms], voltage [mV]``; without them, numbers are in SI.
+            oscilloscope, and lines that begin with # are skipped, apart from units such as ``time
+            [ms], voltage [mV]``; without units, numbers are in SI.
         period, phase : float, optional
             As for the class.
 

@@ -19,7 +19,7 @@ __all__ = ["Square"]
 class Square(PiecewiseDrive):
     """A square wave: `amplitude` for a fraction of the period, then `low`.
 
-    Without a phase it begins to rise at t = 0.
+    Without a phase the wave begins to rise at t = 0.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class Square(PiecewiseDrive):
 
     Notes
     -----
-    The forcing period is 2 pi/omega, and pi/omega if the lower half mirrors the upper one (low =
-    -amplitude and duty = 1/2), since the force is the same. Without a rise time that wave exerts a
-    constant force, as does any with low = -amplitude or low = amplitude; a warning is issued.
+    The forcing period is 2 pi/omega, and pi/omega if the lower half mirrors the upper half (low =
+    -amplitude and duty = 1/2), since the force is the same. Without a rise time a wave with low =
+    -amplitude or low = amplitude exerts a constant force; a warning is issued.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class Square(PiecewiseDrive):
 
     @property
     def changes_sign(self) -> bool:
-        """True if the lower half mirrors the upper one."""
+        """True if the lower half mirrors the upper half."""
         return self.duty == 0.5 and self.low == -self.amplitude
 
     @property
@@ -108,7 +108,7 @@ class Square(PiecewiseDrive):
         return self.phase / self.omega
 
     def pieces(self) -> list[Piece]:
-        """Return rise, top, fall and bottom; the first half of them if v^2 repeats in the other."""
+        """Return rise, top, fall and bottom; rise and top alone if v^2 repeats after them."""
         low, top, rise, period = self.low, self.amplitude, self.rise, self.period
         if not self.changes_sign:
             return pulse(low, top, period, width=self.duty * period, rise=rise, fall=rise)

@@ -34,7 +34,7 @@ class TwoSided(Drive):
     ----------
     right, left : Drive
         The two voltages, each one-sided, with an arbitrary relative phase. The ratio of their
-        forcing periods must be that of two integers up to 64.
+        forcing periods must be a ratio of two integers up to 64.
 
     Raises
     ------
@@ -47,8 +47,8 @@ class TwoSided(Drive):
 
     Notes
     -----
-    The forcing period is the least common multiple of both. It is not halved if the left side
-    repeats the right one half a period later, since the block then moves in the mirror image.
+    The forcing period is the least common multiple of both. The period is not halved if the left
+    side repeats the right side half a period later, since the block then moves in the mirror image.
 
     Examples
     --------
@@ -92,7 +92,7 @@ class TwoSided(Drive):
 
     @property
     def period(self) -> float:
-        """Forcing period: the least common multiple of both sides'."""
+        """Forcing period: the least common multiple of the periods of both sides."""
         count = self._counts
         assert count is not None
         return count[0] * self.right.period

@@ -16,8 +16,8 @@ __all__ = ["VoltageStep"]
 class VoltageStep(AperiodicDrive):
     """A voltage that is switched on at t = 0 and stays.
 
-    A step has no forcing period. Functions that need one, such as `find_orbit`, take a step with a
-    duration.
+    A step has no forcing period. Functions that need a forcing period, such as `find_orbit`, take a
+    step with a duration.
 
     Parameters
     ----------

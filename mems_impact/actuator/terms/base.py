@@ -237,9 +237,9 @@ class Term(Checked, ABC):
     """Base class of optional terms of an actuator's model: ``actuator.adding(Tilt(angle=0.1))``.
 
     A term is a subclass in its own file in `mems_impact.actuator.terms`, named like the file, which
-    registers it for device files, parameters and the command line. It declares its parameters as
-    pydantic fields (with the number types of `mems_impact.actuator.parameter_base`): its functions
-    read numbers and tuples of numbers, other fields are part of its `shape`.
+    registers it for device files, parameters and the command line. The subclass declares its
+    parameters as pydantic fields (with the number types of `mems_impact.actuator.parameter_base`):
+    its functions read numbers and tuples of numbers, other fields are part of its `shape`.
 
     Attributes
     ----------
@@ -247,24 +247,24 @@ class Term(Checked, ABC):
         The SI unit of every field and state that is not dimensionless, such as "N/m^3" (kg, m, s, V
         and derived units).
     replaced_rule : str
-        The rule of the paper that it replaces, if any: "stopper" (with its restitution),
+        The rule of the paper that the term replaces, if any: "stopper" (with its restitution),
         "restitution", "friction", "spring", "source" (an ideal voltage), "electrode" (the
         capacitance of a parallel plate, on the sides of a field `sides`). An actuator has at most
-        one term for each.
+        one term for each rule.
     plates : bool
-        Whether its electrodes are plates, with the constant `alpha` and the gap `d`.
+        Whether the electrodes of the term are plates, with the constant `alpha` and the gap `d`.
     layer : int
         Terms modify an electrode in ascending order: 0 for terms in the gap, 1 for terms in series
-        with it. The latter transmit a constant voltage.
+        with the electrode, which transmit a constant voltage.
     signed : bool
-        Whether it depends on the sign of the voltage. Forces are proportional to its square, so
-        that a period of v is two forcing periods if v changes its sign; with such a term it is one.
+        Whether the term depends on the sign of the voltage. With such a term, a period of v that
+        changes its sign is one forcing period, otherwise two, since forces are proportional to v^2.
     stiff : bool
-        Whether its states may decay much faster than the motion, as the gas of a thin film does:
-        method "auto" is then the default.
+        Whether states of the term may decay much faster than the motion, such as the gas of a thin
+        film: method "auto" is then the default.
     in_series : bool
-        Whether it makes the voltage at the electrode differ from the drive's. Tables then have a
-        column for it.
+        Whether the voltage at the electrode, a column of tables, differs from the voltage of the
+        drive.
     drive_unit : str
         SI unit of the values of the drive: "V", or "C" for a drive that sets the charge.
 
@@ -293,7 +293,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def name(cls) -> str:
-        """Return its name in files and parameters: the name of its module."""
+        """Return the name in files and parameters: the name of the module."""
         return cls.__module__.rpartition(".")[2]
 
     @classmethod
@@ -303,7 +303,7 @@ class Term(Checked, ABC):
 
     @classmethod
     def acts_at(cls, shape: Shape, side: int) -> bool:
-        """Return whether it acts at the electrode on `side`: 1 for the right, -1 for the left."""
+        """Return whether the term acts at the electrode on `side`: 1 for right, -1 for left."""
         sides = dict(zip(cls.model_fields, shape, strict=True)).get("sides", "both")
         return sides in ("both", "right" if side > 0 else "left")
 
@@ -369,12 +369,12 @@ class Term(Checked, ABC):
     def bounds(cls, indices: ParameterIndices, shape: Shape, compliant: bool) -> tuple[Bound, ...]:
         """Return bounds that numbers of the actuator and the term set for each other.
 
-        `compliant` tells whether the actuator has compliant stoppers.
+        `compliant` is True if the actuator has compliant stoppers.
         """
         return ()
 
     def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
+        """Raise InvalidParameter if the term does not fit the other parameters of the actuator."""
         bounds = self.bounds(self.kind.indices(eq.DRIVE), self.shape, is_compliant(actuator))
         p = (*actuator.to_array(), *self.numbers(DIMENSIONLESS)) if bounds else ()
         for bound in bounds:
@@ -386,9 +386,9 @@ class Term(Checked, ABC):
                 raise InvalidParameter(bound.name, number, allowed)
 
     def check_resolved(self, options: Options, scales: Scales, capacitance: float) -> None:
-        """Raise InvalidParameter if the tolerances of a run do not resolve it.
+        """Raise InvalidParameter if the tolerances of a run do not resolve the term.
 
-        `capacitance` is the scaled one of the right electrode at x2 = 0.
+        `capacitance` is the scaled capacitance of the right electrode at x2 = 0.
         """
 
     @classmethod
@@ -418,9 +418,10 @@ class Term(Checked, ABC):
     def electrode_rates(
         cls, indices: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
-        """Return ``rate(v, x, speed, y, p)`` of each of its states at a complete electrode.
+        """Return ``rate(v, x, speed, y, p)`` of each state of the term at a complete electrode.
 
-        ``v`` is the voltage of the drive, ``x`` and ``speed`` are of the block towards it.
+        ``v`` is the voltage of the drive, ``x`` and ``speed`` are the block's, towards the
+        electrode.
         """
         return ()
 

@@ -25,8 +25,8 @@ class ChargeDrive(Term):
     Parameters
     ----------
     parasitic_capacitance : float, optional
-        Parasitic capacitance to ground, parallel to the electrode [F], >= 0. It takes a part of the
-        charge.
+        Parasitic capacitance to ground, parallel to the electrode [F], >= 0, which takes a part of
+        the charge.
 
     Raises
     ------
@@ -45,10 +45,10 @@ class ChargeDrive(Term):
         charge = C(x) (node - offset) + Cp node,
 
     with the capacitance C(x) of the electrode and terms in its gap, and the parasitic capacitance
-    Cp. Without the latter, the force charge^2/(4 alpha) of parallel plates does not depend on the
-    gap, so that there is no pull-in. With it, the block is stable up to (d/3) (1 + 2 alpha/(d Cp)),
-    which is beyond the gap if Cp is below half of the capacitance of the electrodes (J. I. Seeger,
-    B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)).
+    Cp. Without Cp, the force charge^2/(4 alpha) of parallel plates does not depend on the gap, so
+    that there is no pull-in. With Cp, the block is stable up to (d/3) (1 + 2 alpha/(d Cp)), which
+    is beyond the gap if Cp is below half of the capacitance of the electrodes (J. I. Seeger, B. E.
+    Boser, J. Microelectromech. Syst. 12, 656 (2003)).
 
     Examples
     --------

@@ -28,7 +28,7 @@ class CombDrive(Term):
     Parameters
     ----------
     fingers : float
-        Number of fingers of the block at an electrode, each between two fixed ones; > 0.
+        Number of fingers of the block at an electrode, each between two fixed fingers; > 0.
     gap : float
         Gap between neighbouring fingers [m], > 0.
     thickness : float
@@ -37,8 +37,8 @@ class CombDrive(Term):
         Length over which the fingers overlap at x2 = 0 [m], above delta; with
         compliant stoppers above half of d + delta.
     permittivity : float, optional
-        Permittivity of the gap [F/m], > 0; that of vacuum by default. Required in a dimensionless
-        device.
+        Permittivity of the gap [F/m], > 0; the permittivity of vacuum by default. Required in a
+        dimensionless device.
     sides : {"both", "right", "left"}, optional
         The electrodes that are combs; any other electrode remains a parallel plate.
 
@@ -95,7 +95,7 @@ class CombDrive(Term):
         return (Bound(name="comb_drive.overlap", value=reach_function(compliant), meaning=meaning),)
 
     def check_on(self, actuator: Device) -> None:
-        """Raise InvalidParameter if it does not fit, or is in other units."""
+        """Raise InvalidParameter if the comb does not fit, or is in other units."""
         super().check_on(actuator)
         if actuator.units == "dimensionless" and self.permittivity == PERMITTIVITY:
             problem = "missing; the default is in SI, and the device is dimensionless"

@@ -19,7 +19,7 @@ class DielectricCharging(Term):
     ----------
     share : float
         Fraction of a constant voltage that trapped charge compensates in the end [-], between -1
-        and 1; positive values screen the voltage, negative ones add to it.
+        and 1; positive values screen the voltage, negative values add to the voltage.
     time : float
         Time constant of the charging [s], > 0.
 
@@ -37,7 +37,7 @@ class DielectricCharging(Term):
     The trapped charge acts as a voltage in series with the electrode, ``offset`` (and
     ``left_offset``), a state that is 0 initially; the force is proportional to (node - offset)^2,
     so that the curve of force over voltage is shifted (J. Wibbeler, G. Pfeifer, M. Hietschold,
-    Sens. Actuators A 71, 74 (1998)). It follows the voltage at the electrode,
+    Sens. Actuators A 71, 74 (1998)). The offset follows the voltage at the electrode,
 
         d offset/dt = (share node - offset)/time
 

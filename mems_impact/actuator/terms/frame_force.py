@@ -15,7 +15,7 @@ class FrameForce(Term):
     Parameters
     ----------
     force : float
-        Force [N], positive to the left: walking to the right is work against it.
+        Force [N], positive to the left: walking to the right is work against the force.
 
     Raises
     ------

@@ -13,7 +13,7 @@ class FrameSpring(Term):
     """A spring between frame and ground, without force at x1 = 0.
 
     The frame walks until an impact makes it slip under a spring force above dynamic friction. If
-    mu_s is above mu_d it then slides back, and starts to walk again.
+    mu_s is above mu_d the frame then slides back, and walks again.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class FrameSpring(Term):
     Notes
     -----
     Static friction holds a frame without voltage up to abs(x1) = mu_s (m1 + m2) g/k1. The position
-    x1 is then not cyclic: an orbit must close in it too.
+    x1 is then not cyclic: an orbit must close in x1 too.
 
     Examples
     --------

@@ -22,7 +22,7 @@ class Fringing(Term):
     width : float
         Width of the electrodes [m], at least twice the widest gap, d + delta.
     length : float, optional
-        Length of the electrodes [m], with the same minimum; without it only two edges count.
+        Length of the electrodes [m], with the same minimum; without a length only two edges count.
 
     Raises
     ------
@@ -40,10 +40,10 @@ class Fringing(Term):
         1 + gap/(pi width) (1 + ln(2 pi width/gap))
 
     and times the same of the length (H. B. Palmer, Electr. Eng. 56, 363 (1937)); the force is
-    exactly half its derivative, times the square of the voltage. With the width alone that is the
-    paper's force times 1 + gap/(pi width). For long plates, against a solution of the integral
-    equation of their charges, it is too large by 0.3 % at a gap of a tenth of the width, 1.4 % at a
-    quarter and 4.0 % at half of it, the end of the range.
+    exactly half its derivative, times the square of the voltage. With the width alone the force is
+    the paper's times 1 + gap/(pi width). For long plates, against a solution of the integral
+    equation of their charges, the force is too large by 0.3 % at a gap of a tenth of the width, by
+    1.4 % at a quarter and by 4.0 % at half, the end of the range.
 
     Examples
     --------

@@ -30,9 +30,9 @@ class PowerLawRestitution(Term):
 
     Notes
     -----
-    e (1 + (v/speed)^2)^(-exponent/2) at the speed v of the block: e below, e (v/speed)^-exponent
-    above (Johnson, Contact Mechanics, 1985, Section 11.5; Goldsmith, Impact, 1960), and
-    smooth between, where it is at most a factor 2^(-exponent/2) below that corner.
+    e (1 + (v/speed)^2)^(-exponent/2) at the speed v of the block: e below `speed`, e
+    (v/speed)^-exponent above (Johnson, Contact Mechanics, 1985, Section 11.5; Goldsmith, Impact,
+    1960), and smooth between, at most a factor 2^(-exponent/2) below the corner.
 
     Examples
     --------

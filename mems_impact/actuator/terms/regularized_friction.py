@@ -22,8 +22,7 @@ WIDTH_TOLERANCES = (
 class RegularizedFriction(Term):
     """Friction regularized near zero speed: the frame never sticks, but creeps under any load.
 
-    This is the common substitute for switching between sticking and slipping, included for
-    comparison.
+    A common substitute for switching between sticking and slipping, for comparison.
 
     Parameters
     ----------
@@ -33,7 +32,7 @@ class RegularizedFriction(Term):
     Raises
     ------
     InvalidParameter
-        If the value is out of range; at a run, if its tolerances do not resolve it.
+        If the value is out of range; at a run, if the tolerances do not resolve the width.
 
     See Also
     --------
@@ -42,10 +41,10 @@ class RegularizedFriction(Term):
     Notes
     -----
     mu_d tanh(v1/width) times the normal force N; mu_s is not used. Under a constant load F the
-    frame creeps at width artanh(F/(mu_d N)). It always slips: ``share slipping`` is 1, and a step
-    lasts until the next impact. Narrow widths make the equations stiff. Integration errors would
-    reverse a frame that creeps more slowly than the absolute tolerance, so the width must be at
-    least 1000 times `Options.atol`, in scaled units.
+    frame creeps at width artanh(F/(mu_d N)). The frame always slips: ``share slipping`` is 1, and a
+    step lasts until the next impact. Narrow widths make the equations stiff. Integration errors
+    would reverse a frame that creeps more slowly than the absolute tolerance, so the width must be
+    at least 1000 times `Options.atol`, in scaled units.
 
     Examples
     --------

@@ -38,8 +38,8 @@ class SeriesResistance(Term):
     parasitic_capacitance : float, optional
         Parasitic capacitance to ground, parallel to the electrode [F], >= 0.
     current_limit : float, optional
-        Largest current of the source to each electrode, in either direction [A]; by default it is
-        unlimited.
+        Largest current of the source to each electrode, in either direction [A]; unlimited by
+        default.
 
     Raises
     ------
@@ -61,7 +61,8 @@ class SeriesResistance(Term):
     Senturia, *Microsystem Design*, 2001, Chapter 6). Slow charging prevents pull-in: at constant
     charge, without parasitic capacitance, the attraction does not grow as the gap closes (J. I.
     Seeger, B. E. Boser, J. Microelectromech. Syst. 12, 656 (2003)). The charge has the sign of the
-    voltage: if the sign alternates, the forcing period is that of the voltage, not of its square.
+    voltage: if the sign alternates, the forcing period is the period of the voltage, not of its
+    square.
 
     A current (v - node)/resistance above the limit is replaced by the limit. The modes of the
     motion then have the suffix "source", for a current to the electrode, or "sink", and tables of

@@ -29,10 +29,10 @@ class SlewRate(Term):
 
     Notes
     -----
-    The output of the source equals the voltage of the drive while that changes at less than the
-    rate. Otherwise it changes at the rate until it equals the drive again. Both instants, and the
-    ramps between them, are computed before a run from the drive alone; they are switching times.
-    The output belongs to a source in its periodic regime, from the start of a run on.
+    The output of the source equals the voltage of the drive while this voltage changes at less than
+    the rate. Otherwise the output changes at the rate until it equals the drive again. The ends of
+    these ramps, computed before a run, are switching times. The output belongs to a source in its
+    periodic regime, from the start of a run on.
 
     Examples
     --------

@@ -64,7 +64,7 @@ class SqueezeFilm(Term):
     -----
     ValidityWarning
         After a run, if the mean pressure differed from the ambient pressure by more than a fifth of
-        it, or the Knudsen number of the gap exceeded 880.
+        the ambient pressure, or the Knudsen number of the gap exceeded 880.
 
     See Also
     --------
@@ -72,17 +72,17 @@ class SqueezeFilm(Term):
 
     Notes
     -----
-    Reynolds' equation, isothermal and linear in the pressure but not in the gap, mode by mode
-    (J. J. Blech, *J. Lubrication Technology* 105 (1983) 615; T. Veijola et al., *J.
-    Microelectromech. Syst.* 4 (1995) 109). Each mode is a compartment of a share of the face, whose
-    gas would fill the gap h + u at the ambient pressure, h being the gap: u is its state, and
+    Reynolds' equation, isothermal and linear in the pressure but not in the gap, mode by mode (J.
+    J. Blech, *J. Lubrication Technology* 105 (1983) 615; T. Veijola et al., *J. Microelectromech.
+    Syst.* 4 (1995) 109). Each mode is a compartment of a share of the face, whose gas would fill
+    the gap h + u at the ambient pressure, h being the gap: u is the state of the compartment, and
 
         du/dt = -dh/dt - u/tau,        tau = 12 mu_eff s/(pressure h^2)
 
-    with 1/s = pi^2 (k^2/length^2 + l^2/width^2), k and l odd; it presses with pressure u/h. What
-    the modes leave out of the face is put together so that the stiffness at high frequencies,
-    pressure area/h, and the damping at low ones are exact. mu_eff = viscosity/(1 + 9.638 Kn^1.159),
-    Kn the mean free path by h. See docs/terms/squeeze_film.md.
+    with 1/s = pi^2 (k^2/length^2 + l^2/width^2), k and l odd, and presses with pressure u/h.
+    Compartments for the remaining modes keep the stiffness at high frequencies, pressure area/h,
+    and the damping at low frequencies exact. mu_eff = viscosity/(1 + 9.638 Kn^1.159), Kn the mean
+    free path by h. See docs/terms/squeeze_film.md.
 
     Examples
     --------

@@ -22,8 +22,8 @@ class TabulatedCapacitance(TableTerm):
     ----------
     positions : tuple of float
         Positions of the block towards the electrode [m], ascending, four or more: x2 for the right
-        electrode, -x2 for the left one. They cover the travel from -delta to
-        delta; with compliant stoppers up to halfway between stopper and electrode.
+        electrode, -x2 for the left electrode. The table covers the travel from -delta to delta;
+        with compliant stoppers up to halfway between stopper and electrode.
     capacitances : tuple of float
         The capacitance at each position [F], > 0, ascending.
     sides : {"both", "right", "left"}, optional
@@ -42,9 +42,9 @@ class TabulatedCapacitance(TableTerm):
     Notes
     -----
     The interpolant is a spline of degree 5 with four continuous derivatives. Where it is not
-    monotone, slopes and second derivatives at the adjacent points are limited so that it is, with
-    two continuous derivatives. The force is half the derivative of this spline times the square of
-    the voltage, so that the energy balance holds to the tolerance of the integration.
+    monotone, slopes and second derivatives at the adjacent points are limited to make the spline
+    monotone, with two continuous derivatives. The force is half the derivative of this spline times
+    the square of the voltage, so that the energy balance holds to the tolerance of the integration.
 
     The spline passes through every point, so its derivative amplifies noise: smooth a noisy
     measurement first. A few points beyond the stoppers make the derivatives there more accurate.

@@ -39,12 +39,12 @@ class TabulatedSpring(TableTerm):
 
     Notes
     -----
-    The interpolant, as of `TabulatedCapacitance`, is monotone wherever three successive
-    intervals of the table are. The energy of the spring is its integral; in the table of `energy`
+    The interpolant, as of `TabulatedCapacitance`, is monotone wherever three successive intervals
+    of the table are monotone. The energy of the spring is its integral; in the table of `energy`
     the account "spring" is k x2^2/2, and "tabulated_spring" the rest.
 
     `k` does not enter the force: it is the stiffness of small oscillations, ``slope(0.0)`` of the
-    table. `Actuator.from_design` takes it from there. ``TabulatedSpring.from_csv(path,
+    table, from which `Actuator.from_design` takes `k`. ``TabulatedSpring.from_csv(path,
     column_units=("um", "uN"))`` reads a file of two columns; in a device file, these are the
     entries ``file`` and ``column_units``.
 

@@ -47,7 +47,7 @@ class TiltedPlate(Term):
     Notes
     -----
     With the gap d - x in the middle and the wedge w = length abs(angle)/2, half the difference of
-    the gaps at both ends, the capacitance is (alpha/w) ln((d - x + w)/(d - x - w)), that of two
+    the gaps at both ends, the capacitance is (alpha/w) ln((d - x + w)/(d - x - w)), as of two
     plates in planes that intersect at this angle, without fringing fields; the force is alpha
     voltage^2/((d - x)^2 - w^2). The angle is constant: electrostatic torque does not turn the
     block.

@@ -704,7 +704,7 @@ class StoredStudy(SummaryRepr):
     done, total : int
         Number of completed points, and of all points.
     failed : int
-        Number of failed points among the completed ones.
+        Number of failed points among the completed points.
     identity : dict
         Inputs of the numbers: system, values, options, seeds.
     attrs : dict
@@ -751,8 +751,8 @@ class StoredStudy(SummaryRepr):
     def discard_failed(self) -> int:
         """Delete the stored chunks with failed points, so that the same call computes them again.
 
-        A point depends on its number alone, so that repetition helps where the machine failed: a
-        lost worker, lack of memory. In a chain the chunks after a deleted one are deleted too.
+        Repetition helps where the machine failed: a lost worker, lack of memory. In a chain the
+        chunks after a deleted chunk are deleted too.
 
         Returns
         -------

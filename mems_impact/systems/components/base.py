@@ -297,12 +297,12 @@ class Part:
     def mode_conditions(self, names: CodeNames) -> list[str]:
         """Return the conditions under which each of its modes fits the state, in order.
 
-        They can use ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, which is 1 if an
-        event of another part may have changed the state, or at the start of a run.
+        Conditions can use ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, which is 1 if
+        an event of another part may have changed the state, or at the start of a run.
         """
 
     def preferred_mode(self, names: CodeNames) -> str:
-        """Return the preferred mode if several fit: by default the one before."""
+        """Return the preferred mode if several fit: by default the mode before."""
         return names.last
 
     @abstractmethod

@@ -48,7 +48,7 @@ class Stribeck:
     Parameters
     ----------
     static, dynamic, speed, viscous : float or str
-        Numbers, or names of parameters, none below 0 and `speed` above; `viscous` is 0 by default.
+        Numbers, or names of parameters, >= 0; `speed` > 0; `viscous` is 0 by default.
 
     See Also
     --------
@@ -79,15 +79,15 @@ class Friction(Contact):
     """Dry friction on a body, with sticking.
 
     The friction force on a sliding body is mu times the normal force. When its relative speed
-    reaches zero, the body sticks if the force that balances all others is within the static limit;
-    otherwise it slides in the direction of the load. It breaks away when the load reaches the
-    limit.
+    reaches zero, the body sticks if the force that balances all other forces is within the static
+    limit; otherwise the body slides in the direction of the load. A sticking body breaks away when
+    the load reaches the limit.
 
     Parameters
     ----------
     name : str
     velocity : str
-        The state on which it acts.
+        The velocity of the body.
     mu : float, str, callable or Stribeck
         The coefficient of sliding friction, >= 0: a number, a parameter, or ``mu(speed, p)`` of
         the relative speed (>= 0), or a `Stribeck` law.
@@ -99,7 +99,7 @@ class Friction(Contact):
         at zero speed, the default.
     surface : float, str or callable, optional
         The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
-        another velocity of the system. If that velocity has a mass, the reaction acts on it.
+        another velocity of the system. If this velocity has a mass, the reaction acts on it.
 
     See Also
     --------
@@ -197,7 +197,7 @@ class Friction(Contact):
         ]
 
     def preferred_mode(self, names: CodeNames) -> str:
-        """Return the mode before, or stuck if it comes to rest."""
+        """Return the mode before, or stuck if the body comes to rest."""
         return f"({STUCK} if own < 0 and {self.holding_condition(names)} else {names.last})"
 
     def limits(self) -> list[Limit]:

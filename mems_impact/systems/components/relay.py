@@ -15,8 +15,8 @@ LOW, HIGH = 0, 1
 class Relay(Part):
     """A relay with hysteresis: high when its input rises to `upper`, low when it falls to `lower`.
 
-    Between the thresholds it keeps its mode. The flow reads 0 or 1 as ``mode.name``. A run that
-    starts between the thresholds starts low, unless ``State(mode="high")`` is given.
+    Between the thresholds the relay keeps its mode. The flow reads 0 or 1 as ``mode.name``. A run
+    that starts between the thresholds starts low, unless ``State(mode="high")`` is given.
 
     Parameters
     ----------

@@ -44,8 +44,8 @@ class Stopper(Contact):
         Coefficient of restitution: a number, a parameter or ``restitution(p)``, from 0 to 1. An
         `Impact` of your own may add energy.
     against : str or tuple of str, optional
-        Position and velocity of the other body; its velocity alone if `position` is the distance
-        from it. A body without a mass moves as the flow prescribes, unaffected by impacts.
+        Position and velocity of the other body; its velocity alone if `position` is the distance of
+        both bodies. A body without a mass moves as the flow prescribes, unaffected by impacts.
 
     See Also
     --------
@@ -121,7 +121,7 @@ class Stopper(Contact):
         return {FREE: self.force_sign}
 
     def force_limits(self, names: CodeNames) -> tuple[str, str]:
-        """Return the limits of its force: unbounded in its direction, zero in the other."""
+        """Return the limits of the force: unbounded in its direction, else zero."""
         return ("math.inf", "") if self.upper is not None else ("", "math.inf")
 
     def holding_condition(self, names: CodeNames) -> str:
@@ -169,7 +169,7 @@ class Stopper(Contact):
         return [Limit(f"restitution of {self.name!r}", self.restitution, high=1.0)]
 
     def constraints(self, names: CodeNames) -> list[Constraint]:
-        """Return the constraints of a closed gap and zero relative speed where it holds."""
+        """Return the constraints in contact: a closed gap and zero relative speed."""
         position, at, _ = self.geometry(names)
         slopes = {position: "1.0"}
         if isinstance(self.against, tuple):

@@ -19,7 +19,7 @@ class SwitchingSurface(Part):
     The flow reads ``mode.name`` as 1 where ``h > 0`` and as -1 where ``h < 0``. A state that
     reaches the surface crosses it if the flow on the other side leads away. If both flows lead
     towards the surface, the state slides with the flow ``(f+ L- - f- L+)/(L- - L+)``, where L+ and
-    L- are the derivatives of h along both flows, until one of them changes its sign.
+    L- are the derivatives of h along both flows, until L+ or L- changes its sign.
 
     Parameters
     ----------
@@ -42,8 +42,9 @@ class SwitchingSurface(Part):
     Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
     up`` and ``NAME leaves down``. Where several surfaces meet and no motion leads away, the state
     slides on their intersection, with the velocity of the convex combinations of all flows around
-    it that keep every h at zero. If these have several velocities, or if several motions lead away,
-    the run ends with an error that gives two of them; a start there is a `StartWarning`.
+    the intersection that keep every h at zero. If these combinations have several velocities, or if
+    several motions lead away, the run ends with an error that gives two velocities or motions; a
+    start there is a `StartWarning`.
 
     References
     ----------
