@@ -85,8 +85,7 @@ def pull_in_voltage(actuator: Actuator, *, dynamic: bool = False) -> float:
     Returns
     -------
     float
-        Voltage Voltage Voltage Voltage Voltage Voltage Voltage Voltage Voltage [V]; 0 if the block
-        is on the stopper without voltage.
+        Voltage [V]; 0 if the block is on the stopper without voltage.
 
     Raises
     ------
@@ -129,8 +128,7 @@ def pull_in_charge(actuator: Actuator) -> float:
     Returns
     -------
     float
-        Charge Charge Charge Charge Charge Charge Charge Charge Charge [C]; 0 if the block is on the
-        stopper without charge.
+        Charge [C]; 0 if the block is on the stopper without charge.
 
     Raises
     ------
@@ -260,8 +258,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     Returns
     -------
     float or ndarray
-        Displacement Displacement Displacement Displacement Displacement Displacement Displacement
-        Displacement Displacement [m]; infinite if the load overcomes friction.
+        Displacement [m]; infinite if the load overcomes friction.
 
     Raises
     ------
