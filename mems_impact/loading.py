@@ -150,22 +150,24 @@ def _reader(source: str, allow_code: bool) -> Callable[[], Any] | None:
 
 
 def _text_reader(source: str, allow_code: bool) -> Callable[[], Any]:
-    from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES, load_drive
-    from mems_impact.actuator.parameters import load_actuator
-    from mems_impact.actuator.system_files import load_study
+    from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES, drive_in_file, load_drive
+    from mems_impact.actuator.parameters import actuator_in_file
+    from mems_impact.actuator.system_files import study_in_file
     from mems_impact.actuator.toml_files import parse_toml, read_bytes
 
     if source.lower().endswith(SAMPLE_SUFFIXES):
         return lambda: load_drive(source)
     raw = read_bytes(source, REMEDY, kind="TOML file")
-    tables = parse_toml(raw, source, REMEDY).keys()
-    if "study" in tables:
-        return lambda: load_study(source, allow_code=allow_code)
-    drive = "drive" in tables
-    if not tables & {"parameters", "design"}:
+    content = parse_toml(raw, source, REMEDY)
+    if "study" in content:
+        return lambda: study_in_file(content, source, allow_code)
+    drive = "drive" in content
+    if not content.keys() & {"parameters", "design"}:
         if not drive:
             raise InvalidFile(source, "holds none of the tables that can be loaded", REMEDY)
-        return lambda: load_drive(source, allow_code=allow_code)
+        return lambda: drive_in_file(content, source, allow_code)
     if not drive:
-        return lambda: load_actuator(Path(source))
-    return lambda: load_actuator(Path(source)).under(load_drive(source, allow_code=allow_code))
+        return lambda: actuator_in_file(content, source)
+    return lambda: actuator_in_file(content, source).under(
+        drive_in_file(content, source, allow_code)
+    )

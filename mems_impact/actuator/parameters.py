@@ -42,6 +42,7 @@ __all__ = [
     "PARAMETER_MEANINGS",
     "PARAMETER_NAMES",
     "Actuator",
+    "actuator_in_file",
     "device_text",
     "load_actuator",
     "numbers_for",
@@ -614,10 +615,15 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     content = parse_toml(
         raw, source, 'a table [parameters] or [design] of lines like m1 = 5.0 or gap = "4 um"'
     )
+    return actuator_in_file(content, source)
+
+
+def actuator_in_file(content: Mapping[str, Any], source: str) -> Actuator:
+    """Return the device of a TOML file."""
     names = term_names()
-    tables = {name: content.pop(name) for name in list(content) if name in names}
+    tables = {name: content[name] for name in content if name in names}
     try:
-        file = _DeviceFile(**content)
+        file = _DeviceFile(**{name: content[name] for name in content if name not in names})
         terms = tuple(term_of(name, table, Path(source).parent) for name, table in tables.items())
         if "design" in content:
             actuator = Actuator.from_design(**file.design, terms=terms)

@@ -374,7 +374,7 @@ class BlowStatistics(SummaryRepr):
     ('20.0 nm', 1.0)
     """
 
-    si_units = {"displacement_per_blow": "m", "displacement_std": "m"}  # noqa: RUF012 - ClassVar in Summarized
+    _si_units = {"displacement_per_blow": "m", "displacement_std": "m"}  # noqa: RUF012 - ClassVar in Summarized
 
     count: int
     per_period: float
@@ -386,7 +386,7 @@ class BlowStatistics(SummaryRepr):
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
-    kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
+    _stored: ClassVar[tuple[str, ...]] = (*Run._stored, "blows")
     figure = "mems_impact.actuator.plots:plot_run"
     scene = "mems_impact.actuator.plots:device_scene"
 
@@ -450,7 +450,7 @@ class ActuatorRun(_OfActuator, Run):
     @cached_property
     def measured(self) -> Statistics:
         """The statistics by name, dimensionless like the trajectory."""
-        gatherer = self.gatherer
+        gatherer = self._accumulator
         assert isinstance(gatherer, Accumulator)
         borders = [self._state_at(border) for border in (0, 1)]
         return gatherer.measured(self.trajectory.final, borders)

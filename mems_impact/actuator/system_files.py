@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from mems_impact._util import plugins
-from mems_impact._util.files import file_path
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, load_drive
 from mems_impact.actuator.parameter_base import unknown
@@ -20,14 +19,12 @@ from mems_impact.actuator.system import kicked_state
 from mems_impact.actuator.toml_files import (
     CodeRequest,
     execute_code,
-    parse_toml,
-    read_bytes,
     resolve_code_path,
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["is_system_name", "load_study", "load_system"]
+__all__ = ["is_system_name", "load_system", "study_in_file"]
 
 # --- Systems in Python code
 
@@ -153,24 +150,17 @@ class StudyFile:
         return verb_of(self.kind)(self.system, **{**self.arguments, **changes})
 
 
-def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyFile:
-    """Load a study from a TOML file; see `mems_impact.load`."""
-    source = file_path(path, "the path of a TOML file")
-    content = _content(source)
+def study_in_file(content: Mapping[str, Any], source: str, allow_code: bool) -> StudyFile:
+    """Return the study of a TOML file; see `mems_impact.load`."""
     try:
         for name in content:
             if name not in FILE_TABLES:
                 raise unknown(name, content[name], FILE_TABLES)
-        if not isinstance(content.get("study"), dict):
+        if not isinstance(content["study"], dict):
             raise InvalidFile(source, "holds no table [study]", STUDY_FILE_REMEDY)
         return _Reader(content, Path(source), allow_code).study()
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
-
-
-def _content(source: str) -> dict[str, Any]:
-    raw = read_bytes(source, STUDY_FILE_REMEDY, kind="study file")
-    return parse_toml(raw, source, 'a table [study] of lines like kind = "map"')
 
 
 class _Reader:

@@ -576,7 +576,7 @@ def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Opti
     length = recurrence.transient + recurrence.periods
     try:
         span = span_of(case.system, length, options)
-        simulate(case.system, **span, initial=case.initial, options=options).gathered  # noqa: B018
+        simulate(case.system, **span, initial=case.initial, options=options)._scaled_statistics  # noqa: B018
     except (RunError, FunctionError, InvalidParameter) as error:
         return str(error)
     return "the run ends before that"

@@ -103,7 +103,7 @@ class ContinuationResult(Result):
     ended: str
     numeric: Any
 
-    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+    _stored: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
     @property
     def of(self) -> str:

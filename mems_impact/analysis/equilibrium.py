@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +56,6 @@ class Equilibrium(Result):
 
     system: HybridSystem = field(repr=False)
     numeric: EquilibriumState = field(repr=False)
-
-    kept: ClassVar[tuple[str, ...]] = ()
 
     def __repr__(self) -> str:
         kind = stability_name(self.stable)

@@ -110,7 +110,7 @@ class Orbit(Result):
     system: HybridSystem = field(repr=False)
     numeric: PeriodicOrbit = field(repr=False)
 
-    kept: ClassVar[tuple[str, ...]] = (
+    _stored: ClassVar[tuple[str, ...]] = (
         "events",
         "impacts",
         "observables",

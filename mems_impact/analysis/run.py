@@ -82,7 +82,7 @@ class Run(Result):
     ended: str = "time"
     _gatherer: StatisticsAccumulator | LazyStatistics = field(repr=False, compare=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered", "settling")
+    _stored: ClassVar[tuple[str, ...]] = ("events", "impacts", "_scaled_statistics", "settling")
 
     def __repr__(self) -> str:
         first, last = (border * self.unit for border in self.extent)
@@ -285,7 +285,7 @@ class Run(Result):
             If a statistic still changes by more than 0.1 % (see `Settling`).
         """
         self.warn_of_transient()
-        return run_tables.statistics(self.gathered, self.system)
+        return run_tables.statistics(self._scaled_statistics, self.system)
 
     def warn_of_transient(self) -> None:
         """Warn if the statistics belong to a transient."""
@@ -304,16 +304,16 @@ class Run(Result):
         """The distance of the statistics from the statistics of the attractor."""
         first, last = (border / self.unit for border in self.window)
         window = TimeWindow(first, last, self.trajectory.period).until(self.trajectory.final)
-        return settling_of(self.system, self.trajectory, window, self.gathered)
+        return settling_of(self.system, self.trajectory, window, self._scaled_statistics)
 
     @cached_property
-    def gathered(self) -> Mapping[str, float]:
+    def _scaled_statistics(self) -> Mapping[str, float]:
         """The statistics by name, in scaled units."""
         borders = [self._state_at(border) for border in (0, 1)]
-        return self.gatherer.result(self.trajectory.final, borders)
+        return self._accumulator.result(self.trajectory.final, borders)
 
     @property
-    def gatherer(self) -> StatisticsAccumulator:
+    def _accumulator(self) -> StatisticsAccumulator:
         """The accumulator of the statistics, after all events."""
         waiting = self._gatherer
         return waiting.ready if isinstance(waiting, LazyStatistics) else waiting
@@ -332,7 +332,7 @@ class Run(Result):
         cycle, time = TimeWindow(first, last, period).instant(border)
         if (final.cycle, final.time) <= (cycle, time):
             return final.y
-        anchor = self.gatherer.anchor(border)
+        anchor = self._accumulator.anchor(border)
         wait = (cycle - anchor.cycle) + (time - anchor.time) / period
         if wait <= 0.0 or not self.system.moves(anchor):
             return anchor.y

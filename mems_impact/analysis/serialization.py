@@ -87,7 +87,7 @@ def register_run(kind: type[run.Run]) -> None:
             **{name: getattr(value, name) for name in ("system", "options", "keep", "window")},
             "ended": value.ended,
             "trajectory": {name: getattr(value.trajectory, name) for name in TRAJECTORY},
-            "gatherer": value.gatherer,
+            "gatherer": value._accumulator,
         }
 
     def constructor(trajectory: Mapping[str, Any], gatherer: Any, **values: Any) -> run.Run:

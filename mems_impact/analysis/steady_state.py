@@ -115,7 +115,7 @@ def _on_orbit(run: Run, measured: float, progress: Any) -> Run | None:
     if other.settling.kind == CHANGING:
         return None
     for name, row in run.settling.rows.items():
-        value = other.gathered.get(name, math.nan)
+        value = other._scaled_statistics.get(name, math.nan)
         apart = abs(value - row.limit) - SETTLING_RTOL * abs(value)
         if math.isfinite(row.error) and apart > AGREEMENT * row.error:
             return None

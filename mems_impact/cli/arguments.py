@@ -25,10 +25,10 @@ from mems_impact.cli.value_types import (
     RangeType,
     ToleranceType,
 )
+from mems_impact.studies.engine import EXECUTORS
 
 __all__ = ["Command", "FunctionOptions", "function_options", "given_arguments", "option_of_field"]
 
-EXECUTORS = ("threads", "processes")  # `mems_impact.studies.engine.config` is slow to import
 GIVEN = "mems_impact.arguments"  # in the context of click: those given, by function
 
 OPTION_NAMES = {

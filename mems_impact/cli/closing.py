@@ -73,7 +73,7 @@ def show_closing(closing: mi.Closing) -> None:
     """Show a closing and its first impacts."""
     names = ("stopper", "closing_time", "impact_speed", "bounces", "settling_time")
     values = {
-        name.replace("_", " "): OutputValue(getattr(closing, name), closing.si_units.get(name, ""))
+        name.replace("_", " "): OutputValue(getattr(closing, name), closing._si_unit(name))
         for name in names
     }
     values["energy input"] = OutputValue(closing.energy.input, "J")

@@ -165,7 +165,7 @@ class BifurcationDiagram(Result):
     finished: tuple[str, ...] = PARTS
     inputs: dict[str, Any] = field(default_factory=dict, repr=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+    _stored: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
     @property
     def complete(self) -> bool:

@@ -248,7 +248,7 @@ class SweepStudy(Study):
             run.warn_of_transient()
             statistics = {}
             for name in system.sweep_statistics:
-                statistics[name] = system.out(name, run.gathered[name])
+                statistics[name] = system.out(name, run._scaled_statistics[name])
                 statistics[sweep_tables.error_column(name)] = run.settling.remaining(name)
             numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         except (RunError, InvalidParameter, FunctionError) as error:

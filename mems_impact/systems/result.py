@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 __all__ = ["ParameterResult", "Result", "SummaryRepr", "deep_equal"]
 
-SAVED_TABLES_FIELD = "_kept"  # tables of a result loaded without its system's functions
+SAVED_TABLES_FIELD = "_attached"  # tables of a result loaded without its system's functions
 
 
 class SummaryRepr:
     """Representation as a small table in notebooks, and as one line in Python."""
 
-    si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    _si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Units of its numbers if its field `si` is true: those of a device in SI."""
 
     def summary(self) -> dict[str, Any]:
@@ -45,7 +45,7 @@ class SummaryRepr:
         return f"{type(self).__name__}({', '.join(lines)})"
 
     def _si_unit(self, name: str) -> str:
-        return self.si_units.get(name, "") if getattr(self, "si", False) else ""
+        return self._si_units.get(name, "") if getattr(self, "si", False) else ""
 
     def _repr_html_(self) -> str:
         rows = {
@@ -64,7 +64,7 @@ class Result(SummaryRepr):
     tables are computed again on access.
     """
 
-    kept: ClassVar[tuple[str, ...]] = ()
+    _stored: ClassVar[tuple[str, ...]] = ()
     """Attributes that need the system's functions, saved if a file cannot hold these."""
 
     def __eq__(self, other: object) -> bool:
@@ -110,7 +110,7 @@ class Result(SummaryRepr):
 
         save(self, path)
 
-    def attach_saved_tables(self, tables: Mapping[str, Any]) -> None:
+    def _attach(self, tables: Mapping[str, Any]) -> None:
         """Attach the saved tables, which cannot be computed without functions."""
         vars(self).update(tables)
         vars(self)[SAVED_TABLES_FIELD] = tuple(tables)

@@ -54,7 +54,7 @@ def test_half_a_turn_per_period():
     true = 1.0 + abs(forward) ** 2 + abs(backward) ** 2
     row = run.settling.rows["drift"]
     assert abs(row.limit - true) <= row.error + 1e-3
-    assert mi.steady_state(run).gathered["drift"] == pytest.approx(true, rel=1e-3)
+    assert mi.steady_state(run).statistics["drift"] == pytest.approx(true, rel=1e-3)
 
 
 def test_a_mean_that_is_zero_by_symmetry():
@@ -80,8 +80,8 @@ def test_chaos_has_an_error_that_longer_runs_confirm():
     run = mi.simulate(system, 400)
     assert run.settling.kind == "fluctuating"
     assert "is known within" in str(run.settling)
-    long = mi.simulate(system, 8000, keep="statistics").gathered["drift"]
-    assert abs(run.gathered["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
+    long = mi.simulate(system, 8000, keep="statistics").statistics["drift"]
+    assert abs(run.statistics["drift"] - long) <= 2.0 * run.settling.rows["drift"].remaining
 
 
 @pytest.mark.slow
@@ -107,7 +107,7 @@ def test_deviations_of_chaos(amplitude, omega):
     device = mi.load_actuator("zhao2004")
     drive, start = mi.Sine(amplitude=amplitude, omega=omega), mi.kicked_state(device)
     run = mi.simulate(device, drive, 300, initial=start)
-    long = mi.simulate(device, drive, 6_000, initial=start, keep="statistics").gathered
+    long = mi.simulate(device, drive, 6_000, initial=start, keep="statistics").statistics
     for name in ("displacement per impact", "displacement per blow"):
         row = run.settling.rows[f"{name} std"]
         assert row.kind == "fluctuating"
@@ -146,5 +146,5 @@ def test_an_autonomous_oscillator():
 def test_the_checkpoints_do_not_change_the_motion():
     system = _relaxing(0.9)
     first, second = (mi.simulate(system, length, window=(10, 90)) for length in (90, 97))
-    assert first.gathered == second.gathered
+    assert first.statistics.equals(second.statistics)
     assert np.array_equal(first.trajectory.checkpoints.y[-1], first.trajectory.final.y)

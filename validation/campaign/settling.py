@@ -112,7 +112,7 @@ def _long_mean(run: mi.Run) -> float | None:
         if length >= 2.0 * run.periods:
             long = mi.simulate(run.system, length, keep="statistics", options=run.options)
             if run.settling.kind != FLUCTUATING or long.settling.kind == FLUCTUATING:
-                return float(long.gathered[DRIFT])
+                return float(long.statistics[DRIFT])
     return None
 
 

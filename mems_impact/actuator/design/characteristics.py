@@ -483,7 +483,7 @@ class PeriodOneWindow(SummaryRepr):
     drive_unit: str = "V"
 
     @property
-    def si_units(self) -> Mapping[str, str]:  # type: ignore[override]
+    def _si_units(self) -> Mapping[str, str]:  # type: ignore[override]
         """SI units of the amplitudes."""
         return dict.fromkeys(("low", "high"), self.drive_unit)
 

@@ -82,7 +82,7 @@ class Closing(Result):
     '6.97e-11 J dissipated'
     """
 
-    si_units = {"closing_time": "s", "impact_speed": "m/s", "settling_time": "s"}  # noqa: RUF012 - ClassVar in SummaryRepr
+    _si_units = {"closing_time": "s", "impact_speed": "m/s", "settling_time": "s"}  # noqa: RUF012 - ClassVar in SummaryRepr
 
     closing_time: float
     impact_speed: float

@@ -85,7 +85,7 @@ class RingDown(Result):
     ('0.1000', '5.00')
     """
 
-    si_units = {"frequency": "Hz", "time_constant": "s", "time": "s"}  # noqa: RUF012 - ClassVar in Summarized
+    _si_units = {"frequency": "Hz", "time_constant": "s", "time": "s"}  # noqa: RUF012 - ClassVar in Summarized
 
     frequency: float
     decrement: float

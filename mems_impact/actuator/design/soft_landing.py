@@ -86,7 +86,7 @@ class SoftLanding(Result):
     True
     """
 
-    si_units = {"speed": "m/s", "step_speed": "m/s"}  # noqa: RUF012 - ClassVar in SummaryRepr
+    _si_units = {"speed": "m/s", "step_speed": "m/s"}  # noqa: RUF012 - ClassVar in SummaryRepr
 
     drive: PulseAndHold
     speed: float

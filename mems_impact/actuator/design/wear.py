@@ -57,7 +57,7 @@ class WearLife(SummaryRepr):
     ('81 m', '20.0 nm')
     """
 
-    si_units = {  # noqa: RUF012 - ClassVar in Summarized
+    _si_units = {  # noqa: RUF012 - ClassVar in Summarized
         "normal_force": "N", "slip_per_period": "m", "slip_per_blow": "m",
         "volume_per_blow": "m^3", "time": "s", "distance": "m",
     }  # fmt: skip

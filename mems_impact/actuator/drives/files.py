@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -26,6 +27,7 @@ from mems_impact.errors import InvalidFile, InvalidParameter
 
 __all__ = [
     "SAMPLE_SUFFIXES",
+    "drive_in_file",
     "drive_in_table",
     "drive_kinds",
     "drive_of_kind",
@@ -59,6 +61,11 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
         return record
     raw = read_bytes(source, DRIVE_FILE_REMEDY, kind="drive file")
     content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
+    return drive_in_file(content, source, allow_code)
+
+
+def drive_in_file(content: Mapping[str, Any], source: str, allow_code: bool) -> Drive:
+    """Return the drive of a TOML file."""
     try:
         for name, value in content.items():
             if name not in ("drive", *_BESIDE, *term_names()):

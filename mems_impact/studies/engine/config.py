@@ -26,6 +26,7 @@ from mems_impact._util.quantities import has_unit
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
 from mems_impact.errors import InvalidParameter
 from mems_impact.integrators.options import Options
+from mems_impact.studies.engine import EXECUTORS
 from mems_impact.studies.engine.executors import cores
 from mems_impact.studies.optimize import (
     Bounds,
@@ -185,8 +186,6 @@ STUDY_KINDS = {
     "optimize": "mems_impact.studies.engine.config:optimize_from",
 }
 """Verbs by the kind of study."""
-
-EXECUTORS = ("threads", "processes")
 
 _AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
 

@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 # Incremented with every change of the format; no other format is read.
-FILE_FORMAT = 4
+FILE_FORMAT = 5
 HEADER = "header.json"
 ARRAY = ".npy"
 # Bytes per compressed byte. Headers of results have up to 8, and take ten times as much memory;
@@ -84,7 +84,7 @@ def _stored_attributes(value: Any) -> dict[str, Any]:
     if system is None or system.is_data_only:
         return {}
     attributes = {}
-    for name in value.kept:
+    for name in value._stored:
         try:
             attributes[name] = getattr(value, name)
         except MemsImpactError:  # a run without events has no table of them

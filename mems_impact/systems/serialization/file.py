@@ -39,7 +39,7 @@ def load_result(path: str | PathLike[str], *, system: HybridSystem | None = None
             raise InvalidFile(source, "holds no result", FILE_REMEDY)
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
         if tables and system is None:
-            value.attach_saved_tables(tables)
+            value._attach(tables)
         _check_shown(value)
     except InvalidFile:
         raise
