@@ -80,7 +80,7 @@ QUICK_COUNTS = {"voltages": 13, "crises": 0, "slips": 3, "samples": 16}
 """Voltages of the sweep, simulated frequencies of the chart, those if the frame slips, devices."""
 RESONANCES = {
     1: ", around the resonance",
-    2: ", around half the resonance, where the force, with twice the frequency, excites it",
+    2: ", around half the resonance, which the force excites with twice the frequency",
 }
 """Where the chart lies, by the forcing periods in a period of the voltage."""
 SWEEP_RANGE = (0.4, 1.3)  # of the drive's amplitude

@@ -445,7 +445,7 @@ def layout_of(actuator: Actuator, electrodes: int) -> Layout:
     if missing:
         names = ", ".join(term.name() for term in actuator.terms)
         problem = (
-            f"without {' and '.join(missing)} a device has events, and these no Verilog-A form; "
+            f"a device without {' and '.join(missing)} has events, which have no Verilog-A form; "
             "add these terms, or export an FMU"
         )
         raise InvalidParameter("terms", names or None, "", problem=problem)
@@ -467,8 +467,8 @@ def refuse(names: Sequence[str]) -> None:
         terms = dict.fromkeys(name.partition(".")[0] for name in names)
         calls = ", ".join(f'"{term}"' for term in terms)
         problem = (
-            f"no Verilog-A form; export actuator.without({calls}), and let the circuit contain "
-            "what belongs to the source"
+            f"no Verilog-A form; export actuator.without({calls}), and put the "
+            "source in the circuit"
         )
         raise InvalidParameter("terms", ", ".join(names), "", problem=problem)
 

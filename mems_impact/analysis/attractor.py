@@ -579,7 +579,7 @@ def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Opti
         simulate(case.system, **span, initial=case.initial, options=options)._scaled_statistics  # noqa: B018
     except (RunError, FunctionError, InvalidParameter) as error:
         return str(error)
-    return "the run ends before that"
+    return "an ordinary run does not fail"
 
 
 def span_of(system: HybridSystem, length: float, options: Options) -> dict[str, Any]:

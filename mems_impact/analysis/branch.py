@@ -1021,7 +1021,9 @@ def continue_curve(
         if isinstance(special, SpecialPoint):
             start = special.without_impact
     if parameter == first:
-        raise InvalidParameter("parameter", parameter, "another parameter than that of the branch")
+        raise InvalidParameter(
+            "parameter", parameter, "a parameter other than the parameter of the branch"
+        )
     if kind == UNEXPLAINED:
         raise InvalidParameter("special", kind, "a point of known kind")
     stop, back = _ends(system, parameter, stop, back)

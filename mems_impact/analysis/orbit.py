@@ -62,7 +62,7 @@ def sentence(system: HybridSystem, orbit: PeriodicOrbit, defect: AdmissibilityVi
     value = system.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
     match defect.kind:
         case "missed":
-            return f"{location} passes the {defect.guard} without it, by {value}"
+            return f"{location} passes the margin of {defect.guard} without the event, by {value}"
         case "reversed":
             return f"{location} ends with a {defect.guard} from the wrong side, at speed {value}"
         case "mode":

@@ -96,7 +96,7 @@ class Symmetry:
             return solution
         image = self._image(solution)
         if image is None:
-            raise InvalidParameter("solution", solution, f"one that {self} maps to a solution")
+            raise InvalidParameter("solution", solution, f"mapped to a solution by {self}")
         return image
 
     def keeps(self, solution: Orbit | Equilibrium) -> bool:

@@ -456,7 +456,7 @@ def compile_binary(sources: dict[str, str], main: str) -> tuple[bytes, str]:
     """Return the compiled library; empty, with the reason, if that is impossible."""
     compiler = find_compiler()
     if not compiler:
-        return b"", "no C compiler was found (cc, or that in the environment variable CC)"
+        return b"", "no C compiler was found (cc, or the environment variable CC)"
     try:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in sources.items():

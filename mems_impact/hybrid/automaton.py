@@ -233,7 +233,7 @@ class Automaton:
             raise InvalidParameter(
                 field="guards",
                 value=orders,
-                allowed="an order of its own for each guard, so that simultaneous ones are decided",
+                allowed="a different order for each guard, which decides between simultaneous guards",
             )
 
     def __reduce__(self) -> Any:

@@ -684,8 +684,8 @@ class Simulation:
         is_at_guard = status == workspace.EVENT_BUDGET and failure < len(guards)
         if is_at_guard and transitions > 1 and not guards[failure].impact:
             remedy = (
-                f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
-                "lead to a mode in which it does not watch: while its margin falls it fires again"
+                f"let the transition of {guards[failure].name!r} reverse the rate of its margin, "
+                "or lead to a mode in which the guard is not active: a falling margin fires again"
             )
         elif is_at_guard and 2 * transitions > options.max_events:
             remedy = (

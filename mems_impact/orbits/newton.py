@@ -19,8 +19,8 @@ NOISE_RATIO = 0.02
 MAX_STEP_NORM = 1e6  # longest step of a convergent iteration
 MAX_NEWTON_ITERATIONS = 20
 ORBIT_GUESS_REMEDY = (
-    "give a guess closer to an orbit: raise transient, for example to 300, if it is stable, or "
-    "change periods"
+    "give a guess closer to an orbit: raise transient, for example to 300, if the orbit is stable, "
+    "or change periods"
 )
 CYCLE_GUESS_REMEDY = (
     "raise transient (in units of time) or give a guess closer to a limit cycle; a chaotic motion "

@@ -351,7 +351,7 @@ def plot_sensitivity(
     change = np.array([gradient[name] * size for name, size in sizes.items()])
     longest = np.nanmax(np.abs(change), initial=0.0)
     if not longest > 0.0:
-        raise InvalidParameter("quantity", quantity, "one that a parameter changes")
+        raise InvalidParameter("quantity", quantity, "a quantity that a parameter changes")
     order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > MIN_BAR_RATIO * longest][
         :MAX_BARS
     ]

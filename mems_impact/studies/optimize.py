@@ -358,7 +358,7 @@ class Objective:
         limits = limits_of(orbit, subject_to, tolerances)
         scale = abs(first(orbit))
         if not math.isfinite(scale):
-            raise InvalidParameter("orbit", orbit, f"one that has a {first.name}")
+            raise InvalidParameter("orbit", orbit, f"an orbit with a {first.name}")
         return cls(
             over=_checked_bounds(system, over),
             quantity=first,

@@ -252,7 +252,7 @@ def distribution_named(field: str, entries: Sequence[Any], convert: Callable[[An
         more = "" if isinstance(family, stats.rv_discrete) else ", scale"
         raise InvalidParameter(field, entries, f"{kind} and its numbers: {shape}{more}") from None
     if not frozen.ppf(0.5) == frozen.ppf(0.5):  # as SciPy marks numbers that are not allowed
-        raise InvalidParameter(field, entries, f"{kind} with numbers that it allows")
+        raise InvalidParameter(field, entries, f"{kind} with allowed numbers")
     return frozen
 
 

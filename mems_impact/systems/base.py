@@ -439,7 +439,7 @@ class HybridSystem(Result, ABC):
         if phase != 0.0:
             whole, unit = self.out("time", period), self.unit("time")
             allowed = (
-                f"that of the initial state, plus whole periods of {whole:.9g} {unit}".rstrip()
+                f"the phase of the initial state, plus whole periods of {whole:.9g} {unit}".rstrip()
             )
             raise InvalidParameter("start", start, allowed)
         cycle = whole_periods(time, period)

@@ -170,7 +170,9 @@ def test_a_forced_run_continues_at_its_phase_and_time():
     first = mi.simulate(system, 10.7, options=INTERPRETED)
     later = mi.simulate(system, 9.6, initial=first.final, start=first.end, options=INTERPRETED)
     assert later.final.q == pytest.approx(whole.final.q, rel=1e-12)
-    with pytest.raises(mi.InvalidParameter, match="start = 3: must be that of the initial state"):
+    with pytest.raises(
+        mi.InvalidParameter, match="start = 3: must be the phase of the initial state"
+    ):
         mi.simulate(system, 1.0, initial=first.final, start=3.0)
 
 

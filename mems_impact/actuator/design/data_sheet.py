@@ -378,7 +378,7 @@ def _with_voltage(actuator: Actuator, name: str, voltage: float) -> Actuator:
         actuator = actuator.replace(alpha=actuator.alpha * ratio)
         if abs(ratio - 1.0) < PULL_IN_RTOL:
             return actuator
-    problem = "no electrode gives it with these terms; give electrode_area"
+    problem = "no electrode has this voltage with these terms; give electrode_area"
     raise InvalidParameter(name, voltage, "", problem=problem)
 
 

@@ -45,7 +45,7 @@ LANDING_LENGTH, CLOSING_RATIO = 4.0, 3.0
 SIMPLEX_SIZE = 0.02  # of the first simplex, relative to the bounds
 SIMPLEX_XTOL, SIMPLEX_FTOL = 1e-9, 1e-12
 SOFT_RATIO = 1e-6  # of the energy of a step's impact, below which a landing is soft
-SOFT = "the impact speed is below a thousandth of that under a step"
+SOFT = "the impact speed is below a thousandth of the speed under a step"
 CONVERGED, SPENT = OPTIMIZATION_ENDINGS["converged"], OPTIMIZATION_ENDINGS["spent"]
 
 

@@ -100,7 +100,7 @@ class TabulatedSpring(TableTerm):
         if stiffness > 0.0 and abs(actuator.k / stiffness - 1.0) > STIFFNESS_RTOL:
             problem = (
                 f"have the stiffness {stiffness:.6g}{unit} at x2 = 0, and k is "
-                f"{actuator.k:.6g}{unit}; set k to that stiffness"
+                f"{actuator.k:.6g}{unit}; set k to this stiffness"
             )
             raise InvalidParameter("tabulated_spring.forces", None, "", problem=problem)
 
