@@ -249,7 +249,7 @@ class WorkerPool:
     def renew(self, reason: str) -> None:
         """Replace the executor; `ExecutorLost` if that fails, or if its workers die at once."""
         if self._make is None:
-            remedy = "pass as executor a function that creates executors, so that a broken one can be replaced"
+            remedy = "pass as executor a function that makes executors, for a new one after a fault"
             raise ExecutorLost(reason, _guard_remedy(self._executor) or remedy)
         _end(self._executor, at_once=True)
         self._executor = self._created(self._make)
