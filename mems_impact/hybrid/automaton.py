@@ -233,7 +233,7 @@ class Automaton:
             raise InvalidParameter(
                 field="guards",
                 value=orders,
-                allowed="a different order for each guard, which decides between simultaneous guards",
+                allowed="a different order for each guard, for simultaneous events",
             )
 
     def __reduce__(self) -> Any:
