@@ -174,7 +174,8 @@ def of_weight(system: ActuatorSystem) -> float:
         unit = " N" if system.scales.named else ""
         problem = (
             f"the static friction of {friction * force:.4g}{unit} is {friction:.4g} times the "
-            f"weight, from which no normal force follows: give the normal force of the frame as normal_force="
+            "weight, from which no normal force follows: give the normal force on the ground as "
+            "normal_force="
         )
         raise InvalidParameter("normal_force", None, "", problem=problem)
     return force
