@@ -69,8 +69,8 @@ def test_every_term_is_known_or_refused():
     ("terms", "missing"),
     [
         ((), "compliant_stopper and regularized_friction"),
-        ((SMOOTH_TERMS["compliant_stopper"],), "without regularized_friction a"),
-        ((SMOOTH_TERMS["regularized_friction"],), "without compliant_stopper a"),
+        ((SMOOTH_TERMS["compliant_stopper"],), "a device without regularized_friction has"),
+        ((SMOOTH_TERMS["regularized_friction"],), "a device without compliant_stopper has"),
         ((mi.StribeckFriction(speed=1e-3, viscous=10.0),), "compliant_stopper"),
     ],
 )
