@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from decimal import Decimal, localcontext
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
 from mems_impact.hybrid import problem as problem_module
 from mems_impact.hybrid.attractors import mapper
-from mems_impact.hybrid.attractors import recurrence as returns
 from mems_impact.hybrid.problem import StepQuota, create_engine
 from mems_impact.hybrid.variational import lyapunov
 from tests.analysis import oscillators
@@ -236,33 +234,6 @@ def test_a_slow_approach_is_no_orbit_yet():
     assert found.returns > math.log(tolerance) / math.log(multiplier)
 
 
-@pytest.mark.parametrize(
-    ("differences", "latest", "extended"),
-    [
-        ((0.1, 0.08, 0.06), 0.05, True),  # as of a geometric sequence
-        ((0.1, 0.098, 0.06), 0.05, False),  # of chaotic motions, by chance
-        ((0.1, 0.061, 0.06), 0.05, False),
-        ((0.1, 0.11, 0.06), 0.05, False),
-        ((0.1, 0.1, 0.1), 0.1, False),
-        ((0.1, 0.1, 0.1), 0.01, True),  # near an orbit since the latest window
-        ((0.1, 0.1, math.inf), 0.01, True),
-        ((0.1, 0.1, math.inf), 0.2, False),  # the extent of the motion, or less by chance
-    ],
-)
-def test_a_regular_approach_is_continued(differences, latest, extended):
-    memory = np.zeros((returns.RING + 2, 4))
-    first = returns.LARGEST_DISTANCES
-    memory[first + 3 : first : -1, 0] = differences  # the latest window comes first
-    memory[returns.RING :, returns.RETURN_STATE + 1] = latest
-    s = SimpleNamespace(n=1, end_cycle=400, end_phase=0.0, period=1.0, first_arc=0)
-    w = SimpleNamespace(
-        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, window_start=400,
-        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=0,
-    )  # fmt: skip
-    assert returns.extend_approach(s, w) == extended
-    assert (s.end_cycle > 400) == extended
-
-
 def test_few_returns_are_no_regular_approach():
     """Differences of a chaotic map decrease for a while by chance, in half of so short motions."""
     system = mi.System(
@@ -277,19 +248,6 @@ def test_few_returns_are_no_regular_approach():
     options = replace(FAST, engine="interpreted")
     found = map_attractors(cases, recurrence, options)
     assert {each.returns for each in found} == {31}
-
-
-@pytest.mark.parametrize(("end", "extended"), [(400, True), (64 * 400, False)])
-def test_a_period_is_completed_within_a_bounded_time(end, extended):
-    memory = np.zeros((returns.RING + 3, 4))
-    memory[returns.RING + 2, returns.DURATION] = 2.0  # of the latest return
-    s = SimpleNamespace(n=1, end_cycle=end, end_phase=0.0, period=2.0, first_arc=0)
-    w = SimpleNamespace(
-        memory=memory, inputs=np.zeros((1, returns.NUMBERS)), point=0, longest=1, window_start=400,
-        returns=420, transient=300.0, length=100.0, tolerance=1e-6, repeats=1, search_start=421,
-    )  # fmt: skip
-    assert returns.extend_approach(s, w) == extended
-    assert s.end_cycle == end + 3
 
 
 def smooth(mode, t, y, p):

@@ -132,33 +132,3 @@ def test_no_orbit_is_one_line(cli):
     assert done.status == 1
     assert "no orbit" in done.err
     assert done.err.count("\n") == 1
-
-
-def test_a_long_label_is_apart_from_its_value(monkeypatch):
-    """Guards name special points, and their names are longer than G or PD."""
-    from types import SimpleNamespace
-
-    import pandas as pd
-
-    from mems_impact.cli import continue_
-
-    lines = []
-    monkeypatch.setattr(continue_, "show", lines.append)
-    points = [
-        SimpleNamespace(label="slip end", kind="slip end", value=51.8903259679),
-        SimpleNamespace(label="PD", kind="period-doubling", value=43.4),
-    ]
-    table = pd.DataFrame({"amplitude": [50.0, 52.0], "stable": [True, True]})
-    table.attrs["units"] = {"amplitude": "V"}
-
-    class Branch(SimpleNamespace):
-        def __len__(self):
-            return 2
-
-    branch = Branch(
-        table=table, orbits=[SimpleNamespace(periods=1)], parameter="amplitude",
-        special_points=points, special_table=pd.DataFrame({"type": ["", ""]}), ended="here",
-    )  # fmt: skip
-    continue_._show(branch)
-    assert "  slip end 51.8903259679 V" in lines
-    assert "  PD       43.4 V period-doubling" in lines

@@ -1,16 +1,15 @@
 """Curves in two parameters, and where they meet, against DOP853 (`free_block`)."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.codim1_curve import correct_condition, follow_curve
+from mems_impact.continuation.codim1_curve import follow_curve
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.continuation.test_functions import DefiningSystem, MultiplierTest
+from mems_impact.continuation.test_functions import MultiplierTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
@@ -104,33 +103,6 @@ def test_steps_of_a_curve_grow_by_a_half(at_half):
     points = [np.append(p.orbit.point.unknowns, p.values) for p in curve.points]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     assert lengths == pytest.approx([1e-3, 1.5e-3, 2.25e-3], rel=0.02)
-
-
-def test_a_gradient_by_differences_is_updated_instead_of_recomputed():
-    """Its equations: x = a, and x + b^2 = 2, of which it knows the gradient (1, 0, 2) at b = 1."""
-
-    class Costly(DefiningSystem):
-        def __init__(self):
-            pass
-
-        def value(self, point):
-            return point.x + point.b**2 - 2.0
-
-        def gradient(self, point):
-            raise AssertionError("evaluated again")
-
-    def evaluate(unknowns, values):
-        u = np.concatenate([unknowns, values])
-        return SimpleNamespace(
-            x=u[0], b=u[2], residual=u[:1] - u[1:2], jacobian=np.eye(1),
-            by_parameter=np.array([[-1.0, 0.0]]),
-        )  # fmt: skip
-
-    begin, direction = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
-    shooting, gradient = SimpleNamespace(evaluate=evaluate), np.array([1.0, 0.0, 2.0])
-    there = begin + 0.1 * direction
-    found = correct_condition(shooting, Costly(), gradient, there, direction, there)
-    assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 
 @pytest.mark.nightly

@@ -343,3 +343,36 @@ def test_a_slip_that_reverses_is_not_called_sticking():
     events = mi.simulate(block, duration=60.0, options=WAYS[1]).events
     assert set(events["event"]) == {"ground slip end"}
     assert (events["mode after"] == "stuck").to_numpy().nonzero()[0].tolist() == [len(events) - 1]
+
+
+@pytest.mark.parametrize(
+    ("count", "rise", "message"),
+    [
+        (2, 0.0, "the modes 'a' and 'b' push against each other at 'to b' and 'to a'"),
+        (2, 1e-7, "the modes 'a' and 'b' push against each other at 'to b' and 'to a'"),
+        (2, 1e-5, "one period held more than max_events = 100 events"),
+        (3, 0.0, "the same state comes back after"),
+    ],
+)
+def test_two_modes_that_push_against_each_other_are_named(count, rise, message):
+    """Modes in a ring, each with a guard that lifts x by `rise` where x falls through zero."""
+    modes = mi.modes(*"abc"[:count])
+
+    def guard(mode, following):
+        def transition(mode, t, y, p):
+            return following, (rise,)
+
+        return mi.Guard(
+            f"to {following.name}", lambda mode, t, y, p: y.x, transition, modes=(mode,)
+        )
+
+    ring = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0,),
+        modes=modes,
+        guards=[guard(modes[k], modes[(k + 1) % count]) for k in range(count)],
+        initial={"x": 1.0},
+    )
+    options = mi.Options(engine="interpreted", method="dop853", max_events=100)
+    with pytest.raises(mi.RunError, match=message):
+        mi.simulate(ring, duration=2.0, options=options)
