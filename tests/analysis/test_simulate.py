@@ -355,3 +355,16 @@ def test_progress_without_a_terminal_is_lines(capsys, monkeypatch):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines()[-1].startswith("mems-impact: simulate: 5 of 5 periods (100%), ")
+
+
+@pytest.mark.parametrize(("window", "impacts"), [((1.0, 3.0), 2), ((0.5, 1.0), 0), ((2.0, 5.5), 4)])
+def test_an_impact_at_the_end_of_a_window_is_outside(window, impacts):
+    wall = mi.Impact("wall", lambda mode, t, y, p: -y.x, lambda mode, t, y, p: (mode, (-1.0,)))
+    system = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (1.0,), period=1.0, guards=[wall],
+        initial={"x": -1.0},
+    )  # fmt: skip
+    options = mi.Options(engine="interpreted", method="dop853")
+    run = mi.simulate(system, periods=6, window=window, options=options)
+    assert run.events["t"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert run.statistics["impacts"] == impacts
