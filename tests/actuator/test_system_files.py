@@ -97,7 +97,7 @@ def test_own_code(folder):
     pd.testing.assert_frame_equal(found.table, again.table, check_exact=True)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_own_code_in_processes(folder):
     study = mi.load(written(folder, f'{OWN}executor = "processes"\nworkers = 2\n'), allow_code=True)
     recurrence = mi.RecurrenceOptions(transient=20, periods=5)

@@ -198,7 +198,7 @@ def linear(mode, t, y, p):
 JUMP = "the equations are discontinuous in a near a = 0.5"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("flow", "guards"),
     [

@@ -172,7 +172,7 @@ def test_a_weak_spring_holds():
     assert found.samples(64)["x"].mean() == pytest.approx(300.0, abs=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("period", [None, 1.7])
 def test_drift_without_forcing(period):
     """A body at its final speed, one behind a cycle, a pendulum that goes round."""

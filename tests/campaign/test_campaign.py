@@ -12,7 +12,7 @@ from validation.campaign.pool import each
 SEED = 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_random_runs():
     """Of the drives that need two compiled automata only: the others take the compiler longer.
 

@@ -19,7 +19,7 @@ from validation.judges.contacts import Bodies, Judge, Rub
 SEED = 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", families.FAMILIES)
 def test_family(name):
     verdicts = families.run(SEED, [name], small=True)

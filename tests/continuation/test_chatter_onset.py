@@ -85,7 +85,7 @@ def _ball(A, e, phase=2.5, unit=1.0, rate=1.0):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("e", "start", "unit", "rate"),
     [(0.5, 1.597, 1.0, 1.0), (0.5, 1.597, 1e-6, 1e3), (0.4, 1.7565, 1.0, 1.0)],

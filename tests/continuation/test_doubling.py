@@ -18,7 +18,7 @@ from tests.orbits.audit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 DOUBLING = 0.176318773  # at omega = 0.485
 
