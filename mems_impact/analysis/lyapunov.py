@@ -212,10 +212,10 @@ def lyapunov(
     system: HybridSystem,
     count: int | None = None,
     *,
-    initial: State | Mapping[str, float] | None = None,
     transient: float | None = None,
     periods: float | None = None,
     duration: float | None = None,
+    initial: State | Mapping[str, float] | None = None,
     tolerance: float = 0.02,
     options: Options = LYAPUNOV_OPTIONS,
     progress: bool | Callable[[float], None] = False,
@@ -231,8 +231,6 @@ def lyapunov(
         A run provides its system and, as `initial`, its last state.
     count : int, optional
         Number of exponents; 1 by default, 2 for an autonomous system.
-    initial : State or mapping of str to float, optional
-        Initial state; by default the initial state of the system.
     transient : float, optional
         Forcing periods discarded before, >= 0; a time for an autonomous system. 300 periods or time
         scales by default.
@@ -241,6 +239,8 @@ def lyapunov(
         time scales.
     duration : float, optional
         The same as a time, instead of `periods`.
+    initial : State or mapping of str to float, optional
+        Initial state; by default the initial state of the system.
     tolerance : float, optional
         Standard error at which to stop: relative to each exponent or, for an exponent near zero, to
         0.1 per period or time scale.

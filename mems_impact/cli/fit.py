@@ -51,7 +51,7 @@ def command(
 
     \b
     Example:
-      mems-impact fit mita2003 --free k --amplitude 100 --frequency 1 \\
+      mems-impact fit mita2003 --over k --amplitude 100 --frequency 1 \\
         --target "displacement per blow=15e-9+-1e-9"
 
     \b
@@ -86,7 +86,7 @@ def command(
             show(filled(f"{result.verdict}: {result.note}") + "\n")
         show_table("parameters", result.parameters, digits=6)
         show_table("residuals", result.residuals, digits=6)
-        names = map(parameter_named, arguments["free"])
+        names = map(parameter_named, arguments["over"])
         fitted = {**changes, **{name: getattr(result.actuator, name) for name in names}}
         device_options = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
         show(f"Fitted device, for other commands: {device} {device_options}\n")

@@ -238,8 +238,9 @@ class Cells(NamedTuple):
 def plot_map(
     operating_map: OperatingMap | StoredStudy | pd.DataFrame,
     column: str | None = None,
-    boundaries: Any = (),
     ax: Any = None,
+    *,
+    boundaries: Any = (),
 ) -> Any:
     """Draw a two-parameter map: kinds of motions, or one column of the table.
 
@@ -250,11 +251,11 @@ def plot_map(
     column : str, optional
         A column of numbers; kinds of motions by default. Cells without a number, or without impacts
         in a system with impacts, are grey. From the fifth on, longer periods share a colour.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default, as wide as a column of a journal.
     boundaries : Curve, OperatingChart, DataFrame, or a sequence of these, optional
         Curves over the same two parameters, or their tables, drawn over the map; inadmissible parts
         are omitted. A chart has two boundaries: switching on and off.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default, as wide as a column of a journal.
 
     Returns
     -------

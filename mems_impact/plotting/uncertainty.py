@@ -118,9 +118,9 @@ MAX_HISTOGRAMS = 4  # most quantities by default
 @styled
 def plot_tolerance_analysis(
     analysis: Spread | StoredStudy,
+    ax: Any = None,
     *,
     quantity: str | Sequence[str] | None = None,
-    ax: Any = None,
 ) -> Any:
     """Draw histograms of quantities with their specification, and Sobol indices.
 
@@ -133,11 +133,11 @@ def plot_tolerance_analysis(
     ----------
     analysis : ToleranceAnalysis or StoredStudy
         A store, running or finished, has neither specification nor indices.
+    ax : matplotlib Axes, optional
+        Where to draw the histogram of one quantity; a new figure of a column's width by default.
     quantity : str or sequence of str, optional
         Columns of the table; by default columns with a specification, or the first columns that
         vary.
-    ax : matplotlib Axes, optional
-        Where to draw the histogram of one quantity; a new figure of a column's width by default.
 
     Returns
     -------

@@ -237,7 +237,7 @@ class Fit(SummaryRepr):
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
-    >>> found = mi.fit(mita, [pull_in], free=["k"])
+    >>> found = mi.fit(mita, [pull_in], over=["k"])
     >>> found.converged, found.misfit < 1e-6
     (True, True)
     """
@@ -266,7 +266,7 @@ class Fit(SummaryRepr):
 def fit(
     actuator: Actuator,
     targets: Sequence[Target],
-    free: Sequence[str],
+    over: Sequence[str],
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     transient: int = 2,
@@ -284,7 +284,7 @@ def fit(
     actuator : Actuator
         Start of the search; parameters that are not free keep their values.
     targets : sequence of Target
-    free : sequence of str
+    over : sequence of str
         Parameters to fit, whose values are above 0: k, or as in a data sheet, stiffness.
     bounds : mapping of str to tuple of float, optional
         Bounds of a free parameter, which may have units; a tenth and ten times the value by
@@ -323,13 +323,13 @@ def fit(
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
-    >>> found = mi.fit(mita, [pull_in], free=["k"])
+    >>> found = mi.fit(mita, [pull_in], over=["k"])
     >>> found.verdict, round(found.actuator.k, 3)
     ('good', 5.857)
     """
     from scipy.optimize import least_squares
 
-    free = _checked_free(actuator, free)
+    free = _checked_free(actuator, over)
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
     for target in targets:
@@ -467,16 +467,16 @@ def fit(
     return fitted
 
 
-def _checked_free(actuator: Actuator, free: Sequence[str]) -> list[str]:
-    names = [free] if isinstance(free, str) else list(free)
-    names = [parameter_named(name, "free") if isinstance(name, str) else name for name in names]
+def _checked_free(actuator: Actuator, over: Sequence[str]) -> list[str]:
+    names = [over] if isinstance(over, str) else list(over)
+    names = [parameter_named(name, "over") if isinstance(name, str) else name for name in names]
     for name in names:
         if name not in PARAMETER_NAMES:
-            raise InvalidParameter("free", name, f"one of {', '.join(PARAMETER_NAMES)}")
+            raise InvalidParameter("over", name, f"one of {', '.join(PARAMETER_NAMES)}")
         if getattr(actuator, name) <= 0.0:
             raise InvalidParameter(name, getattr(actuator, name), "> 0 to be fitted")
     if not names or len(set(names)) != len(names):
-        raise InvalidParameter("free", free, "one or more different names of parameters")
+        raise InvalidParameter("over", over, "one or more different names of parameters")
     return names
 
 

@@ -975,8 +975,8 @@ def operating_chart(
     crises: int = 7,
     columns: int | None = None,
     periods: int = 2000,
-    options: Options = ORBIT_OPTIONS,
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
+    options: Options = ORBIT_OPTIONS,
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
 ) -> OperatingChart:
@@ -1014,10 +1014,10 @@ def operating_chart(
         `crises`; 0 gives 9 frequencies without the off-voltage.
     periods : int, optional
         Forcing periods for which an attractor must persist in these simulations.
-    options : Options, optional
-        Options of the continuation; by default the options of `find_orbit`.
     steps : StepControl, optional
         Steps of the continuation.
+    options : Options, optional
+        Options of the continuation; by default the options of `find_orbit`.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
     progress : bool or callable, optional

@@ -372,6 +372,7 @@ _READERS: dict[str, _Reader] = {
     "executor": _text,
 }
 _TYPE_READERS: dict[str, _Reader] = {
+    "Sequence[str]": _names,
     "Sequence[str] | None": _names,
     **dict.fromkeys(
         (

@@ -23,7 +23,7 @@ def test_two_parameters_are_found_again():
         mi.Target(quantity="pull-in voltage", value=mi.pull_in_voltage(DEVICE), tolerance=0.5),
     ]
     start = DEVICE.replace(k=1.3 * DEVICE.k, alpha=0.8 * DEVICE.alpha)
-    found = mi.fit(start, targets, free=["k", "alpha"])
+    found = mi.fit(start, targets, over=["k", "alpha"])
     assert found.converged
     assert math.isclose(found.actuator.k, DEVICE.k, rel_tol=1e-5)
     assert math.isclose(found.actuator.alpha, DEVICE.alpha, rel_tol=1e-5)
@@ -40,7 +40,7 @@ def test_two_parameters_are_found_again():
 def test_one_number_cannot_tell_two_parameters_apart():
     target = mi.Target(quantity="displacement per blow", value=21e-9, drive=SLOW)
     with pytest.warns(mi.FitWarning, match="undetermined: .* cannot separate alpha, k"):
-        found = mi.fit(DEVICE, [target], free=["k", "alpha"])
+        found = mi.fit(DEVICE, [target], over=["k", "alpha"])
     assert found.verdict == "undetermined"
     assert abs(found.residuals["in tolerances"][0]) < 1e-3
     assert "cannot separate" in found.note
@@ -56,7 +56,7 @@ def test_one_number_cannot_tell_two_parameters_apart():
 def test_a_parameter_that_no_target_feels():
     target = mi.Target(quantity="pull-in voltage", value=30.0)
     with pytest.warns(mi.FitWarning, match="add targets"):
-        found = mi.fit(DEVICE, [target], free=["k", "mu_s"])
+        found = mi.fit(DEVICE, [target], over=["k", "mu_s"])
     assert found.verdict == "undetermined"
     assert "the data do not determine mu_s" in found.note
     assert found.parameters["determined"].tolist() == [True, False]
@@ -67,7 +67,7 @@ def test_a_parameter_that_no_target_feels():
 def test_a_bound_holds_and_is_reported():
     target = mi.Target(quantity="pull-in voltage", value=300.0)
     with pytest.warns(mi.FitWarning, match="misfit: the fit misses the target"):
-        found = mi.fit(DEVICE, [target], free=["k"], bounds={"k": (1.0, 10.0)})
+        found = mi.fit(DEVICE, [target], over=["k"], bounds={"k": (1.0, 10.0)})
     assert found.verdict == "misfit"
     assert found.actuator.k <= 10.0
     assert math.isclose(found.actuator.k, 10.0, rel_tol=1e-6)
@@ -80,7 +80,7 @@ def test_a_count_cannot_be_fitted_and_the_note_says_so():
         mi.Target(quantity="displacement per blow", value=20e-9, drive=SLOW),
         mi.Target(quantity="blows per period", value=1.0, drive=SLOW),
     ]
-    found = mi.fit(DEVICE, targets, free=["k"])
+    found = mi.fit(DEVICE, targets, over=["k"])
     assert "blows per period depends on none" in found.note
     assert found.residuals["computed"][1] == 1.0
 
@@ -103,7 +103,7 @@ def test_a_misfit_is_said():
     bounce = run.statistics["displacement per impact"]
     target = mi.Target(quantity="displacement per blow", value=bounce, drive=SLOW, tolerance=1e-12)
     with pytest.warns(mi.FitWarning, match=r"misfit: .*per impact or per blow\?"):
-        found = mi.fit(DEVICE.replace(e=0.7), [target], free=["e"])
+        found = mi.fit(DEVICE.replace(e=0.7), [target], over=["e"])
     assert found.misfit > 1000
     assert found.misfit == np.abs(found.residuals["in tolerances"]).max()
     assert found.verdict == "misfit"
@@ -140,7 +140,7 @@ def test_a_parameter_known_to_less_than_its_size_is_said():
     # It is the size of the error that tells: there is no other parameter to compare with.
     target = mi.Target(quantity="pull-in voltage", value=30.0, tolerance=100.0)
     with pytest.warns(mi.FitWarning, match="undetermined"):
-        found = mi.fit(DEVICE, [target], free=["k"])
+        found = mi.fit(DEVICE, [target], over=["k"])
     row = found.parameters.iloc[0]
     ratio = row["standard error"] / row["fitted"]
     assert 1.0 < ratio < 10.0
@@ -156,7 +156,7 @@ def test_a_fit_that_begins_where_nothing_happens_says_so():
     quiet = SLOW.replace(amplitude=10.0)  # far below pull-in
     target = mi.Target(quantity="displacement per impact", value=20e-9, drive=quiet)
     with pytest.warns(mi.FitWarning, match="misfit"):
-        found = mi.fit(DEVICE, [target], free=["e"])
+        found = mi.fit(DEVICE, [target], over=["e"])
     assert found.residuals["computed"][0] == 0.0
     assert "the data do not determine e" in found.note
 
@@ -180,12 +180,12 @@ def test_wrong_targets(values, text):
 @pytest.mark.parametrize(
     "arguments",
     [
-        {"free": ["colour"]},
-        {"free": []},
-        {"free": ["k", "k"]},
-        {"free": ["k"], "bounds": {"k": (5.0, 6.0)}},
-        {"free": ["k"], "targets": []},
-        {"free": ["k"], "bounds": {"alpha": (1e-20, 1e-18)}},
+        {"over": ["colour"]},
+        {"over": []},
+        {"over": ["k", "k"]},
+        {"over": ["k"], "bounds": {"k": (5.0, 6.0)}},
+        {"over": ["k"], "targets": []},
+        {"over": ["k"], "bounds": {"alpha": (1e-20, 1e-18)}},
     ],
 )
 def test_wrong_fits(arguments):
