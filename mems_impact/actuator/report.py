@@ -792,9 +792,9 @@ def report(
         page.save(path)  # now, not after minutes of work
     with progress_bar(progress, "sections", len(titles), "report") as show:
         for number, name in enumerate(titles):
-            if show is not None:
-                show(number, name)
             try:
+                if show is not None:
+                    show(number, name)
                 section = _computed(name, maker.sections[name])
             except KeyboardInterrupt:
                 after = f"{number} of {len(titles)} sections"

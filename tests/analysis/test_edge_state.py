@@ -71,26 +71,6 @@ def test_a_motion_that_leaves_the_boundary(monkeypatch):
         mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
 
 
-def test_the_states_are_bisected_by_the_numerics_that_follow_them(monkeypatch):
-    used = []
-
-    def map_attractors(cases, recurrence, options):
-        used.append(options)
-        return module_map(cases, recurrence, options)
-
-    module_map = module.map_attractors
-    monkeypatch.setattr(module, "map_attractors", map_attractors)
-    problem = type(CUBIC).problem
-
-    def noted(self, options):
-        used.append(options)
-        return problem(self, options)
-
-    monkeypatch.setattr(type(CUBIC), "problem", noted)
-    mi.edge_state(CUBIC, {"x": 0.7}, {"x": -1.1})
-    assert set(used[:10]) == {module.ORBIT_OPTIONS}
-
-
 def _pushed(mode, t, y, p):
     push = 20.0 * (y.x - 0.1) if mode == CONTACT else 0.0
     return y.v, math.cos(4.0 * t) - 0.1 * y.v - y.x - push

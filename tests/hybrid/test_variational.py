@@ -278,7 +278,6 @@ def _width_as_state(mode, code, t, y, p):
     return mode
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_margins_and_transitions_take_no_columns(engine, method):
