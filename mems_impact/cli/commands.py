@@ -144,7 +144,7 @@ def _show_version(ctx: click.Context, _parameter: click.Parameter, requested: bo
     help="Show the version and the folder of compiled code, and exit.",
 )
 def main_group() -> None:
-    """Simulate impact microactuators: a block inside a frame strikes it, and the frame walks.
+    """Simulate impact microactuators: a block strikes its frame, and the frame walks.
 
     \b
     Example:

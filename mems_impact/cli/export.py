@@ -57,7 +57,7 @@ def _refuse_options(ctx: click.Context, file: str, chosen: Format) -> None:
             raise click.UsageError(f"{file}: {chosen.name} takes no {option.opts[0]}")
 
 
-@click.command(cls=Command, short_help="Write a device as a model of another tool.")
+@click.command(cls=Command, short_help="Export a device as an FMU or in Verilog-A.")
 @device_options
 @click.argument("file", type=click.Path(dir_okay=False))
 @function_options(FMU, omit=("path", "options"))
