@@ -746,7 +746,7 @@ class ActuatorSystem(ActuatorNumerics):
             if not self._yields:
                 values["x2"] = min(max(values["x2"], -delta), delta)
             time = min(time, last)
-        return state_from(values, time=time)
+        return state_from(values, time=time, initial=instant.initial)
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state, by Equation (4) and the contact force."""
@@ -977,7 +977,7 @@ class EnergyAccountingSystem(ActuatorSystem):
         """Return an instant as a state of the actuator, without the integrals."""
         state = super().state_of(instant)
         values = {name: state[name] for name in self.states[: self._plain]}
-        return state_from(values, time=state.time)
+        return state_from(values, time=state.time, initial=instant.initial)
 
 
 @cache

@@ -84,7 +84,8 @@ class Equilibrium(Result):
     @property
     def state(self) -> State:
         """Its state; ``initial`` of a run."""
-        return self.system.state_of(HybridState(0, 0.0, self.numeric.mode, self.numeric.state))
+        numeric = self.numeric
+        return self.system.state_of(HybridState(0, 0.0, numeric.mode, numeric.state, initial=True))
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -114,7 +115,10 @@ class Equilibrium(Result):
 
     @property
     def admissible(self) -> bool:
-        """Whether no guard is violated; otherwise the equilibrium is virtual."""
+        """Whether no guard is violated; otherwise the equilibrium is virtual.
+
+        A motion may rest at a virtual equilibrium where all violated guards wait.
+        """
         return self.numeric.admissible
 
     @property

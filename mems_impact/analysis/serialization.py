@@ -108,8 +108,8 @@ register(Scales, parts=lambda scales: {"factors": scales.factors, "named": scale
          constructor=lambda factors, named: Scales.of(factors, named))  # fmt: skip
 register(
     state.State,
-    parts=lambda each: {"values": each.as_dict(), "time": each.time, "mode": each.mode},
-    constructor=lambda values, time, mode: state.state_from(values, time, mode),
+    parts=lambda each: {"parts": each.parts()},
+    constructor=lambda parts: state.state_from(*parts),
 )
 register(
     special_points.GrazingType,

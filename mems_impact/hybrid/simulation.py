@@ -152,7 +152,6 @@ class Events:
             int(self.mode_after[row]),
             self.after[row].copy(),
             switched=bool((self.kind[first : row + 1] == workspace.SWITCH).any()),
-            initial=False,
         )
 
     def __len__(self) -> int:
@@ -608,7 +607,6 @@ class Simulation:
             self.memory.state,
             self.binding.engine.export_memory(),
             bool(clock["switched"]),
-            initial=False,
         )
         return Position(
             final,

@@ -27,8 +27,8 @@ class HybridState:
         Whether the switch of the forcing at this time, if there is one, has taken place. A run that
         ends at a switching time leaves the switch to the run that continues from there.
     initial : bool
-        Whether no run has led here. Guards with negative margins then fire at the start of a run;
-        otherwise they wait.
+        Whether a user has given the state, and no motion has led here. Guards with negative margins
+        then fire at the start of a run; otherwise they wait.
     """
 
     cycle: int
@@ -37,4 +37,4 @@ class HybridState:
     y: Floats
     remembered: tuple[int, ...] = ()
     switched: bool = False
-    initial: bool = True
+    initial: bool = False

@@ -506,10 +506,8 @@ def continue_attractors(
 
 def _carried_state(state: State, value: float) -> dict[str, Any]:
     """Return the states from which the next part of a chain continues."""
-    entries = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
-    return {**entries, "value": value}
+    return {"state": state.parts(), "value": value}
 
 
 def _restored(carried: Mapping[str, Any]) -> tuple[State, float]:
-    state = state_from(carried["components"], carried["time"], carried["mode"])
-    return state, carried["value"]
+    return state_from(*carried["state"]), carried["value"]

@@ -373,7 +373,7 @@ def label_partial(table: pd.DataFrame) -> PartialBasins:
 def state_of(system: HybridSystem, row: Any) -> State:
     """Return the final state of the motion of a row."""
     components = {name: float(row[f"{name} {FINAL_SUFFIX}"]) for name in system.states}
-    return state_from(components, float(row[f"time {FINAL_SUFFIX}"]), row[MODE] or None)
+    return state_from(components, float(row[f"time {FINAL_SUFFIX}"]), row[MODE] or None, False)
 
 
 def returns(

@@ -924,7 +924,7 @@ def motions_of(diagram: BifurcationDiagram) -> list[Motion]:
     motions = []
     for row in table.to_dict("records"):
         values = {name: row[name] for name in diagram.system.states}
-        state = state_from(values, time=row["time"], mode=row["mode"] or None)
+        state = state_from(values, row["time"], row["mode"] or None, initial=False)
         attractor = Attractor(
             motion=row["motion"], period=int(row["period"]), final=state, exponent=row["exponent"]
         )

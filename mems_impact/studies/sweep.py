@@ -164,7 +164,7 @@ class SweepStudy(Study):
             state = self.starts[self._direction(first)]
             period = _period_of(self.system)
         else:
-            state = state_from(carried["state"], carried["time"], carried["mode"])
+            state = state_from(*carried["state"])
             period = carried["period"]
         points = []
         for number in range(first, last):
@@ -183,12 +183,7 @@ class SweepStudy(Study):
                 state = state.replace(time=0.0)  # the system is autonomous
             with at_study_point(number):
                 state = self._run(case, point, state, _value_progress(watch, number - first))
-        carried = {
-            "state": state.as_dict(),
-            "time": state.time,
-            "mode": state.mode,
-            "period": period,
-        }
+        carried = {"state": state.parts(), "period": period}
         return sweep_tables.sweep_columns(self.parameter, points, *self._table_columns), carried
 
     def point_label(self, number: int) -> str:

@@ -167,7 +167,11 @@ class State:
         return f"State({', '.join(entries)})"
 
     def __reduce__(self) -> Any:
-        return state_from, (self.as_dict(), self.time, self.mode, self._initial)
+        return state_from, self.parts()
+
+    def parts(self) -> tuple[dict[str, float], float, str | int | None, bool]:
+        """Return the arguments of `state_from`."""
+        return self.as_dict(), self.time, self.mode, self._initial
 
     def as_dict(self) -> dict[str, float]:
         """Return the components by name."""
@@ -175,7 +179,8 @@ class State:
 
     def replace(self, /, **changes: Any) -> State:
         """Return the state with some components, the time or the mode changed."""
-        return State(**{**self._values, "time": self.time, "mode": self.mode, **changes})
+        values = {**self._values, "time": self.time, "mode": self.mode, **changes}
+        return state_from(values, initial=self._initial or not changes.keys() <= {"time"})
 
     def _key(self) -> Any:
         return frozenset(self._values.items()), self.time, self.mode

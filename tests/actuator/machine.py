@@ -41,7 +41,7 @@ def start(actuator, drive, y, time=0.0):
     p = parameters(actuator, drive)
     pull = attraction(y[2], drive.voltage(time, drive.parameters()), p)
     mode = mode_under(y, pull, p)
-    return HybridState(0, time, mode, y)
+    return HybridState(0, time, mode, y, initial=True)
 
 
 def simulate(actuator, drive, y, periods, *, time=0.0, **options):

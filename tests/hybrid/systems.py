@@ -184,7 +184,7 @@ def problem(automaton, p, *, period=TAU, switches=(), section=None, **options):
 
 
 def at(y, mode=0, time=0.0, cycle=0):
-    return HybridState(cycle, time, mode, np.array(y, dtype=float))
+    return HybridState(cycle, time, mode, np.array(y, dtype=float), initial=True)
 
 
 def simulate(automaton, p, y, periods, *, mode=0, time=0.0, **settings):

@@ -51,6 +51,60 @@ def test_a_run_that_continues_waits_as_the_one_before():
     assert set(samples["mode"]) == {"up"}
 
 
+def wave(**parameters):
+    """x rises to 1 and falls to 0 in turn; y rises by 2 while x falls, when "brake" waits."""
+    return mi.System(
+        states=("x", "y"),
+        parameters=parameters,
+        flow=lambda mode, t, y, p: (-1.0, 2.0) if mode == DOWN else (1.0, 0.0),
+        modes=(DOWN, UP),
+        guards=[
+            mi.Guard("top", lambda mode, t, y, p: 1.0 - y.x, to(DOWN), modes=(UP,)),
+            mi.Guard("bottom", lambda mode, t, y, p: y.x,
+                     lambda mode, t, y, p: (UP, (0.0, 0.0)), modes=(DOWN,)),
+            mi.Guard("brake", lambda mode, t, y, p: y.y - 0.7, to(UP), modes=(DOWN,)),
+        ],
+        observables=[mi.Observable("place", lambda y, p: y.x)],
+        initial=mi.State(x=0.0, mode="up"),
+    )  # fmt: skip
+
+
+def test_a_sweep_continues_as_a_run(tmp_path):
+    """Each value begins while "brake" waits or not; in chunks or not, and again from a store."""
+    length, values = 3.2, np.linspace(0.0, 1.0, 6)
+    ends = 1.0 - abs(1.0 - length * np.arange(7) % 2.0)
+    for store in (None, tmp_path):
+        swept = mi.sweep(wave(q=0.0), "q", values, transient=0.0, duration=length, store=store)
+        gains = swept.statistics["place"].to_numpy()
+        assert gains == pytest.approx(np.diff(ends) / length, abs=1e-9)
+
+
+def test_the_state_of_an_orbit_begins_a_run_along_it():
+    """A motion between two slopes of a spring; at the start of a period "far" waits."""
+    soft, stiff = mi.modes("soft", "stiff")
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (
+            y.v, -(1.1 if mode == soft else 3.7) * y.x - 0.25 * y.v + 0.6 * math.cos(0.8 * t)),
+        period=2.5 * math.pi,
+        modes=(soft, stiff),
+        guards=[
+            mi.Guard("near", lambda mode, t, y, p: 0.3 - y.x, to(stiff), modes=(soft,)),
+            mi.Guard("low", lambda mode, t, y, p: y.x + 0.2, to(soft), modes=(stiff,)),
+            mi.Guard("far", lambda mode, t, y, p: y.x - 1.0, to(soft), modes=(stiff,)),
+        ],
+    )  # fmt: skip
+    run = mi.simulate(system, periods=40, options=WAYS[1])
+    orbit = mi.find_orbit(run)
+    assert orbit.state.mode == "stiff"
+    assert orbit.state.x < 1.0
+    for state in (orbit.state, run.final):
+        along = mi.simulate(system, initial=state, periods=2, options=WAYS[1])
+        assert along.events["event"].tolist() == ["low", "near"] * 2
+    fresh = mi.State(x=run.final.x, v=run.final.v, mode="stiff")
+    assert mi.simulate(system, initial=fresh, periods=1).events["event"].iloc[0] == "far"
+
+
 @ways
 def test_a_condition_fires_at_once(options):
     # It leads back at -1, where "turns" is at zero and falls.

@@ -68,7 +68,7 @@ def by_package(case: Case, periods: float, rtol: float = 1e-11) -> Result:
     y = np.array(case.start)
     mode = mode_under(y, attraction(y[2], sine.voltage(0.0, sine.parameters()), p), p)
     assert automaton.states == STATES
-    trajectory = run(problem, HybridState(0, 0.0, mode, y), periods)
+    trajectory = run(problem, HybridState(0, 0.0, mode, y, initial=True), periods)
     events = trajectory.events
     events = events[events.kind == workspace.TRANSITION]
     return Result(

@@ -190,7 +190,7 @@ def _check(family: str, drawn: Drawn, number: int, unit: Unit) -> Verdict:
         period=drawn.period * unit.time,
         options=Options(**unit.options, engine=engine),
     )
-    start = HybridState(0, 0.0, 0, drawn.start)
+    start = HybridState(0, 0.0, 0, drawn.start, initial=True)
     mine = comparing.answer(problem, start, found.quiet, scale_of(drawn, unit), unit.time)
     story = comparing.compare(found, mine)
     return Verdict(family, number, len(found.rows), found.share, story)

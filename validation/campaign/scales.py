@@ -146,7 +146,7 @@ def valve(rng: np.random.Generator, unit: Unit) -> Verdict:
         period=2.0 * math.pi * unit.time,
         options=Options(**unit.options),
     )
-    start = HybridState(0, 0.0, 0, system.start)
+    start = HybridState(0, 0.0, 0, system.start, initial=True)
     scale = np.array([unit.length, unit.speed, pressure])
     mine = comparing.answer(problem, start, found.quiet, scale, unit.time)
     return Verdict("scales", 0, len(found.rows), found.share, comparing.compare(found, mine))

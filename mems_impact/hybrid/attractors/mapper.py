@@ -400,4 +400,5 @@ def _row(numbers: ProblemParameters, start: HybridState) -> NDArray[np.float64]:
     head[recurrence.PERIOD], head[recurrence.SCALE] = numbers.period, scale
     head[recurrence.LONGEST_STEP] = scale / STEPS_PER_PERIOD
     head[recurrence.PHASE], head[recurrence.MODE] = start.time, start.mode
+    head[recurrence.INITIAL] = start.initial
     return np.concatenate([head, numbers.switches, start.y, numbers.parameters])

@@ -274,7 +274,7 @@ LATE_FALL = 8.0  # factor of a decrease to the latest returns that chaotic motio
 LONGEST_EXTENSION = 64.0
 
 # Columns of the inputs; switching times, state and parameters follow.
-PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, NUMBERS = range(6)
+PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, INITIAL, NUMBERS = range(7)
 # Columns of the results; the state at the last return, statistics, squared deviations of gains, and
 # the last returns follow.
 OUTCOME, REPEATS, RETURNS, MEASURED, END_CYCLE, END_TIME, END_MODE, AT_REST, RESULTS = range(9)
@@ -384,7 +384,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     s.end_cycle = periods
     s.end_phase = s.t + (w.transient + w.length - periods) * s.period
     s.first_arc = 1
-    s.initial = 1
+    s.initial = int(numbers[INITIAL])
     s.switched = 0
     s.pending_guard = NONE
     s.stop = math.inf
