@@ -19,16 +19,18 @@ gc.set_threshold(50_000, 20, 50)
 def pytest_collection_modifyitems(items):
     """Mark the cases of a test by their order.
 
-    Cases beyond those that `quick` gives are slow. Cases of a slow test beyond the first are for
-    the nightly run, unless each has a subject of its own (`slow(all=True)`).
+    Cases beyond those that `quick` gives are slow. All but the first case of a slow test, or the
+    last case of a quick one, are for the nightly run, unless each has a subject of its own
+    (`slow(all=True)`).
     """
-    counts = Counter()
-    for item in items:
-        test = item.nodeid.partition("[")[0]
+    tests = [item.nodeid.partition("[")[0] for item in items]
+    totals, counts = Counter(tests), Counter()
+    for item, test in zip(items, tests, strict=True):
         quick, slow = item.get_closest_marker("quick"), [*item.iter_markers("slow")]
         counts[test] += 1
-        first = counts[test] <= (quick.args[0] if quick else 1)
-        if (quick or slow) and not (first or any(mark.kwargs.get("all") for mark in slow)):
+        if quick and counts[test] > quick.args[0]:
+            item.add_marker("slow" if counts[test] == totals[test] else "nightly")
+        elif slow and counts[test] > 1 and not any(mark.kwargs.get("all") for mark in slow):
             item.add_marker("nightly")
         if item.get_closest_marker("nightly"):
             item.add_marker("slow")

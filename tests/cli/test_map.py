@@ -69,6 +69,16 @@ def test_a_study_file_continues_with_the_same_store(cli, tmp_path):
     assert (tmp_path / "other").exists()
 
 
+def test_ends_of_an_axis_have_units(cli, tmp_path):
+    axes = ["--x", "amplitude=40V:0.06kV:3", "--y", "frequency=680Hz:0.72kHz:2"]
+    done = cli("map", "mita2003", *axes, "--exponents", "none", "--transient", "2",
+               "--periods", "2", *METHOD, "--no-figure")  # fmt: skip
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "map-table.csv")
+    assert sorted(set(table["amplitude [V]"])) == pytest.approx([40.0, 50.0, 60.0])
+    assert sorted(set(table["frequency [Hz]"])) == pytest.approx([680.0, 720.0])
+
+
 def test_a_failed_point_is_said(cli):
     done = cli("map", "zhao2004", "--x", "e=0.8:1.2:2", "--y", "omega=0.48:0.5:2",
                *BRIEF, *METHOD, "--amplitude", "0.2", "--no-figure")  # fmt: skip

@@ -237,14 +237,14 @@ def test_a_pulse_in_a_forced_flow_is_found(begin, end, periods):
         states=("q",), flow=flow, period=1.0, parameters={"begin": begin, "end": end}
     )
     options = INTERPRETED if periods < 1e3 else mi.Options()
-    for verb in (
-        lambda: mi.simulate(system, periods, options=options),
-        partial(mi.find_orbit, system),
-    ):
+    for verb in (partial(mi.simulate, system, periods, options=options),
+                 partial(mi.find_orbit, system)):  # fmt: skip
         with pytest.raises(mi.FunctionError, match="is not periodic") as caught:
             verb()
         later = float(str(caught.value).rpartition("at t = ")[2].partition(",")[0])
         assert begin <= later < end
+        if verb.func is mi.simulate:  # the run is complete
+            assert caught.value.partial.statistics["window last"] == periods
 
 
 @pytest.mark.quick(1)
