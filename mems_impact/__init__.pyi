@@ -75,7 +75,6 @@ from .actuator.terms.tilt import Tilt as Tilt
 from .actuator.terms.tilted_plate import TiltedPlate as TiltedPlate
 from .analysis.attractor import RecurrenceOptions as RecurrenceOptions
 from .analysis.boundary_equilibrium_type import BoundaryType as BoundaryType
-from .analysis.boundary_equilibrium_type import boundary_type as boundary_type
 from .analysis.branch import Branch as Branch
 from .analysis.branch import Curve as Curve
 from .analysis.branch import EquilibriumBranch as EquilibriumBranch
@@ -97,11 +96,9 @@ from .analysis.orbit import Orbit as Orbit
 from .analysis.run import Run as Run
 from .analysis.settling import Settling as Settling
 from .analysis.sliding_type import SlidingType as SlidingType
-from .analysis.sliding_type import sliding_type as sliding_type
 from .analysis.special_points import EquilibriumPoint as EquilibriumPoint
 from .analysis.special_points import GrazingType as GrazingType
 from .analysis.special_points import SpecialPoint as SpecialPoint
-from .analysis.special_points import grazing_type as grazing_type
 from .analysis.steady_state import steady_state as steady_state
 from .analysis.symmetry import Symmetry as Symmetry
 from .analysis.symmetry import symmetries as symmetries

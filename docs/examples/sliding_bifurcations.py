@@ -66,7 +66,7 @@ axes.figure.savefig("sliding_bifurcations_branch.png")
 
 first = {}
 for special in branch.special_points:
-    first.setdefault(mi.sliding_type(special), special)
+    first.setdefault(special.sliding_type, special)
 first["adding-sliding"] = branch.special_points[4]  # the one at which a slip appears
 WINDOWS = {  # distances in B on both sides, half-widths in r and v
     "grazing-sliding": (0.01, 0.02, 0.25, 0.04),
@@ -79,7 +79,7 @@ with mi.style():
     panels = figure.subplots(4, 3)
 for row, (name, (below, above, wide, high)) in zip(panels, WINDOWS.items(), strict=True):
     special = first[name]
-    found = mi.sliding_type(special)
+    found = special.sliding_type
     print(f"{found:18} {found.modes}, {found.tangency}: {found.second:.6f}, {found.third:.6f}")
     values = (special.value - below, special.value, special.value + above)
     for panel, value in zip(row, values, strict=True):

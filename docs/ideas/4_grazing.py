@@ -38,7 +38,7 @@ quiet = mi.find_orbit(oscillator, transient=200)
 
 branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]
-print(grazing.label, grazing.value, mi.grazing_type(grazing))
+print(grazing.label, grazing.value, grazing.grazing_type)
 assert abs(grazing.value - math.hypot(1.0 - 0.8**2, 0.1 * 0.8)) < 1e-10
 
 # %%

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from mems_impact.analysis.equilibrium import Equilibrium, equilibrium_of
-from mems_impact.analysis.special_points import BifurcationPoint, EquilibriumPoint, check_kind
 from mems_impact.continuation.boundary_equilibrium import boundary_crossing
-from mems_impact.continuation.equilibrium_branch import BOUNDARY
+from mems_impact.continuation.equilibrium_branch import BOUNDARY, EquilibriumEvent
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.systems.base import HybridSystem
 
 __all__ = ["BoundaryType", "boundary_type", "type_of_boundary"]
 
@@ -39,7 +39,7 @@ class BoundaryType(str):
 
     See Also
     --------
-    boundary_type, SlidingType
+    EquilibriumPoint, SlidingType
 
     Examples
     --------
@@ -52,7 +52,7 @@ class BoundaryType(str):
     ... )
     >>> (low,) = mi.find_equilibria(kinked, modes=["below"])
     >>> branch = mi.continue_equilibrium(low, "a", stop=1.0)
-    >>> found = mi.boundary_type(branch.special_points[0])
+    >>> found = branch.special_points[0].boundary_type
     >>> found == "persistence", found.modes, round(found.criterion, 9)
     (True, ('below', 'above'), 3.0)
     """
@@ -68,62 +68,11 @@ class BoundaryType(str):
         return super().__new__(cls, value)
 
 
-def boundary_type(special: EquilibriumPoint) -> BoundaryType:
-    """Classify a boundary equilibrium by Feigin's rules.
-
-    Parameters
-    ----------
-    special : EquilibriumPoint
-        A boundary equilibrium of a branch in either mode.
-
-    Returns
-    -------
-    BoundaryType
-        "persistence" or "nonsmooth fold", with the numbers of the criterion.
-
-    Raises
-    ------
-    InvalidParameter
-        If `special` is a point of another kind.
-    OrbitError
-        If no other mode has an equilibrium there, as at an impact without rest contact, or the
-        branch of either mode has a fold there.
-
-    See Also
-    --------
-    BoundaryType, continue_equilibrium, continue_curve, sliding_type
-
-    Notes
-    -----
-    For a field that is continuous across the surface, the criterion is the ratio of the
-    determinants of both Jacobians, 1 + C^T N^-1 E [1]_. For a Filippov system the other branch
-    consists of pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the
-    jump of the field.
-
-    References
-    ----------
-    .. [1] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth Dynamical
-       Systems", Springer, 2008, sections 5.2 and 5.3.
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def flow(mode, t, y, p):
-    ...     return (p.a - y.x, -y.z + p.a + 0.5 * y.x) if mode.line == 1 else (p.e, 1.0)
-    >>> system = mi.System(
-    ...     states=("x", "z"), flow=flow, parameters={"a": 1.0, "e": 1.0},
-    ...     parts=[mi.SwitchingSurface("line", "z")],
-    ... )
-    >>> (up,) = mi.find_equilibria(system, modes=["above"])
-    >>> branch = mi.continue_equilibrium(up, "a", stop=-1.0)
-    >>> mi.boundary_type(branch.special_points[0]).modes
-    ('above', 'sliding')
-    """
-    check_kind(special, "special", EquilibriumPoint, "a special point of a branch of equilibria")
+def boundary_type(system: HybridSystem, special: EquilibriumEvent, parameter: str) -> BoundaryType:
+    """Return the type of a point of a branch; see `EquilibriumPoint.boundary_type`."""
     if special.kind != BOUNDARY:
-        raise InvalidParameter("special", special.kind, "a boundary equilibrium")
-    system, parameter = special.system, special.parameter
-    crossing = boundary_crossing(special.numeric, parameter)
+        raise InvalidParameter("kind", special.kind, "a boundary equilibrium")
+    crossing = boundary_crossing(special, parameter)
     guards, unit = system.automaton.guards, system.factor(parameter)
     first, second = (
         slope * system.margin_unit(guards[guard].name) / unit
@@ -132,18 +81,18 @@ def boundary_type(special: EquilibriumPoint) -> BoundaryType:
     names = system.modes
     return BoundaryType(
         crossing.type,
-        modes=(names[special.numeric.equilibrium.mode], names[crossing.other.mode]),
+        modes=(names[special.equilibrium.mode], names[crossing.other.mode]),
         other=equilibrium_of(system, crossing.other),
         slopes=(first, second),
         criterion=-first / second,
     )
 
 
-def type_of_boundary(special: BifurcationPoint) -> str:
+def type_of_boundary(special: EquilibriumEvent, parameter: str) -> str:
     """Return the type of a boundary equilibrium, for tables; empty if it has none."""
-    if not isinstance(special, EquilibriumPoint) or special.kind != BOUNDARY:
+    if special.kind != BOUNDARY:
         return ""
     try:
-        return str(boundary_crossing(special.numeric, special.parameter).type)
+        return str(boundary_crossing(special, parameter).type)
     except OrbitError:
         return ""

@@ -688,8 +688,11 @@ def _homoclinic_end(system: HybridSystem, branch: OrbitBranch) -> HomoclinicEnd 
 
 def _names(special: BifurcationPoint) -> dict[str, str]:
     """Return the name of a special point, for its row in tables."""
-    names = ("label", "kind", "criticality")
-    kind = type_of(special) or type_of_boundary(special)
+    names, kind = ("label", "kind", "criticality"), ""
+    if isinstance(special, SpecialPoint):
+        kind = type_of(special.numeric)
+    elif isinstance(special, EquilibriumPoint):
+        kind = type_of_boundary(special.numeric, special.parameter)
     return {**{name: getattr(special, name) for name in names}, "type": kind}
 
 

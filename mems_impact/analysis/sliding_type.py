@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Any, Self
 
-from mems_impact.analysis.special_points import BifurcationPoint, SpecialPoint, check_kind
 from mems_impact.continuation.sliding import TYPE_LABELS, discontinuity, is_discontinuity
+from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.state import HybridState
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
 
-__all__ = ["SlidingType", "sliding_type"]
+__all__ = ["SlidingType", "sliding_type", "type_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class SlidingType(str):
 
     See Also
     --------
-    sliding_type, GrazingType
+    SpecialPoint, GrazingType
 
     Examples
     --------
@@ -75,7 +76,7 @@ class SlidingType(str):
     ...     parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
     ... )
     >>> branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "mu", stop=1.2)
-    >>> found = mi.sliding_type(branch.special_points[0])
+    >>> found = branch.special_points[0].sliding_type
     >>> found.label, found.tangent, found.tangency, round(found.second, 6)
     ('GS', 'below', 'visible', 1.0)
     """
@@ -103,68 +104,12 @@ class SlidingType(str):
         return TYPE_LABELS[self.value]
 
 
-def sliding_type(special: SpecialPoint) -> SlidingType:
-    """Classify a point at which an orbit meets a discontinuity of its field.
-
-    Parameters
-    ----------
-    special : SpecialPoint
-        A point at which a guard other than an impact is touched, or at which events coincide,
-        located from either side.
-
-    Returns
-    -------
-    SlidingType
-        The type, a string such as "grazing-sliding", with the modes of the fields and their
-        derivatives at the point.
-
-    Raises
-    ------
-    InvalidParameter
-        If `special` is a point of another kind.
-    OrbitError
-        If the type cannot be determined, as where no mode of the automaton slides.
-
-    See Also
-    --------
-    SlidingType, SpecialPoint, grazing_type
-
-    Notes
-    -----
-    A mode slides on the surface of a guard if it keeps the guard's margin constant there, so modes
-    of components, of hand-written guards and of the actuator are recognized alike. The field on the
-    other side is known only if a guard leads from there to sliding.
-
-    References
-    ----------
-    .. [1] M. di Bernardo, P. Kowalczyk and A. Nordmark, "Bifurcations of dynamical systems with
-       sliding: derivation of normal-form mappings", Physica D 170 (2002) 175-205.
-    .. [2] M. di Bernardo, C. J. Budd, A. R. Champneys and P. Kowalczyk, "Piecewise-smooth
-       Dynamical Systems", Springer, 2008, chapters 7 and 8.
-
-    Examples
-    --------
-    >>> import math
-    >>> import mems_impact as mi
-    >>> def forced(mode, t, y, p):
-    ...     return y.v, -y.x + p.A * math.cos(0.7 * t) + 0.3 * math.sin(1.4 * t)
-    >>> block = mi.System(
-    ...     states=("x", "v"), flow=forced, period=2.0 * math.pi / 0.7, parameters={"A": 1.3},
-    ...     parts=[mi.Friction("ground", "v", mu=1.0)],
-    ... )
-    >>> branch = mi.continue_orbit(mi.find_orbit(block, transient=300), "A", stop=1.2)
-    >>> found = mi.sliding_type(branch.special_points[0])
-    >>> print(found)
-    crossing-sliding
-    >>> found.modes, found.sliding, found.tangency
-    (('backward', 'forward'), 'stuck', 'visible')
-    """
-    check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    if not is_discontinuity(special.numeric):
+def sliding_type(system: HybridSystem, special: BranchEvent) -> SlidingType:
+    """Return the type of a point of a branch; see `SpecialPoint.sliding_type`."""
+    if not is_discontinuity(special):
         allowed = "a point at which a guard is touched, or events coincide"
-        raise InvalidParameter("special", special.kind, allowed)
-    system = special.system
-    event = discontinuity(special.numeric)
+        raise InvalidParameter("kind", special.kind, allowed)
+    event = discontinuity(special)
     names = system.modes
     begin, end = event.modes
     instant = HybridState(0, event.time, begin, event.state)
@@ -195,11 +140,11 @@ def sliding_type(special: SpecialPoint) -> SlidingType:
     )
 
 
-def type_of(special: BifurcationPoint) -> str:
+def type_of(special: BranchEvent) -> str:
     """Return the type of a point at a discontinuity, for tables; empty if it has none."""
-    if not isinstance(special, SpecialPoint) or not is_discontinuity(special.numeric):
+    if not is_discontinuity(special):
         return ""
     try:
-        return str(discontinuity(special.numeric).type)
+        return str(discontinuity(special).type)
     except (InvalidParameter, OrbitError):
         return ""

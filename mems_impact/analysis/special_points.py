@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.boundary_equilibrium_type import BoundaryType, boundary_type
 from mems_impact.analysis.equilibrium import Equilibrium
 from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.sliding_type import SlidingType, sliding_type
 from mems_impact.continuation import grazing
 from mems_impact.continuation.codimension_two import codimension_two_form
 from mems_impact.continuation.equilibrium_branch import EquilibriumEvent
@@ -42,7 +44,6 @@ __all__ = [
     "GrazingType",
     "SpecialPoint",
     "check_kind",
-    "grazing_type",
 ]
 
 GRAZING_SEARCH_RATIO = (
@@ -59,7 +60,7 @@ class GrazingType(StrEnum):
 
     See Also
     --------
-    grazing_type, operating_chart
+    SpecialPoint, operating_chart
 
     Examples
     --------
@@ -123,7 +124,7 @@ class SpecialPoint(BifurcationPoint):
 
     See Also
     --------
-    Branch, switch_branch, continue_curve, grazing_type, sliding_type
+    Branch, switch_branch, continue_curve, GrazingType, SlidingType
 
     Examples
     --------
@@ -137,6 +138,8 @@ class SpecialPoint(BifurcationPoint):
     ('fold', 'amplitude', 0.1765154)
     >>> f"{max(fold.multipliers.real):.3f}"
     '1.000'
+    >>> branch.special_points[1].grazing_type.paper
+    'I'
     """
 
     kind: str
@@ -181,6 +184,43 @@ class SpecialPoint(BifurcationPoint):
         orbit = self.numeric.orbit
         doubled = isinstance(self.numeric.monitor, FoldTest)
         return orbit_normal_form(self.kind, orbit.shooting, orbit.point, doubled=doubled)
+
+    @property
+    def grazing_type(self) -> GrazingType:
+        """The type of a grazing of an orbit without impacts, by the first impact's normal form.
+
+        The sign of the sequence grad h . M^k kick, k = 1, 2, …, decides, with the monodromy matrix
+        M of the orbit without impact (Nordmark 1991).
+
+        Raises
+        ------
+        InvalidParameter
+            If the point is of another kind, or the orbit has other impacts.
+        OrbitError
+            If a weak contact does not lead back to the mode before it.
+        """
+        equivalent = self.without_impact
+        if self.label != "G" or not isinstance(equivalent.monitor, ClosestApproachTest):
+            raise InvalidParameter("kind", self.kind, "a grazing of an orbit without impacts")
+        return GrazingType(grazing.grazing_type(equivalent.orbit, equivalent.monitor))
+
+    @property
+    def sliding_type(self) -> SlidingType:
+        """The type of a point at which an orbit meets a discontinuity of its field.
+
+        A mode slides on the surface of a guard if it keeps the guard's margin constant there, so
+        modes of components, of hand-written guards and of the actuator are recognized alike. The
+        field on the other side is known only if a guard leads from there to sliding. See di
+        Bernardo, Kowalczyk and Nordmark, Physica D 170 (2002) 175-205.
+
+        Raises
+        ------
+        InvalidParameter
+            If no guard other than an impact is touched at the point, and no events coincide.
+        OrbitError
+            If the type cannot be determined, as where no mode of the automaton slides.
+        """
+        return sliding_type(self.system, self.numeric)
 
     @cached_property
     def without_impact(self) -> BranchEvent:
@@ -272,6 +312,26 @@ class EquilibriumPoint(BifurcationPoint):
         """
         return equilibrium_normal_form(self.kind, self.equilibrium.numeric)
 
+    @property
+    def boundary_type(self) -> BoundaryType:
+        """The type of a boundary equilibrium, in either mode, by Feigin's rules.
+
+        For a field that is continuous across the surface, the criterion is the ratio of the
+        determinants of both Jacobians, 1 + C^T N^-1 E. For a Filippov system the other branch
+        consists of pseudo-equilibria, and the criterion has the sign of -C^T N^-1 E, where E is the
+        jump of the field. See di Bernardo, Budd, Champneys and Kowalczyk, "Piecewise-smooth
+        Dynamical Systems", Springer, 2008, sections 5.2 and 5.3.
+
+        Raises
+        ------
+        InvalidParameter
+            If the point is of another kind.
+        OrbitError
+            If no other mode has an equilibrium there, as at an impact without rest contact, or the
+            branch of either mode has a fold there.
+        """
+        return boundary_type(self.system, self.numeric, self.parameter)
+
     def summary(self) -> dict[str, Any]:
         """Return the kind, the value of the parameter and the equilibrium."""
         return {
@@ -350,54 +410,6 @@ class CodimensionTwo(BifurcationPoint):
     def summary(self) -> dict[str, Any]:
         """Return the kind, the values of the parameters and the solution."""
         return {"kind": self.kind, **self.values, **self.solution.summary()}
-
-
-def grazing_type(special: SpecialPoint) -> GrazingType:
-    """Classify a grazing bifurcation by the normal form of the first impact.
-
-    Parameters
-    ----------
-    special : SpecialPoint
-        A grazing of an orbit without impacts, located from either side.
-
-    Returns
-    -------
-    GrazingType
-        "continuous" (type II of the paper), "jump" (type I) or "after a fold" (type III); its
-        ``paper`` is the number.
-
-    Raises
-    ------
-    InvalidParameter
-        If `special` is another kind of point, or the orbit has other impacts.
-    OrbitError
-        If a weak contact does not lead back to the mode before it.
-
-    See Also
-    --------
-    GrazingType, SpecialPoint, operating_chart
-
-    Notes
-    -----
-    Nordmark (1991): the sign of the sequence grad h . M^k kick, k = 1, 2, …, with the monodromy
-    matrix M of the orbit without impact.
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
-    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
-    >>> kind = mi.grazing_type(branch.special_points[1])
-    >>> kind == "jump", kind.paper
-    (True, 'I')
-    """
-    check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    equivalent = special.without_impact
-    if special.label != "G" or not isinstance(equivalent.monitor, ClosestApproachTest):
-        raise InvalidParameter("special", special.kind, "a grazing of an orbit without impacts")
-    return GrazingType(grazing.grazing_type(equivalent.orbit, equivalent.monitor))
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:

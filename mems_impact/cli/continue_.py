@@ -115,7 +115,7 @@ def _side(grazing: mi.SpecialPoint) -> str:
     import mems_impact as mi
 
     try:
-        kind = mi.grazing_type(grazing)
+        kind = grazing.grazing_type
     except mi.InvalidParameter:
         return "of an orbit with impacts"
     except mi.OrbitError as error:

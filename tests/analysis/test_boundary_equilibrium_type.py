@@ -43,7 +43,7 @@ def boundary(flow, **parameters):
     ("c", "d", "kind"), [(-2.0, 0.4, "persistence"), (2.0, 0.4, "nonsmooth fold")]
 )
 def test_continuous_field(c, d, kind):
-    found = mi.boundary_type(boundary(bent, c=c, d=d))
+    found = boundary(bent, c=c, d=d).boundary_type
     jump = np.array([d * c, c])  # E
     number = 1.0 + np.linalg.solve(FIELD, jump)[1]
     assert found == kind
@@ -61,7 +61,7 @@ def test_continuous_field(c, d, kind):
 )
 def test_filippov_system(c, d, kind):
     special = boundary(cut, c=c, d=d)
-    found = mi.boundary_type(special)
+    found = special.boundary_type
     # The margin of sliding is -C^T f+ = C^T E times the weight of the lower field.
     number = -np.linalg.solve(FIELD, [c, d])[1] / d
     assert found == kind
@@ -85,7 +85,7 @@ def test_from_the_sliding_branch():
     branch = mi.continue_equilibrium(sliding, "a", 0.1)
     assert branch.special_table["type"].tolist() == ["persistence"]
     (met,) = branch.special_points
-    found, other = mi.boundary_type(met), mi.boundary_type(special)
+    found, other = met.boundary_type, special.boundary_type
     assert found == "persistence"
     assert found.modes == ("sliding", "above")
     assert abs(found.criterion * other.criterion - 1.0) < 1e-7
@@ -101,7 +101,7 @@ def test_contact_that_holds():
     )
     (free,) = mi.find_equilibria(system, modes=["free"])
     met = mi.continue_equilibrium(free, "pull", 1.5).special_points[0]
-    found = mi.boundary_type(met)
+    found = met.boundary_type
     assert found == "persistence"
     assert found.modes[0] == "free"
 
@@ -136,7 +136,7 @@ def test_the_mode_that_contact_leads_to(side):
     )  # fmt: skip
     (rest,) = mi.find_equilibria(system, modes=["free"])
     (met,) = mi.continue_equilibrium(rest, "pull", 1.5 * side).special_points
-    found = mi.boundary_type(met)
+    found = met.boundary_type
     assert (found, found.modes) == ("persistence", ("free", "pressed"))
 
 
@@ -153,6 +153,11 @@ def test_what_has_no_type():
     (free,) = mi.find_equilibria(system)
     (met,) = mi.continue_equilibrium(free, "pull", 2.0).special_points
     with pytest.raises(mi.OrbitError, match="no other mode"):
-        mi.boundary_type(met)
-    with pytest.raises(mi.InvalidParameter, match="special"):
-        mi.boundary_type(free)
+        _ = met.boundary_type
+    parabola = mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (p.a - y.x**2,), parameters={"a": 1.0}
+    )
+    (upper,) = mi.find_equilibria(parabola, guess={"x": 1.2})
+    (fold,) = mi.continue_equilibrium(upper, "a", -0.5).special_points
+    with pytest.raises(mi.InvalidParameter, match="'fold': must be a boundary equilibrium"):
+        _ = fold.boundary_type

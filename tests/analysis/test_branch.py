@@ -178,17 +178,17 @@ def test_past_grazing_orbits_are_inadmissible():
 
 
 def test_both_sides_of_a_grazing_give_its_type(branch, doubling):
-    assert mi.grazing_type(branch.special_points[1]) == "jump"
+    assert branch.special_points[1].grazing_type == "jump"
     grazing = next(s for s in doubling.special_points if s.label == "G")
-    assert mi.grazing_type(grazing).paper == "II"
+    assert grazing.grazing_type.paper == "II"
     off = mi.continue_orbit(
         mi.find_orbit(ZHAO, mi.Sine(amplitude=0.2, omega=0.45)), "amplitude", 0.24
     )
     fold, grazing = off.special_points[:2]
     assert fold.value == pytest.approx(0.235565433578, abs=1e-10)
-    assert mi.grazing_type(grazing) == mi.GrazingType.AFTER_FOLD
+    assert grazing.grazing_type == mi.GrazingType.AFTER_FOLD
     with pytest.raises(mi.InvalidParameter, match="a grazing"):
-        mi.grazing_type(fold)
+        _ = fold.grazing_type
 
 
 def test_switching_to_twice_the_period(doubling):
@@ -353,7 +353,7 @@ def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
     orbit = mi.find_orbit(device, mi.Sine(amplitude=0.2, omega=0.5))
     found = mi.continue_orbit(orbit, "amplitude", 0.24, through_grazing=False)
     with pytest.raises(mi.OrbitError, match="does not return"):
-        mi.grazing_type(found.special_points[0])
+        _ = found.special_points[0].grazing_type
 
 
 @pytest.mark.nightly

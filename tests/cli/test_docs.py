@@ -62,7 +62,7 @@ def test_what_is_opened(cli, site, monkeypatch):
         ("find_orbit", "mems_impact.find_orbit("),
         ("fitwarning", "mems_impact.FitWarning"),
         ("pull-in", "Usage: mems-impact pull-in"),
-        ("grazing", "grazing_type: "),
+        ("grazing", "SpecialPoint: "),
         ("draw a tornado of sensitivity", "sensitivity: "),
     ],
 )

@@ -89,7 +89,7 @@ def test_a_linear_oscillator_under_a_voltage_that_switches(c, expected):
     )  # fmt: skip
     branch = mi.continue_orbit(mi.find_orbit(system, transient=100), "f", stop=9.0)
     special = next(each for each in branch.special_points if each.label == "G")
-    assert mi.grazing_type(special) == expected
+    assert special.grazing_type == expected
     found = special.without_impact
     xi = contact_coefficients(found.orbit.shooting, found.orbit.point, found.monitor, 8)
     monodromy = linalg.expm(8.0 * np.array([[0.0, 1.0], [-1.0, -c]]))
@@ -118,7 +118,7 @@ def test_a_limit_cycle_that_impacts_heat(heat, expected):
         guards=[mi.Impact("wall", lambda mode, t, y, p: p.d - y.x, rebound)],
     )  # fmt: skip
     branch = mi.continue_orbit(mi.find_orbit(system, transient=50), "d", 1.95, stop_at="G")
-    assert mi.grazing_type(branch.special_points[-1]) == expected
+    assert branch.special_points[-1].grazing_type == expected
 
 
 def test_only_grazings_have_a_type():

@@ -87,7 +87,7 @@ def test_a_branch_passes_crossing_sliding(static, start, stop):
     assert branch.table.admissible.all()
     (point,) = branch.special_points
     assert point.value == pytest.approx(crossing_sliding(static), abs=2e-10)
-    found = mi.sliding_type(point)
+    found = point.sliding_type
     assert found == "crossing-sliding"
     assert found.modes == ("backward", "forward")
     # Where static friction is higher the block turns with an acceleration, and is not tangent.
@@ -169,7 +169,7 @@ def test_a_branch_passes_a_border_collision():
         assert each.table.admissible.all()
         (point,) = [s for s in each.special_points if s.kind == "reference"]
         assert point.value == pytest.approx(current + 1.0, abs=1e-10)
-        assert mi.sliding_type(point) == "border collision"
+        assert point.sliding_type == "border collision"
         assert (each.orbits[-1].segments["ends with"] == "reference").sum() == switches
 
 

@@ -39,7 +39,7 @@ def test_a_cycle_grazes_its_sliding_region_from_either_side(growth):
         assert branch.table.stable.all()
         (point,) = branch.special_points
         assert point.value == pytest.approx(1.0, abs=1e-12)
-        found = mi.sliding_type(point)
+        found = point.sliding_type
         assert found == "grazing-sliding"
         assert found.modes == ("below", "below")
         assert (found.tangent, found.other, found.sliding) == ("below", "above", "sliding")
@@ -63,7 +63,7 @@ def test_grazing_sliding_is_a_curve(growth):
 
 @pytest.mark.slow
 def test_a_type_is_a_string_with_the_numbers_of_its_criterion(growth):
-    found = mi.sliding_type(growth.special_points[0])
+    found = growth.special_points[0].sliding_type
     again = pickle.loads(pickle.dumps(found))
     assert again == found
     assert again.second == found.second
@@ -78,7 +78,7 @@ def test_a_type_that_cannot_be_determined_says_why(growth, monkeypatch):
     monkeypatch.setattr("mems_impact.continuation.sliding.Junction.gradient", fails)
     point = growth.special_points[0]
     with pytest.raises(mi.OrbitError, match="a function of the system fails near the point"):
-        mi.sliding_type(point)
+        _ = point.sliding_type
 
 
 @pytest.mark.nightly
@@ -96,7 +96,7 @@ def test_a_flow_need_be_defined_only_a_little_beyond_the_orbit():
         parts=[mi.SwitchingSurface("wall", "x", level=1.0)],
     )  # fmt: skip
     (point,) = mi.continue_orbit(mi.find_orbit(system, transient=20), "mu", 1.1).special_points
-    found = mi.sliding_type(point)
+    found = point.sliding_type
     assert found == "grazing-sliding"
     assert found.second == pytest.approx(1.5**2, rel=1e-8)
 
@@ -112,7 +112,7 @@ def test_points_without_a_discontinuity_have_no_type():
     branch = mi.continue_orbit(mi.find_orbit(system, transient=200), "A", stop=3.0)
     fold = next(point for point in branch.special_points if point.label == "CF")
     with pytest.raises(mi.InvalidParameter, match="a guard is touched, or events coincide"):
-        mi.sliding_type(fold)
+        _ = fold.sliding_type
     assert set(branch.special_table["type"]) == {""}
 
 
@@ -229,7 +229,7 @@ def test_a_branch_passes_all_sliding_bifurcations(climb):
         assert branch.table.admissible.all()
         assert len(branch.special_points) == 6
         for name, point in named(branch).items():
-            found = mi.sliding_type(point)
+            found = point.sliding_type
             assert found == f"{name.split()[-1]}-sliding"
             assert point.value == pytest.approx(exact(*POINTS[name], 1.7), abs=1e-10)
             expected = {"adding": "cubic", "switching": "invisible"}.get(name, "visible")
@@ -242,7 +242,7 @@ def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
     """Such a point is no adding-sliding bifurcation, whatever the modes around it."""
     derivative = Junction.derivative
     point = named(climb)["adding"]
-    third = mi.sliding_type(point).third
+    third = point.sliding_type.third
 
     def bent(self, field, surface, order, t, y):
         second = share * third * self.time_scale if order == 2 else 0.0
@@ -250,10 +250,10 @@ def test_a_tangency_with_a_second_derivative_is_not_cubic(climb, monkeypatch):
 
     monkeypatch.setattr(Junction, "derivative", bent)
     share = 1e-3
-    assert mi.sliding_type(point).tangency == "cubic"
+    assert point.sliding_type.tangency == "cubic"
     share = 0.1
     with pytest.raises(mi.OrbitError, match=r"the tangency is (in)?visible, not cubic"):
-        mi.sliding_type(point)
+        _ = point.sliding_type
 
 
 @pytest.mark.nightly
@@ -320,7 +320,7 @@ def test_a_branch_passes_excursions_from_sliding_that_vanish(part, tilt):
         assert branch.table["largest multiplier"].to_numpy() == pytest.approx(decay, abs=1e-9)
         assert [point.value for point in branch.special_points] == pytest.approx(values, abs=1e-10)
         for point in branch.special_points:
-            found = mi.sliding_type(point)
+            found = point.sliding_type
             assert found == "adding-sliding"
             assert found.third == pytest.approx(-point.value, rel=1e-8)
 
@@ -351,7 +351,7 @@ def test_the_published_friction_oscillator_grazes_its_sliding_region():
     branch = mi.switch_branch(doubling, bounds=(1.70, 1.72))
     (point,) = branch.special_points
     assert point.value == pytest.approx(1.7077997, abs=5e-8)
-    found = mi.sliding_type(point)
+    found = point.sliding_type
     assert (found, found.tangency, found.sliding) == ("grazing-sliding", "visible", "stuck")
     rows = branch.table.w < point.value - 1e-9
     # The cycle sticks beyond it, and is unstable there.
@@ -371,7 +371,7 @@ def test_the_published_friction_oscillator_grazes_its_sliding_region():
 @pytest.mark.nightly
 def test_a_cycle_that_touches_the_speed_of_its_belt_grazes_where_it_sticks():
     branch = mi.continue_orbit(mi.find_orbit(damped_belt(), transient=60.0), "v", stop=0.6)
-    found = mi.sliding_type(branch.special_points[-1])
+    found = branch.special_points[-1].sliding_type
     assert (found, found.modes) == ("grazing-sliding", ("slip", "stick"))
     assert found.second > 0.0
 
@@ -416,7 +416,7 @@ def test_a_cycle_passes_the_intersection_of_two_surfaces():
     for branch, steps in ((grows, 1), (shrinks, -1)):
         (point,) = branch.special_points
         assert point.value == pytest.approx(1.0, abs=1e-10)
-        found = mi.sliding_type(point)
+        found = point.sliding_type
         assert (found, found.surfaces) == ("corner collision", ("right", "top"))
         assert branch.table.admissible.all()
         assert branch.table.stable.all()
@@ -460,7 +460,7 @@ def test_a_fixed_point_of_a_map_passes_its_border(guarded):
         assert branch.ended == "mu reached its bound"
         (point,) = branch.special_points
         assert point.value == pytest.approx(0.0, abs=1e-12)
-        assert mi.sliding_type(point) == "border collision"
+        assert point.sliding_type == "border collision"
         table = branch.table
         fixed = table.mu / (1.0 - np.where(table.mu < 0.0, 0.5, -0.7))
         assert table.x.to_numpy() == pytest.approx(fixed.to_numpy(), abs=1e-9)

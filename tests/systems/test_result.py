@@ -245,7 +245,7 @@ def test_a_branch_is_drawn_without_the_system(saved):
         ("orbit", lambda orbit: mi.continue_orbit(orbit, "A", 0.7)),
         ("doubling", lambda special: mi.switch_branch(special)),
         ("doubling", lambda special: mi.continue_curve(special, "omega", 0.7)),
-        ("grazing", lambda special: mi.grazing_type(special)),
+        ("grazing", lambda special: special.grazing_type),
         ("branch", lambda branch: branch.orbits[0].impacts),
     ],
     indirect=["saved"],

@@ -161,7 +161,7 @@ def test_orbit_branch_curve():
     curve = mi.continue_curve(branch.special_points[1], "zeta", stop=0.1)
     exact = np.sqrt((1.0 - 0.8**2) ** 2 + (2.0 * curve.table["zeta"] * 0.8) ** 2)
     assert np.abs(curve.table["A"] - exact).max() < 1e-9
-    assert mi.grazing_type(branch.special_points[1]) in mi.GrazingType
+    assert branch.special_points[1].grazing_type in mi.GrazingType
 
 
 def test_a_sweep_looks_where_periods_begin():

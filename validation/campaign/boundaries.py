@@ -22,7 +22,7 @@ def continued(omega: float) -> tuple[float, float]:
     first = branch.special_points[0]
     if first.label == "CF":
         return first.value, math.nan
-    if mi.grazing_type(first) == mi.GrazingType.CONTINUOUS:
+    if first.grazing_type == mi.GrazingType.CONTINUOUS:
         return first.value, first.value
     return first.value, next(s.value for s in branch.special_points if s.label == "CF")
 

@@ -34,7 +34,7 @@ from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked_state
 from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
 from mems_impact.analysis.orbit import Orbit, find_orbit
-from mems_impact.analysis.special_points import SpecialPoint, grazing_type
+from mems_impact.analysis.special_points import SpecialPoint
 from mems_impact.errors import MemsImpactError
 from mems_impact.overloads import simulate
 from mems_impact.plotting.labels import legend_above
@@ -245,7 +245,7 @@ class SwitchingDiagram:
         """Return the type of the grazing in the paper's numbers."""
         grazing = self.special("G")
         try:
-            return grazing_type(grazing).paper if grazing is not None else None
+            return grazing.grazing_type.paper if grazing is not None else None
         except MemsImpactError:
             return None
 

@@ -1041,7 +1041,7 @@ def operating_chart(
 
     See Also
     --------
-    OperatingChart, plot_chart, continue_curve, grazing_type
+    OperatingChart, plot_chart, continue_curve, GrazingType
 
     Examples
     --------
