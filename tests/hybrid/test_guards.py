@@ -430,3 +430,21 @@ def test_two_modes_that_push_against_each_other_are_named(count, rise, message):
     options = mi.Options(engine="interpreted", method="dop853", max_events=100)
     with pytest.raises(mi.RunError, match=message):
         mi.simulate(ring, duration=2.0, options=options)
+
+
+@ways
+@pytest.mark.parametrize("before", [1e-3, 1e-9, 1e-12])
+def test_an_event_shortly_before_a_switch_has_its_own_time(options, before):
+    """x grows by 1 in a period, and a switch adds 10 where half of it is over."""
+    system = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (1.0,),
+        guards=[mi.Guard("mark", lambda mode, t, y, p: 0.5 - before - y.x)],
+        switches=(0.5,),
+        switch_transition=lambda mode, t, y, p: (mode, (y.x + 10.0,)),
+        period=1.0,
+    )
+    events = mi.simulate(system, periods=0.7, options=options).events
+    assert len(events) == 2
+    assert events["event"].iloc[0] == "mark"
+    assert events["t"].tolist() == pytest.approx([0.5 - before, 0.5], rel=0.0, abs=1e-14)
