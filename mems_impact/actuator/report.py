@@ -304,8 +304,8 @@ class ReportMaker:
         blocks: list[Block] = [sentence, values(rows)]
         if self._sheet.regime == SLIPS and cycle != 0.0:
             blocks.append(
-                "The frame slips before the blow, so that it also moves between blows; the step "
-                "per cycle may then differ in sign from the displacement by the blow."
+                "The frame slips in a slow pull-in, so that it may also move between blows; the "
+                "step per cycle may then differ in sign from the displacement by the blow."
             )
         if statistics["blows per period"] == 0.0:
             walks = abs(cycle) > LEAST_STEP * self.actuator.delta

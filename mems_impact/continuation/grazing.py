@@ -243,7 +243,8 @@ MAX_SIGNATURES = 4  # maximum number of signatures per distance, each from a run
 CONVERGENCE_RATIO = 0.1  # ratio of two distances between which a joining branch approaches ...
 APPROACH_RATIO = 0.5  # ... the common orbit by this factor
 NO_ORBIT_BEYOND = (
-    "no orbit was found near this one beyond it: the motion jumps, or impacts accumulate"
+    "no orbit was found near this one beyond it: the motion may jump, lose its period, or have "
+    "impacts that accumulate"
 )
 
 

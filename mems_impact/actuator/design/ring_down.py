@@ -188,7 +188,10 @@ def ring_down(
     else:
         problem = "the block does not oscillate"
         if not free:
-            problem = "impacts, or slip of the frame, do not end; start with less speed"
+            problem = (
+                f"impacts, or slip of the frame, last over {periods // 2:.0f} free oscillations; "
+                "start with less speed"
+            )
         raise InvalidParameter("initial", start, "", problem=problem)
     decrement = math.log(amplitude[0] / amplitude[-1]) / count
     swing = (t[-1] - t[0]) / count
@@ -251,7 +254,7 @@ def slow_decay(
             rtol = max(1e-14, ERROR * decrement)
             fine = replace(fine, rtol=rtol, atol=rtol * high[-1])
         if decrement < MIN_DECREMENT:
-            problem = "the oscillation of the block does not decay"
+            problem = f"the oscillation decays by less than {MIN_DECREMENT:g} per cycle"
             raise InvalidParameter("initial", initial, "", problem=problem)
         rows.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
     amplitudes, decrements, times = np.array(rows).T
