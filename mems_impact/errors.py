@@ -710,7 +710,8 @@ class ScaleWarning(UserWarning):
 class StartWarning(UserWarning):
     """A motion starts where a guard that moves the state has a negative margin, or may part.
 
-    The motion may part on a switching surface from which the flow leads away to both sides.
+    The motion may part on a switching surface from which the flow leads away to both sides, and on
+    an intersection of three switching surfaces around which motions may expand.
 
     See Also
     --------

@@ -240,6 +240,7 @@ def simulate(
         if meets is not None:
             meets.check()
         system.without_until.check_forcing(run.trajectory)
+        system.warn_of_expansion(run.trajectory)
     except FunctionError as error:
         error.partial = run
         raise

@@ -660,6 +660,9 @@ class HybridSystem(Result, ABC):
         """Return the mode of another motion from the start on a switching surface, or -1."""
         return -1
 
+    def warn_of_expansion(self, trajectory: Trajectory) -> None:
+        """Warn if a run slides on switching surfaces around which motions may expand."""
+
     @cached_property
     def _checked_numbers(self) -> ProblemParameters:
         """The part of the problem that depends on the parameters, shared by all problems."""

@@ -13,7 +13,8 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.errors import FunctionError, InvalidParameter
+from mems_impact._util.warning_scopes import warn
+from mems_impact.errors import FunctionError, InvalidParameter, StartWarning
 from mems_impact.export.model import ExportedModel
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceColumns, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -433,6 +434,36 @@ class System(HybridSystem):
         now = start.time if self.forced else start.cycle * problem.period + start.time
         time, y = self.out("time", now), self._state(start.y)
         return int(self._sliding.other_start(start.mode, time, y, self._to_user(problem)))
+
+    def warn_of_expansion(self, trajectory: Trajectory) -> None:
+        """Warn if a run slides on three surfaces or more around which motions may expand.
+
+        The states where each mode first begins and ends are tested, and the end of the run.
+        """
+        sliding, events, final = self._sliding, trajectory.events, trajectory.final
+        if sliding is None or len(sliding.surfaces) < 3:
+            return
+        p = self._named(self._parameters.values())
+        ends = [(final.mode, final.cycle, final.time, final.y)]
+        for modes, states in (
+            (events.mode_after, events.after),
+            (events.mode_before, events.before),
+        ):
+            for i in np.unique(modes, return_index=True)[1].tolist():
+                ends.append((int(modes[i]), int(events.cycle[i]), events.time[i], states[i]))
+        for mode, cycle, at, y in ends:
+            now = at if self.forced else cycle * trajectory.period + at
+            surfaces = sliding.expanding(mode, self.out("time", now), self._state(y), p)
+            if surfaces:
+                time = self.out("time", cycle * trajectory.period + at)
+                message = (
+                    f"motions around the intersection of {', '.join(surfaces)}, on which the run "
+                    f"slides at t = {time:.6g}, may expand: no weighted sum of the distances from "
+                    "these switching surfaces falls along all of them; compare a run that starts "
+                    "beside the intersection"
+                )
+                warn(message, StartWarning)
+                return
 
     @property
     def automaton(self) -> Automaton:

@@ -5,11 +5,13 @@ and curved surfaces in a third of the cases. In a third a body, u'' = x_0 + s_0 
 a stop at u = 1/5 with the restitution 0.7. The reference replaces the signs by tanh(h/w) and
 integrates by LSODA for two widths w; a case counts as far as the two agree. Where the package says
 that the motion is not unique, motions of the reference must part that start beside its state, with
-widths that differ between the surfaces.
+widths that differ between the surfaces, or signs with hysteresis in place of smoothed ones; or a
+spiral around two surfaces must begin to expand there.
 """
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -28,6 +30,8 @@ PARTED = 3e-2  # difference of two references that agree no longer
 PLACE, RESTITUTION = 0.2, 0.7  # of the stop
 MAX_IMPACTS = 60  # of the reference
 ASIDE, SHIFTS, LOOK = (1e-5, 1e-4), 8, 0.3  # distances and number of starts aside, and time
+TOUCHED, NEUTRAL = 1e-7, 1e-3  # height on a surface, change of a spiral over one turn
+HYSTERESIS = 1e-4  # width
 AMPLIFIED = 30.0  # distance of motions that are not unique, over that of their starts
 SHARE, FLOOR = 0.5, 1e-6  # of the difference of the references, that the package may be off
 
@@ -132,12 +136,57 @@ def parted(
     """Return by how much motions part that start beside a state, over the distance."""
     k = len(numbers["h"])
     asides = np.pad(distance * rng.normal(size=(SHIFTS, k + 1)), ((1, 0), (0, 2)))
-    widths = distance / 50.0 * 10.0 ** rng.uniform(-0.5, 0.5, (len(asides), k))
+    widths = distance / 50.0 * 10.0 ** rng.uniform(-1.0, 1.0, (len(asides), k))
     ends = [
         smoothed(numbers, stops, place + aside, width, LOOK)
         for aside, width in zip(asides, widths, strict=True)
     ]
     return float(np.ptp(ends, axis=0).max()) / distance
+
+
+def hysteretic(numbers: dict[str, Floats], place: Floats, widths: Floats) -> Floats:
+    """Return the end of a motion without stops whose signs change beyond the widths."""
+    heights, free = numbers["h"], numbers["a"]
+    x, signs, step = place[:-2], np.ones(len(widths)), 0.1 * float(widths.min())
+    for _ in range(int(LOOK / step)):
+        h = heights @ x + numbers["q"] * (x @ x - 1.0)
+        signs = np.where(np.abs(h) > widths, np.sign(h), signs)
+        slope = free @ x - numbers["b"] * x**3 + numbers["c"]
+        x = x + step * (slope + (1.0 + numbers["d"] * np.sin(x[-1])) * (numbers["B"] @ signs))
+    return x
+
+
+def parted_by_hysteresis(
+    rng: np.random.Generator, numbers: dict[str, Floats], place: Floats
+) -> float:
+    """Return by how much a motion with hysteresis parts from a smoothed one, over the width."""
+    k = len(numbers["h"])
+    widths = HYSTERESIS * 10.0 ** rng.uniform(-0.5, 0.5, (SHIFTS, k))
+    ends = [hysteretic(numbers, place, width) for width in widths]
+    ends.append(smoothed(numbers, False, place, HYSTERESIS / 10.0, LOOK)[:-2])
+    return float(np.ptp(ends, axis=0).max()) / HYSTERESIS
+
+
+def neutral_spiral(numbers: dict[str, Floats], place: Floats) -> bool:
+    """Return whether motions turn around two surfaces at a state and neither grow nor shrink."""
+    x = place[:-2]
+    heights = numbers["h"] @ x + numbers["q"] * (x @ x - 1.0)
+    around = np.flatnonzero(np.abs(heights) < TOUCHED)
+    if around.size != 2:
+        return False
+    normals = numbers["h"] + 2.0 * numbers["q"][:, None] * x
+    free = numbers["a"] @ x - numbers["b"] * x**3 + numbers["c"]
+    growth, turns = 1.0, 0.0
+    for quadrant in itertools.product((1.0, -1.0), repeat=2):
+        signs = np.sign(heights)
+        signs[around] = quadrant
+        slope = free + (1.0 + numbers["d"] * np.sin(x[-1])) * (numbers["B"] @ signs)
+        outward = quadrant * (normals @ slope)[around]
+        if outward.prod() > 0.0:
+            return False
+        growth *= outward.max() / -outward.min()
+        turns += np.sign(outward[0]) * quadrant[0] * quadrant[1]
+    return abs(turns) == 4.0 and abs(growth - 1.0) < NEUTRAL
 
 
 def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
@@ -164,8 +213,11 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     except mi.RunError as error:
         place = np.array([error.state[name] for name in model.states])
         parts = max(parted(rng, numbers, stops, place, distance) for distance in ASIDE)
+        if not parts > AMPLIFIED:
+            parts = parted_by_hysteresis(rng, numbers, place)
         verdict.horizon = 0.0
-        if not parts > AMPLIFIED or "not unique" not in str(error):
+        right = parts > AMPLIFIED or neutral_spiral(numbers, place)
+        if not right or "not unique" not in str(error):
             verdict.story = f"refused, while distances grow by {parts:.1e} only: {error}"
         return verdict
     if not apart <= PARTED:

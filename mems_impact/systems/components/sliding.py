@@ -11,10 +11,10 @@ its surfaces, where these hold the state themselves. The *room* of a mode is the
 all these motions from leaving, a rate: for one surface the lesser of the speeds at which the two
 flows approach it. Its zero is an exit, which leads into the motion that leaves.
 
-An exit is not unique if a second motion leaves within `EXIT_SPAN`, or if the flows around two
-surfaces can still hold the state, as where one region alone lets it go. Two more changes end
-sliding on an intersection: the combinations become several velocities, and a spiral around it
-expands.
+An exit is not unique if a second motion leaves within `EXIT_SPAN`. Neither an exit nor an arrival
+is unique if the flows around the surfaces can still hold a state that leaves, as where one region
+alone lets it go. Two more changes end sliding on an intersection: the combinations become several
+velocities, and a spiral around two of the surfaces expands.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ UNIQUE_RTOL = "2e-7"  # relative difference of the velocities of one motion
 ROW_RTOL = "1e-14"  # square of it, below which a row of the symmetric system is redundant
 EXIT_SPAN = 1e-8  # time scales within which two exits are one event
 SIDE_RTOL = 1e-6  # area beside those of the largest rates, below which two vertices are on a line
+LEAST_FALL = 1e-6  # of a weighted sum of distances, relative to the largest rates
 EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding error
 
 
@@ -88,15 +89,6 @@ class Sliding:
         """The number of surfaces on which a mode slides, as an expression."""
         return " + ".join(f"({digit} == {SLIDING})" for digit in self.digits)
 
-    @property
-    def region(self) -> str:
-        """The mode of a region beside an intersection, as an expression."""
-        steps = (
-            f"({digit} == {SLIDING}) * {(ABOVE - SLIDING) * stride}"
-            for digit, stride in zip(self.digits, self.strides, strict=True)
-        )
-        return " + ".join(["mode", *steps])
-
     def beside(self, name: str) -> str:
         """Return the mode with the digits ``name0``, ``name1``, … of the surfaces."""
         steps = (
@@ -114,14 +106,14 @@ class Sliding:
         loop = f"for {name} in range({base**self.k}):"
         return [loop, *indented([*digits, f"if {' and '.join(agrees)}:"])]
 
-    def flows(self) -> list[str]:
+    def flows(self, side: str = "side") -> list[str]:
         """Return the lines of a loop over the flows ``d`` around the state with their rates."""
         rates = (
             f"l{i + 1} = {part.along(names, 'd')} if {digit} == {SLIDING} else 0.0"
             for i, ((names, part), digit) in enumerate(zip(self.surfaces, self.digits, strict=True))
         )
-        body = [f"d = field({self.beside('side')}, t, y, p)", "l0 = 1.0", *rates]
-        return [*self.around("side", 2), *indented(indented(body))]
+        body = [f"d = field({self.beside(side)}, t, y, p)", "l0 = 1.0", *rates]
+        return [*self.around(side, 2), *indented(indented(body))]
 
     def gram(self) -> list[tuple[int, int]]:
         """Return the index pairs of the symmetric system."""
@@ -175,75 +167,101 @@ class Sliding:
         return function("ambiguity(mode, t, y, p)", [*self.digit_lines(), *lines])
 
     def spiral(self) -> str:
-        """Return the source of the contraction of a spiral around two surfaces.
+        """Return the source of the least contraction of a spiral around two surfaces.
 
-        Between -1 and 1, negative if the spiral expands; 1 if there is no spiral. The flow of each
-        region approaches one surface and departs from the other.
+        Between -1 and 1, negative if the spiral expands; 1 if there is no spiral. The second result
+        is a mode of the spiral. Beside two surfaces, and on all others on which the mode slides,
+        each of the four flows approaches one surface and departs from the other.
         """
-        lines = ["one, two = 0.0, 0.0"]
+        lines = ["least, exit = 1.0, mode"]
         for i, j in itertools.combinations(range(self.k), 2):
-            outward = (f"(1 - 2 * side{a}) * l{a + 1}" for a in (i, j))
+            (one, one_part), (two, two_part) = self.surfaces[i], self.surfaces[j]
+            rates = one_part.along(one, "d"), two_part.along(two, "d")
             lines += [
-                f"if {self.digits[i]} == {SLIDING} and {self.digits[j]} == {SLIDING}:",
-                f"    one, two = {', '.join(outward)}",
-                f"    if side{i} != side{j}:",
-                "        one, two = two, one",
+                f"if {one.mode} == {SLIDING} and {two.mode} == {SLIDING}:",
+                "    left, right, turns = 1.0, 1.0, 0",
+                "    for side in range(4):",
+                "        first, second = side % 2, side // 2",
+                f"        near = mode + (first - {SLIDING}) * {self.strides[i]}",
+                f"        near += (second - {SLIDING}) * {self.strides[j]}",
+                "        d = slopes(near, t, y, p)",
+                f"        one = (1 - 2 * first) * ({rates[0]})",
+                f"        two = (1 - 2 * second) * ({rates[1]})",
+                "        if first != second:",
+                "            one, two = two, one",
+                "        left *= one",
+                "        right *= two",
+                "        turns += (one < 0.0 < two) - (two < 0.0 < one)",
+                "    if abs(turns) == 4:",
+                "        way = (left - right) / (left + right) * (1 if turns > 0 else -1)",
+                "        if way < least:",
+                f"            least, exit = way, near + {(ABOVE - BELOW)} * "
+                f"{self.strides[i] + self.strides[j]}",
             ]
-        lines += ["left *= one", "right *= two", "turns += (one < 0.0 < two) - (two < 0.0 < one)"]
-        return function(
-            "spiral(mode, t, y, p)",
-            [
-                *self.digit_lines(),
-                f"if {self.count} != 2:",
-                "    return 1.0",
-                "left, right, turns = 1.0, 1.0, 0",
-                *self.flows(),
-                *indented(indented(lines)),
-                "if abs(turns) < 4:",
-                "    return 1.0",
-                "return (left - right) / (left + right) * (1 if turns > 0 else -1)",
-            ],
-        )
+        lines.append("return least, exit")
+        return function("spiral(mode, t, y, p)", [*self.digit_lines(), *lines])
 
-    def staying(self) -> tuple[str, str]:
-        """Return the sources that tell whether an intersection of two surfaces may hold a state.
+    def rates_of(self, count: int, name: str) -> list[str]:
+        """Return the lines of the rates of `count` surfaces on which a mode slides, of a flow."""
+        values = [f"{name}{i}" for i in range(count)]
+        lines = [f"{', '.join(values)} = {', '.join(['0.0'] * count)}"]
+        for chosen in itertools.combinations(range(self.k), count):
+            slides = " and ".join(f"{self.digits[i]} == {SLIDING}" for i in chosen)
+            rates = ", ".join(f"l{i + 1}" for i in chosen)
+            lines += [f"if {slides}:", f"    {', '.join(values)} = {rates}"]
+        return lines
 
-        Zero lies inside the polygon of the derivatives of both heights: no line through zero and a
-        vertex has all other vertices on one side.
+    def staying(self) -> list[str]:
+        """Return the sources that tell whether an intersection of surfaces may hold a state.
+
+        Zero lies inside the convex hull of the derivatives of all heights: no plane through zero
+        and vertices has all other vertices on one side. With three heights two vertices span a
+        plane, with two heights one spans a line.
         """
-        lines = ["one, two = 0.0, 0.0"]
-        for i, j in itertools.combinations(range(self.k), 2):
-            lines += [
-                f"if {self.digits[i]} == {SLIDING} and {self.digits[j]} == {SLIDING}:",
-                f"    one, two = l{i + 1}, l{j + 1}",
+        sources = []
+        for count in range(2, self.k + 1):
+            numbers = range(count)
+            sizes = ", ".join(f"z{i}" for i in numbers)
+            normal = ", ".join(f"n{i}" for i in numbers)
+            side = " + ".join(f"n{i} * v{i} / z{i}" for i in numbers)
+            apart = [*self.rates_of(count, "v"), f"beside = {side}"]
+            apart += [f"low = low or beside < -{SIDE_RTOL!r}"]
+            apart += [f"high = high or beside > {SIDE_RTOL!r}"]
+            lines = ["low, high = False, False", *self.flows(), *indented(indented(apart))]
+            head = f"parted_{count}(mode, {normal}, {sizes}, t, y, p)"
+            sources.append(function(head, [*self.digit_lines(), *lines, "return low and high"]))
+            largest = [f"z{i} = max(z{i}, abs(v{i}))" for i in numbers]
+            lines = [f"{sizes} = {', '.join(['0.0'] * count)}", *self.flows()]
+            lines += indented(indented([*self.rates_of(count, "v"), *largest]))
+            lines += [f"if min({sizes}) == 0.0:", "    return False", "spans = False"]
+            rows = [[f"v{j}_{i}" for i in numbers] for j in range(count - 1)]
+            body = [
+                f"n{i} = {determinant([[*row[:i], *row[i + 1 :]] for row in rows], (-1) ** i)}"
+                for i in numbers
             ]
-        sides = [
-            "side_of = first * two / other_size - second * one / one_size",
-            f"low = low or side_of < -{SIDE_RTOL!r}",
-            f"high = high or side_of > {SIDE_RTOL!r}",
-        ]
-        parted = [
-            "low, high = False, False",
-            *self.flows(),
-            *indented(indented([*lines, *sides])),
-            "return low and high",
-        ]
-        sizes = ["one_size, other_size = max(one_size, abs(one)), max(other_size, abs(two))"]
-        call = "parted(mode, one / one_size, two / other_size, one_size, other_size, t, y, p)"
-        stays = [
-            "one_size, other_size = 0.0, 0.0",
-            *self.flows(),
-            *indented(indented([*lines, *sizes])),
-            f"result = {self.count} == 2 and one_size > 0.0 and other_size > 0.0",
-            *self.flows(),
-            *indented(indented([*lines, f"result = result and {call}"])),
-            "return result",
-        ]
-        head = "parted(mode, first, second, one_size, other_size, t, y, p)"
-        return (
-            function(head, [*self.digit_lines(), *parted]),
-            function("stays(mode, t, y, p)", [*self.digit_lines(), *stays]),
-        )
+            body += [
+                f"if {' + '.join(f'abs(n{i})' for i in numbers)} > {SIDE_RTOL!r}:",
+                "    spans = True",
+                f"    if not parted_{count}(mode, {normal}, {sizes}, t, y, p):",
+                "        return False",
+            ]
+            for j in reversed(range(count - 1)):
+                scaled = [f"v{j}_{i} = v{i} / z{i}" for i in numbers]
+                inner = [*self.rates_of(count, "v"), *scaled, *body]
+                if j:
+                    inner = [f"if side{j}_ > side{j - 1}_:", *indented(inner)]
+                body = [*self.flows(f"side{j}_"), *indented(indented(inner))]
+            sources.append(
+                function(
+                    f"stays_{count}(mode, t, y, p)",
+                    [*self.digit_lines(), *lines, *body, "return spans"],
+                )
+            )
+        lines = [f"count = {self.count}"]
+        for count in range(2, self.k + 1):
+            lines += [f"if count == {count}:", f"    return stays_{count}(mode, t, y, p)"]
+        lines.append("return False")
+        return [*sources, function("stays(mode, t, y, p)", [*self.digit_lines(), *lines])]
 
     def lapse(self) -> tuple[str, str]:
         """Return the sources of margin and transition of the end of unique sliding."""
@@ -254,16 +272,16 @@ class Sliding:
             [
                 # Constant, so that rounding errors have no closest approach.
                 "one = max(ambiguity(mode, t, y, p), 0.5)",
-                "return min(1.0 - one, spiral(mode, t, y, p))",
+                "least, _ = spiral(mode, t, y, p)",
+                "return min(1.0 - one, least)",
             ],
         )
         return margin, function(
             "lapse(mode, t, y, p)",
             [
-                *self.digit_lines(),
-                "other = mode",
-                "if spiral(mode, t, y, p) < 0.5:",
-                f"    other = {self.region}",
+                "least, other = spiral(mode, t, y, p)",
+                "if least >= 0.5:",
+                "    other = mode",
                 f"return {NO_FIT - 1} - mode * {self.modes} - other, y",
             ],
         )
@@ -382,6 +400,10 @@ class Sliding:
         return [
             function("other_start(mode, t, y, p)", [f"return {call}"]),
             function("rates(d, t, y, p)", [f"return ({rates},)"]),
+            function(
+                "room(mode, t, y, p)",
+                [f"least, _ = room_{self.k}(mode, -1, 0, -1, t, y, p)", "return least"],
+            ),
         ]
 
     def exit_conditions(self) -> list[str]:
@@ -407,6 +429,7 @@ class Sliding:
                 "    other = rival(mode, before, fired, jumped, t, y, p)",
                 "    if other >= 0:",
                 f"        return {NO_FIT - 1} - mode * {self.modes} - other",
+                *indented(self.hold()),
                 f"if own >= 0 and ({' or '.join(names.fired for names, _ in self.surfaces)}):",
                 "    pair = two_exits(before, t, y, p)",
                 "    if pair >= 0:",
@@ -420,6 +443,19 @@ class Sliding:
         return function(
             "verdict(mode, before, fired, own, jumped, t, y, p)", [*lines, "return mode"]
         )
+
+    def hold(self) -> list[str]:
+        """Return the lines that refuse to leave an intersection that can hold the state."""
+        if self.k < 2:
+            return []
+        pairs = list(zip(self.surfaces, self.strides, strict=True))
+        lines = [f"{names.mode} = mode // {stride} % 3" for (names, _), stride in pairs]
+        lines += [f"{names.last} = before // {stride} % 3" for (names, _), stride in pairs]
+        lines += [*self.contact("before"), "held = mode"]
+        for (names, _), stride in pairs:
+            lines.append(f"held += ({SLIDING} - {names.mode}) * {stride} if {names.on} else 0")
+        refused = f"return {NO_FIT - 1} - held * {self.modes} - mode"
+        return [*lines, "if held != mode and stays(held, t, y, p):", f"    {refused}"]
 
     def slopes(self) -> list[str]:
         """Return the lines of the flow in modes that slide."""
@@ -482,7 +518,7 @@ class Sliding:
             surfaces=tuple(part.name for _, part in self.surfaces),
             modes=modes,
             strides=tuple(self.strides),
-            **{name: space[name] for name in ("slopes", "field", "rates", "other_start")},
+            **{name: space[name] for name in ("slopes", "field", "rates", "other_start", "room")},
         )
 
     def digit_lines(self) -> list[str]:
@@ -517,7 +553,7 @@ class Sliding:
         digits = [f"other{i} = other // {3**i} % 3" for i in range(self.k)]
         loop = [f"for other in range({3**self.k}):", *indented([*digits, *body])]
         if self.k > 1:
-            loop += ["if spiral(mode, t, y, p) < 0.0:", f"    return {self.region}"]
+            loop += ["least, near = spiral(mode, t, y, p)", "if least < 0.0:", "    return near"]
         return function(
             "rival(mode, before, fired, jumped, t, y, p)",
             [*self.digit_lines(), "own = slopes(mode, t, y, p)", *loop, "return -1"],
@@ -583,6 +619,8 @@ class SlidingMotions:
         ``rates(d, t, y, p)`` returns the derivatives of the heights along a flow.
     other_start : callable
         ``other_start(mode, t, y, p)`` returns the mode of another motion from a start, or -1.
+    room : callable
+        ``room(mode, t, y, p)`` is positive if the surfaces of a mode hold the state.
     """
 
     states: tuple[str, ...]
@@ -593,6 +631,7 @@ class SlidingMotions:
     field: Callable[..., Any]
     rates: Callable[..., Any]
     other_start: Callable[..., int]
+    room: Callable[..., float]
 
     def failure(self, code: int, t: float, y: Any, p: Any) -> tuple[str, str]:
         """Return why no mode fits a state, by the code of the selection, and the remedy."""
@@ -620,6 +659,38 @@ class SlidingMotions:
             "write modes of your own for this state, or replace the jump of the flow by a slope",
         )
 
+    def expanding(self, mode: int, t: float, y: Any, p: Any) -> list[str]:
+        """Return three surfaces or more around which motions may expand; empty if they do not.
+
+        They do not if a weighted sum of the distances from the surfaces falls along each of them,
+        in the regions and on fewer of the surfaces.
+        """
+        from scipy.optimize import linprog
+
+        active = [i for i, stride in enumerate(self.strides) if mode // stride % 3 == SLIDING]
+        if len(active) < 3:
+            return []
+        n = len(self.states)
+        still, *moved = (self.rates(d, t, y, p) for d in (np.zeros(n), *np.eye(n)))
+        normals = (np.array(moved) - still).T[active]
+        dependent = np.linalg.matrix_rank(normals) < len(active)
+        growths = []
+        for sides in itertools.product((ABOVE, BELOW, SLIDING), repeat=len(active)):
+            pairs = list(zip(sides, active, strict=True))
+            near = mode + sum((side - SLIDING) * self.strides[i] for side, i in pairs)
+            on = sides.count(SLIDING)
+            if on == len(active) or (on and not self.room(near, t, y, p) > 0.0):
+                continue
+            if dependent and not _exists(normals, [SwitchingSurface.signs[side] for side in sides]):
+                continue
+            along = self.rates(self.slopes(near, t, y, p), t, y, p)
+            growths.append([along[i] * SwitchingSurface.signs[side] for side, i in pairs])
+        rows = np.array(growths)
+        rows /= np.maximum(np.abs(rows).max(axis=0), 1e-300)
+        falls = np.full(len(rows), -LEAST_FALL)
+        found = linprog(np.zeros(len(active)), A_ub=rows, b_ub=falls, bounds=(0.0, 1.0))
+        return [] if found.status == 0 else [self.surfaces[i] for i in active]
+
     def _text(self, velocity: Any) -> str:
         pairs = zip(self.states, velocity, strict=False)
         return ", ".join(f"{name}' = {value:.6g}" for name, value in pairs)
@@ -645,6 +716,32 @@ class SlidingMotions:
         sums = np.eye(len(equations))[0]
         ends = (linprog(sign * slopes @ generic, A_eq=equations, b_eq=sums) for sign in (1.0, -1.0))
         return [end.x @ slopes for end in ends]
+
+
+def _exists(normals: Floats, signs: Sequence[int]) -> bool:
+    """Return whether states have these signs of distances from surfaces with these normals."""
+    from scipy.optimize import linprog
+
+    sides = np.array(signs)
+    beside, on = sides != 0, sides == 0
+    found = linprog(
+        np.zeros(normals.shape[1]),
+        A_ub=-sides[beside, None] * normals[beside], b_ub=np.full(beside.sum(), -1.0),
+        A_eq=normals[on], b_eq=np.zeros(on.sum()), bounds=(None, None),
+    )  # fmt: skip
+    return bool(found.status == 0)
+
+
+def determinant(rows: Sequence[Sequence[str]], sign: int = 1) -> str:
+    """Return the determinant of a square matrix of names, times a sign, as an expression."""
+    if not rows:
+        return str(float(sign))
+    first, *others = rows
+    terms = (
+        f"{first[i]} * ({determinant([[*row[:i], *row[i + 1 :]] for row in others], (-1) ** i)})"
+        for i in range(len(first))
+    )
+    return f"{float(sign)} * ({' + '.join(terms)})"
 
 
 def weight(j: int) -> float:

@@ -386,6 +386,93 @@ def test_sliding_that_ceases_to_be_unique_is_an_error_with_two_motions(flow, end
     assert error.value.state["z"] == pytest.approx(end, abs=1e-6)
 
 
+def meeting(flow, initial):
+    """Return a system with the surfaces x = 0, y = 0 and w = 0, and time z."""
+    parts = [mi.SwitchingSurface(name, state) for name, state in zip("abc", "xyw", strict=True)]
+    return mi.System(states=("x", "y", "w", "z"), flow=flow, initial=initial, parts=parts)
+
+
+@pytest.mark.slow
+def test_a_spiral_that_expands_beside_a_third_surface_is_an_error_with_two_motions():
+    def flow(mode, t, y, p):
+        return (
+            3.0 * mode.b - (1.5 - y.z) * mode.a,
+            -3.0 * mode.a - (1.5 - y.z) * mode.b,
+            0.4 - 1.0 * mode.c,
+            1.0,
+        )
+
+    system = meeting(flow, {"x": 0.3, "y": 0.2, "w": 0.1, "z": -1.0})
+    found = r"not unique.*'sliding-sliding-sliding'.*'above-above-sliding'"
+    with pytest.raises(mi.RunError, match=found) as error:
+        mi.simulate(system, duration=4.0, options=PLAIN)
+    assert error.value.state["z"] == pytest.approx(1.5, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_an_exit_from_three_surfaces_that_can_still_hold_the_state_is_an_error():
+    def flow(mode, t, y, p):  # w is held apart from x and y, of which one region lets go at z = 1
+        return (
+            0.3 - 2.5 * mode.a - 2.75 * mode.b,
+            -1.0 + 0.5 * (1.0 - y.z) + 1.5 * mode.a + 0.5 * mode.b,
+            0.3 - mode.c,
+            1.0,
+        )
+
+    system = meeting(flow, {"x": 0.3, "y": 0.2, "w": 0.1, "z": -1.0})
+    found = r"not unique.*'sliding-sliding-sliding'.*'above-below-sliding'"
+    with pytest.raises(mi.RunError, match=found) as error:
+        mi.simulate(system, duration=4.0, options=PLAIN)
+    assert error.value.state["z"] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_motions_around_three_surfaces_that_may_expand_are_warned_of():
+    def flow(mode, t, y, p):  # from z = 1/2 octants follow each other, farther and farther away
+        hold, pull, push = (1.0, 0.2, 0.1) if y.z < 0.5 else (0.1, 1.0, 2.0)
+        return (
+            pull * mode.b - push * mode.c - hold * mode.a,
+            pull * mode.c - push * mode.a - hold * mode.b,
+            pull * mode.a - push * mode.b - hold * mode.c,
+            1.0,
+        )
+
+    system = meeting(flow, {"x": 0.1, "y": 0.1, "w": 0.05})
+    with pytest.warns(mi.StartWarning, match=r"a, b, c.* at t = 1, may expand"):
+        run = mi.simulate(system, duration=1.0, options=PLAIN)
+    assert run.final.mode == "sliding-sliding-sliding"
+    beside = mi.simulate(system, duration=1.0, initial={"w": 1e-3, "z": 0.5}, options=PLAIN)
+    assert max(abs(beside.final.x), abs(beside.final.y), abs(beside.final.w)) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "held"), [(0.3, 0.2, True), (0.0, 0.35, True), (-0.3, 0.2, False)]
+)
+def test_an_arrival_at_an_intersection_that_can_hold_the_state(x, y, held):
+    """The region of x > 0 > y lets the state go.
+
+    Signs smoothed by tanh hold it if they are equally wide, and let it go if the sign of y is
+    smoothed ten times more sharply.
+    """
+
+    def flow(mode, t, y, p):
+        return (
+            0.35 - 2.6 * mode.sx - 2.75 * mode.sy, -1.0 + 1.5 * mode.sx + 0.525 * mode.sy, 1.0
+        )  # fmt: skip
+
+    system = crossing(flow, {"x": x, "y": y})
+    if held:
+        with pytest.raises(mi.RunError, match=r"not unique.*'sliding-sliding'.*'above-below'"):
+            mi.simulate(system, duration=3.0, options=PLAIN)
+        return
+    run = mi.simulate(system, duration=3.0, options=PLAIN)
+    # Down y = 0 at t = 0.2/1.975 and x = 0, each beside the intersection.
+    first = 0.2 / 1.975
+    second = first + (0.3 - 0.2 * first) / 5.7
+    assert run.final.mode == "above-below"
+    assert run.final.x == pytest.approx(0.5 * (3.0 - second), rel=1e-9)
+
+
 def test_a_motion_that_slides_into_a_two_fold_is_not_unique_from_there():
     # Both flows are tangent at y = z = 0, a node of the sliding flow y' = z - 2 y, z' = y - 2 z
     # but for a positive factor.
