@@ -249,7 +249,7 @@ def test_more_wrong_arguments(branch):
         mi.continue_orbit(branch.orbits[0], "amplitude", 0.1, back=0.2)
     with pytest.raises(mi.InvalidParameter, match="an Orbit"):
         mi.continue_orbit(branch, "amplitude", 0.1)
-    with pytest.raises(mi.InvalidParameter, match="another parameter"):
+    with pytest.raises(mi.InvalidParameter, match="other than the parameter"):
         mi.continue_curve(branch.special_points[0], "amplitude", 0.2)
     with pytest.raises(mi.InvalidParameter, match="omega"):
         mi.operating_chart(ZHAO, omega=(0.5, 0.4))
