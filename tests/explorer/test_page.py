@@ -383,6 +383,7 @@ def test_the_browser_has_nothing_to_complain_of(page):
     assert [each for each in complaints if "favicon" not in each["message"]] == []
 
 
+@pytest.mark.nightly
 def test_the_page_of_another_system_shows_the_run_of_its_sliders(served, browser):
     page = Page(browser, served("tests.analysis.systems:oscillator").address)
     page.wait(lambda: "impacts per period" in shown_text(page, "headlines"))

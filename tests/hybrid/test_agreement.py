@@ -48,7 +48,7 @@ def regular(events, tighter):
 @example(amplitude=0.37, omega=0.07, mu=(0.4, 0.27), e=0.0, c=1.0, x2=0.3, v2=0.0)
 @example(amplitude=0.38, omega=0.2, mu=(0.005, 0.002), e=0.3, c=1.0, x2=0.3, v2=0.0)
 # Slip reversal and break-away.
-@pytest.mark.slow
+@pytest.mark.nightly
 @example(amplitude=0.3, omega=0.9, mu=(0.004, 0.002), e=0.8, c=0.04, x2=0.4, v2=0.0)
 @example(amplitude=0.2, omega=0.5, mu=(0.0, 0.0), e=0.8, c=0.04, x2=0.4, v2=0.0)
 def test_engines_agree(amplitude, omega, mu, e, c, x2, v2):
