@@ -17,7 +17,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     Example:
       mems-impact datasheet mita2003
 
-    The names are those of a table [design] in a device file: frequency of the block in a held
+    The names are as in a table [design] of a device file: frequency of the block in a held
     frame, quality factor, pull-in voltage and so on. The regime tells whether static friction
     holds the frame until the blow of a slow pull-in.
     """  # noqa: D301 - click looks for the backspace itself

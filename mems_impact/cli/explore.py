@@ -66,8 +66,8 @@ def command(
 
     The page has a slider and a number field for every parameter, and shows motion, phase portrait,
     bifurcation diagram, steps and multipliers. A click on the diagram sets its parameter. The
-    address holds all settings and can be shared. Without options of the drive, the drive is that of
-    the device's file, or a sine. Ctrl-C ends the server.
+    address holds all settings and can be shared. The default drive is from the file of the
+    device, or a sine. Ctrl-C ends the server.
 
     A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run,
     or the name of a system that another package adds.

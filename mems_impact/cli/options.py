@@ -234,8 +234,8 @@ def _drive_options(default_kind: str) -> Decorator:
             is_flag=True,
             callback=_collect,
             expose_value=False,
-            help="Run the Python code that a file names. It has all your permissions: read it "
-            "first.",
+            help="Run the Python code that a file names, with all your permissions: read the "
+            "code first.",
         ),
         *map(_number, NUMBERS),
     )

@@ -19,10 +19,10 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     Example:
       mems-impact pull-in mita2003
 
-    Under a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage. It
-    stays there until the voltage falls below the resting voltage. The resonance is that of the
-    block in a fixed frame. A comb drive has no pull-in. For a device with a charge drive, the
-    command shows the pull-in charge and the resonance.
+    Under a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage. The
+    block stays there until the voltage falls below the resting voltage. The resonance is the
+    frequency of the block in a fixed frame. A comb drive has no pull-in. For a device with a
+    charge drive, the command shows the pull-in charge and the resonance.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.design.estimates import pull_in_charge
     from mems_impact.actuator.design.fit import OF_DEVICE

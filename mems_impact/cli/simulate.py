@@ -68,7 +68,7 @@ def command(
 
     Without --drive the voltage is bias + amplitude cos(omega t). The command shows the statistics,
     the first impacts and the first blows (a sequence of impacts that ends in sticking contact is
-    one blow). It writes impacts, blows, events and statistics as CSV tables, and the last periods
+    one blow), and writes impacts, blows, events and statistics as CSV tables, and the last periods
     of the motion as a figure or, with --animate, as an animation. With --verify the exit status is
     1 if the second run disagrees.
 

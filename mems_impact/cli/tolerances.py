@@ -32,8 +32,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         --specification "displacement per period=3e-4:"
 
     The command samples devices and shows the quantiles of each quantity, the yield within the
-    specification and, with --indices, the share of each parameter in the variance. It writes all
-    of them as CSV tables, and a figure. A study file can replace DEVICE.
+    specification and, with --indices, the share of each parameter in the variance. All of
+    these are written as CSV tables, with a figure. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
