@@ -50,8 +50,8 @@ def command(
     crisis (type III), the voltage is found by simulation. If the spring moves the frame without
     blows, there are no types; the command then also finds where the frame begins to slip ("slip")
     and between which voltages all forcing periods have the same impacts ("steady from", "steady
-    to"). The output is the voltages at some frequencies, boundaries, types and points as CSV tables,
-    and the chart as a figure.
+    to"). The output is the voltages at some frequencies, boundaries, types and points as CSV
+    tables, and the chart as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
