@@ -518,9 +518,18 @@ class LoopMemory:
             },
         )
 
-    def put(self, y: Floats) -> None:
-        """Write the state."""
-        self.table[workspace.Y][: len(y)] = np.asarray(y, dtype=float).tolist()
+    def put(self, start: HybridState) -> None:
+        """Write the state, and which guards wait."""
+        self.table[workspace.Y][: len(start.y)] = np.asarray(start.y, dtype=float).tolist()
+        for guard in start.waiting:
+            if guard < self.clock["m"]:  # the state may be that of another system
+                self.table[workspace.WAITING][guard] = 1.0
+
+    @property
+    def waiting(self) -> tuple[int, ...]:
+        """The guards that wait."""
+        flags = self.table[workspace.WAITING][: self.clock["m"]]
+        return tuple(guard for guard, flag in enumerate(flags) if flag == 1.0)
 
     def take_step_collapse(self) -> tuple[HybridState, float] | None:
         """Return the start and length of a step collapse, once; None if there is none."""

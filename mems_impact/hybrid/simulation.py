@@ -527,7 +527,7 @@ class Simulation:
             sample=first,
             sample_interval=interval,
         )
-        self.memory.put(start.y)
+        self.memory.put(start)
         self.clock, self.events = self.memory.clock, self.memory.events
         self.last_rows = self.events[:0]  # the last events, even if `consume` takes them
         self.reached = self._position()
@@ -607,6 +607,7 @@ class Simulation:
             self.memory.state,
             self.binding.engine.export_memory(),
             bool(clock["switched"]),
+            waiting=self.memory.waiting,
         )
         return Position(
             final,

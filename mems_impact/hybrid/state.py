@@ -29,6 +29,8 @@ class HybridState:
     initial : bool
         Whether a user has given the state, and no motion has led here. Guards with negative margins
         then fire at the start of a run; otherwise they wait.
+    waiting : tuple of int
+        Guards whose event the run has had that ends here.
     """
 
     cycle: int
@@ -38,3 +40,4 @@ class HybridState:
     remembered: tuple[int, ...] = ()
     switched: bool = False
     initial: bool = False
+    waiting: tuple[int, ...] = ()

@@ -419,7 +419,9 @@ class HybridSystem(Result, ABC):
             begin = HybridState(cycle, time, self.mode_of(y, now, problem), y)
         else:
             begin = self.start_in(self.mode_number(mode), now, y, problem)
-        return replace(begin, cycle=cycle, time=time, initial=state._initial)
+        return replace(
+            begin, cycle=cycle, time=time, initial=state._initial, waiting=state._waiting
+        )
 
     def _instant(self, start: float, phase: float, period: float) -> tuple[int, float]:
         """Return the period in which a run begins, and the time since its start.
@@ -457,6 +459,7 @@ class HybridSystem(Result, ABC):
             time=float(self.out("time", instant.time)) if self.forced else 0.0,
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
             initial=instant.initial,
+            waiting=instant.waiting,
         )
 
     def mode_number(self, mode: str | int, field: str = "mode") -> int:

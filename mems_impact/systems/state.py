@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from numbers import Real
 from typing import Any
@@ -101,8 +101,9 @@ class State:
     State(x2=0.0, v2=0.5)
     """
 
-    __slots__ = ("_initial", "_values", "mode", "time")
+    __slots__ = ("_initial", "_values", "_waiting", "mode", "time")
     _initial: bool  # whether no run has led to it
+    _waiting: tuple[int, ...]  # guards whose event that run has had
     _values: dict[str, float]
     time: float
     mode: str | int | None
@@ -119,6 +120,7 @@ class State:
         if time < 0.0:
             raise InvalidParameter("time", time, ">= 0 and below the forcing period")
         object.__setattr__(self, "_initial", True)
+        object.__setattr__(self, "_waiting", ())
         object.__setattr__(self, "_values", components)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "mode", mode)
@@ -169,9 +171,9 @@ class State:
     def __reduce__(self) -> Any:
         return state_from, self.parts()
 
-    def parts(self) -> tuple[dict[str, float], float, str | int | None, bool]:
+    def parts(self) -> tuple[Any, ...]:
         """Return the arguments of `state_from`."""
-        return self.as_dict(), self.time, self.mode, self._initial
+        return self.as_dict(), self.time, self.mode, self._initial, self._waiting
 
     def as_dict(self) -> dict[str, float]:
         """Return the components by name."""
@@ -180,7 +182,9 @@ class State:
     def replace(self, /, **changes: Any) -> State:
         """Return the state with some components, the time or the mode changed."""
         values = {**self._values, "time": self.time, "mode": self.mode, **changes}
-        return state_from(values, initial=self._initial or not changes.keys() <= {"time"})
+        if changes.keys() <= {"time"}:
+            return state_from(values, initial=self._initial, waiting=self._waiting)
+        return state_from(values)
 
     def _key(self) -> Any:
         return frozenset(self._values.items()), self.time, self.mode
@@ -197,11 +201,16 @@ def state_from(
     time: float = 0.0,
     mode: str | int | None = None,
     initial: bool = True,
+    waiting: Sequence[int] = (),
 ) -> State:
-    """Return the state with components of these names; not `initial` if a run has led to it."""
+    """Return the state with components of these names.
+
+    It is not `initial` if a run has led to it, which has had the events of the guards `waiting`.
+    """
     values: dict[str, Any] = dict(components)
     state = State(**{"time": time, "mode": mode, **values})
     object.__setattr__(state, "_initial", initial)
+    object.__setattr__(state, "_waiting", tuple(waiting))
     return state
 
 

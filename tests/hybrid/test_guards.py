@@ -51,6 +51,26 @@ def test_a_run_that_continues_waits_as_the_one_before():
     assert set(samples["mode"]) == {"up"}
 
 
+@ways
+@pytest.mark.parametrize("share", [0.25, 1.0 / 3.0, 0.5, 1.0])
+def test_an_event_at_the_end_of_a_run_takes_place_once(options, share):
+    """Runs of one length after another, as one run: x' = 1 counts when it passes 0.7 and 1.4."""
+    passing = [
+        mi.Guard(
+            f"{place}",
+            lambda mode, t, y, p, place=place: place - y.x,
+            lambda mode, t, y, p: (mode, (y.x, y.count + 1.0)),
+        )
+        for place in (0.7, 1.4)
+    ]
+    system = mi.System(states=("x", "count"), flow=lambda mode, t, y, p: (1.0, 0.0), guards=passing)
+    state, start = None, 0.0
+    for _ in range(round(2.1 / (0.7 * share))):
+        run = mi.simulate(system, duration=0.7 * share, initial=state, start=start, options=options)
+        state, start = run.final, run.end
+    assert state.count == 2.0
+
+
 def wave(**parameters):
     """x rises to 1 and falls to 0 in turn; y rises by 2 while x falls, when "brake" waits."""
     return mi.System(

@@ -300,6 +300,8 @@ def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
     margins = table_row(s, MARGINS_AT)
     margin_error_scales(engine, s, s.mode, t, y)
     s.mode_before = s.mode
+    for j in range(s.n):
+        table_row(s, STATE_BEFORE)[j] = y[j]
     for i in range(m):
         may_wait = s.arcs == 0 and (table_row(s, RECORDS)[i] == 1 or s.initial == 0)
         if may_wait and margins[i] < -violation_threshold(s, i):

@@ -148,7 +148,7 @@ class LyapunovIntegrator:
             end_phase=start.time,
             events_from=start.cycle,
         )
-        self._memory.put(start.y)
+        self._memory.put(start)
         scale = problem.time_scale or problem.period
         self._propagation = PropagationProblem(
             variational=self._workspace,
@@ -244,6 +244,7 @@ class LyapunovIntegrator:
             int(clock["mode"]),
             self._memory.state,
             self._run.engine.export_memory(),
+            waiting=self._memory.waiting,
         )
 
     def align(self, progress: Callable[[float], None] | None = None) -> None:
