@@ -137,7 +137,7 @@ class Impact(Guard):
     [1.0, 2.6, 3.88, 4.904]
     """
 
-    impact: bool = True
+    impact: bool = field(default=True, init=False)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,9 @@ WALL = mi.System(
 
 def test_a_solution_that_is_no_orbit_is_an_error_and_kept():
     """The run from rest strikes once; the orbit that its equations have begins beyond the wall."""
-    with pytest.raises(mi.OrbitError, match=r"segment 0 .* passes the wall .* -0\.0012") as caught:
+    with pytest.raises(
+        mi.OrbitError, match=r"segment 0 .* passes the margin of wall .* -0\.0012"
+    ) as caught:
         mi.find_orbit(WALL, periods=1, options=PLAIN)
     found = caught.value.partial
     assert isinstance(found, mi.Orbit)

@@ -280,7 +280,7 @@ def test_branch_points_that_a_symmetry_keeps():
 
 def test_what_is_refused():
     fold = special_point(TAKENS, {"x": -0.6}, "a", 1.0, "LP", back=-1.0)
-    with pytest.raises(mi.InvalidParameter, match="another parameter"):
+    with pytest.raises(mi.InvalidParameter, match="other than the parameter of the branch"):
         mi.continue_curve(fold, "a", 2.0)
     events = {"high": ("y", 0.0)}
     first = mi.find_equilibria(LIFTED)[0]
