@@ -29,6 +29,7 @@ from mems_impact.systems.settling import (
     UNKNOWN,
     SequenceLimit,
     block_length,
+    departs,
     limit_of,
 )
 from mems_impact.systems.window_statistics import TimeWindow
@@ -115,9 +116,9 @@ class Settling(SummaryRepr):
     ----------
     kind : {"settled", "changing", "fluctuating", "unknown"}
         "settled" if all statistics are within `SETTLING_RTOL` of their limits; "changing" if a
-        statistic still changes; "fluctuating" if the motion does not become periodic, so that the
-        length of the run limits the precision, and chaos may be a transient that outlasts it;
-        "unknown" if the run has less than four periods.
+        statistic still changes, or the motion leaves an unstable orbit; "fluctuating" if the motion
+        does not become periodic, so that the length of the run limits the precision, and chaos may
+        be a transient that outlasts it; "unknown" if the run has less than four periods.
     periods : float
         Length of a run whose statistics settle, in forcing periods, or in time for an autonomous
         system; infinite if unknown.
@@ -194,8 +195,8 @@ def settling_of(
 ) -> Settling:
     """Return the settling of the statistics of a run, by their values over blocks of the run.
 
-    A run whose states recur has settled. Otherwise the blocks from checkpoint to checkpoint are
-    integrated again.
+    A run whose states recur has settled; the statistics of a motion that leaves an unstable orbit
+    have no known limit. Otherwise the blocks from checkpoint to checkpoint are integrated again.
 
     Parameters
     ----------
@@ -208,7 +209,10 @@ def settling_of(
     """
     values = {name: v for name, v in values.items() if name not in TOTALS and math.isfinite(v)}
     blocks = _Blocks(system, trajectory, window)
-    if blocks.recur:
+    if blocks.depart:
+        unknown = (math.inf, CHANGING, math.inf)
+        rows = {name: SettlingRow(v, v, *unknown) for name, v in values.items()}
+    elif blocks.recur:
         rows = {name: SettlingRow(v, v, 0.0, SETTLED, blocks.end) for name, v in values.items()}
     else:
         table, parts = blocks.statistics()
@@ -258,6 +262,11 @@ class _Blocks:
             )
             for lag in whole
         )
+
+    @property
+    def depart(self) -> bool:
+        """Whether the states in the window leave an unstable orbit."""
+        return departs(self.states[self.inside])
 
     @cached_property
     def edges(self) -> NDArray[np.int64]:

@@ -27,6 +27,7 @@ __all__ = [
     "UNKNOWN",
     "SequenceLimit",
     "block_length",
+    "departs",
     "limit_of",
 ]
 
@@ -46,6 +47,9 @@ STATE_ERROR = 3e-8  # relative error of a state over a run
 LEAST_CHANGE = 1e3  # change of a state that counts in full, in errors
 STATE_RESIDUAL = 4.0  # change of a state that multipliers may leave, in errors
 SHARE = 0.1  # least error of an extrapolation, relative to what remains
+GROUPS = 8  # of changes of a state, whose root mean squares show growth
+LEAST_GROWTH = 1.1  # factor of the changes from the first to the last group
+TREND_SIGNIFICANCE = 8.0  # of the rate of growth, in standard errors
 
 
 class SequenceLimit(NamedTuple):
@@ -212,3 +216,30 @@ def block_length(states: Floats) -> int:
         float(np.abs(late[lag:] - late[:-lag]).mean(axis=0).max()) for lag in range(1, longest + 1)
     ]
     return next(lag for lag, each in enumerate(apart, 1) if each <= 2.0 * min(apart))
+
+
+def departs(states: Floats) -> bool:
+    """Return whether a sequence of states in rows leaves an unstable orbit.
+
+    The changes of a state, or of the states that grow together, then grow exponentially. Changes
+    that grow ever more slowly belong to an approach, or to a beat.
+    """
+    lag = block_length(states)
+    squares = (states[lag:] - states[:-lag]) ** 2
+    if len(squares) < GROUPS:
+        return False
+    parts = np.array([part.mean(axis=0) for part in np.array_split(squares, GROUPS)])
+    parts = parts[:, (parts > 0.0).all(axis=0) & (parts[-1] > STATE_ERROR**2)]
+    x = np.arange(GROUPS) - 0.5 * (GROUPS - 1)
+    growing = parts[:, x @ np.log(parts) > 0.0]
+    if not growing.size:
+        return False
+    growing /= growing.mean(axis=0)
+    logs = 0.5 * np.log(np.column_stack([growing, growing.sum(axis=1)]))
+    rates = x @ logs / (x @ x)
+    rest = logs - logs.mean(axis=0) - np.outer(x, rates)
+    errors = np.sqrt((rest**2).sum(axis=0) / ((GROUPS - 2) * (x @ x)))
+    half = GROUPS // 2
+    early, late = logs[half] - logs[0], logs[-1] - logs[half - 1]
+    significant = (rates > TREND_SIGNIFICANCE * errors) & (late > 0.5 * early)
+    return bool((significant & (logs[-1] - logs[0] > math.log(LEAST_GROWTH))).any())

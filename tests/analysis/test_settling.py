@@ -143,6 +143,60 @@ def test_an_autonomous_oscillator():
     assert abs(row.value - 1.0 / orbit.period) <= row.remaining + 1e-3 * row.value
 
 
+def _leaving_flow(mode, t, y, p):
+    growth = p.a * (1.0 - y.c * y.c - y.s * y.s)
+    rate = 1.0 + y.u + y.c * y.c + y.s * y.s
+    return math.cos(t) - p.b * y.u, growth * y.c - p.nu * y.s, growth * y.s + p.nu * y.c, rate
+
+
+def _leaving():
+    """Return a system whose unstable orbit has a mean rate of 1; that of its attractor is 2."""
+    return mi.System(
+        states=("u", "c", "s", "w"),
+        flow=_leaving_flow,
+        parameters={"a": 0.004, "nu": 0.0, "b": 0.04},
+        period=lambda p: 2.0 * math.pi,
+        observables=[mi.Observable("drift", lambda y, p: y.w)],
+        cyclic=["w"],
+    )
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.5, 0.29])  # multipliers: positive, negative, complex
+@pytest.mark.parametrize("start", [1e-8, 1e-5, 1e-3])
+def test_a_motion_that_leaves_an_unstable_orbit(nu, start):
+    """The states near the orbit grow by 1.025 per period; its statistics are nearly constant."""
+    system = _leaving().changed(nu=nu)
+    run = mi.simulate(system, 160, initial={"c": start})
+    row = run.settling.rows["drift"]
+    assert row.value < 0.51 * (4.0 * math.pi)
+    assert run.settling.kind == row.kind == "changing"
+    assert math.isinf(row.error)
+    with pytest.warns(mi.TransientWarning, match="its limit is unknown"):
+        run.statistics["drift"]
+    assert mi.steady_state(run).statistics["drift"] == pytest.approx(4.0 * math.pi, rel=2e-3)
+
+
+def _van_der_pol(mode, t, y, p):
+    return y.v, p.mu * (1.0 - y.x * y.x) * y.v - y.x, 1.0 + y.x * y.x
+
+
+@pytest.mark.parametrize("duration", [60, 200])
+@pytest.mark.parametrize("start", [1e-8, 1e-4])
+def test_an_oscillation_that_begins_near_its_equilibrium(start, duration):
+    """The mean square is 0 at the equilibrium, and 2 on the limit cycle of small damping."""
+    system = mi.System(
+        states=("x", "v", "w"),
+        flow=_van_der_pol,
+        parameters={"mu": 0.03},
+        observables=[mi.Observable("drift", lambda y, p: y.w)],
+        cyclic=["w"],
+    )
+    run = mi.simulate(system, duration=duration, initial={"x": start})
+    assert run.settling.rows["drift"].value < 1.01
+    assert run.settling.kind == "changing"
+    assert math.isinf(run.settling.periods)
+
+
 def test_the_checkpoints_do_not_change_the_motion():
     system = _relaxing(0.9)
     first, second = (mi.simulate(system, length, window=(10, 90)) for length in (90, 97))
