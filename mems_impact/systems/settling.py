@@ -134,7 +134,7 @@ class _Extrapolation(NamedTuple):
     value: float
     error: float
     ratio: float
-    order: int
+    weights: Floats
 
 
 def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | None:
@@ -151,11 +151,11 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
     if not ordered:
         return None
     last, spread = float(b[-1]), float(np.ptp(b))
-    value, error, ratio, order = ordered[0]
+    value, error, ratio, weights = ordered[0]
     far = abs(value - last)
     # A second order and a part of the sequence agree, or the order is by chance.
     part = b.size - b.size // 4
-    earlier = _of_order(b[:part], order, noise, changes[: part - 1], errors)
+    earlier = _of_order(b[:part], weights.size - 1, noise, changes[: part - 1], errors)
     others = [*ordered[1:2], *([] if earlier is None else [earlier])]
     error = max([error, *(abs(value - each.value) for each in others)])
     known = len(others) > 1 and error <= FIT_RATIO * max(far, spread) and far <= REACH * spread
@@ -163,9 +163,19 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
         half = len(changes) // 2
         early, late = ((part**2).sum() for part in (changes[:half, 0], changes[-half:, 0]))
         return SequenceLimit(last, math.inf, 1.0, CHANGING) if late < CONTRACTION * early else None
+    ratio = max(ratio, _slowest(weights, b - value, noise))
     return SequenceLimit(
         value, max(error, SHARE * far * (1.0 + far / spread), noise), ratio, CHANGING
     )
+
+
+def _slowest(weights: Floats, distances: Floats, noise: float) -> float:
+    """Return the largest modulus of the multipliers that remain at the end of a sequence."""
+    multipliers = np.roots(weights[::-1])
+    multipliers = multipliers[np.abs(multipliers) < 1.0]
+    powers = multipliers ** np.arange(distances.size)[:, np.newaxis]
+    parts = np.linalg.lstsq(powers, distances.astype(complex), rcond=None)[0] * powers[-1]
+    return float(np.abs(multipliers[np.abs(parts) > noise]).max(initial=0.0))
 
 
 def _of_order(
@@ -188,7 +198,7 @@ def _of_order(
     if not near < STEADY * far:
         return None
     ratio = (near / far) ** (1.0 / (b.size - part)) if near > 0.0 else 0.0
-    return _Extrapolation(value, _drift(limits[(limits.size - 1) // 2 :], noise), ratio, order)
+    return _Extrapolation(value, _drift(limits[(limits.size - 1) // 2 :], noise), ratio, weights)
 
 
 def _drift(limits: Floats, noise: float) -> float:

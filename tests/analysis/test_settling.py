@@ -143,6 +143,37 @@ def test_an_autonomous_oscillator():
     assert abs(row.value - 1.0 / orbit.period) <= row.remaining + 1e-3 * row.value
 
 
+def _two_modes_flow(mode, t, y, p):
+    force = math.cos(t)
+    return p.r0 * (force - y.x0), p.r1 * (force - y.x1), 1.0 + y.x0 + y.x1
+
+
+@pytest.mark.parametrize(
+    ("q0", "q1", "start", "periods"),
+    [(0.98, 0.998, (-1.0, 0.3), 60), (0.95, 0.997, (0.5, 0.1), 60), (0.99, 0.996, (0.2, 0.1), 150)],
+)
+def test_the_length_that_settles_two_slow_multipliers(q0, q1, start, periods):
+    """The slower mode is hidden by the faster one, and outlasts it."""
+    system = mi.System(
+        states=("x0", "x1", "w"),
+        flow=_two_modes_flow,
+        parameters={f"r{i}": -math.log(q) / (2.0 * math.pi) for i, q in enumerate((q0, q1))},
+        period=lambda p: 2.0 * math.pi,
+        observables=[mi.Observable("drift", lambda y, p: y.w)],
+        cyclic=["w"],
+    )
+    run = mi.simulate(system, periods, initial={"x0": start[0], "x1": start[1]})
+    row, true = run.settling.rows["drift"], 2.0 * math.pi
+    assert abs(row.limit - true) <= row.error
+    end = run.settling.periods
+    assert periods < end < 2.0 * math.log(1000.0) / (1.0 - q1)
+    means = [
+        x * (q ** (0.5 * end) - q**end) / (-0.5 * end * math.log(q))
+        for x, q in zip(start, (q0, q1), strict=True)
+    ]
+    assert abs(sum(means)) < 2e-3
+
+
 def _leaving_flow(mode, t, y, p):
     growth = p.a * (1.0 - y.c * y.c - y.s * y.s)
     rate = 1.0 + y.u + y.c * y.c + y.s * y.s
