@@ -71,6 +71,24 @@ def test_an_event_at_the_end_of_a_run_takes_place_once(options, share):
     assert state.count == 2.0
 
 
+@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
+def test_a_recurrence_continues_after_an_event_without_its_repetition(engine):
+    """z changes its sign when x passes 0.7: 1 tends to -1, and a repetition would lead back."""
+    passing = mi.Guard(
+        "passing", lambda mode, t, y, p: 0.7 - y.x, lambda mode, t, y, p: (mode, (y.x, -y.z))
+    )
+    system = mi.System(
+        states=("x", "z"),
+        flow=lambda mode, t, y, p: (1.0 if y.x < 2.0 else 3.0 - y.x, y.z - y.z**3),
+        guards=[passing],
+        initial={"z": 1.0},
+    )
+    options = mi.Options(engine=engine, method="dop853")
+    after = mi.simulate(system, duration=0.7, options=options).final
+    found = mi.edge_state(system, after, {"x": 3.0, "z": -1.0}, returns=1, options=options)
+    assert [state.z for state in found.attractors] == pytest.approx([-1.0, 1.0])
+
+
 def wave(**parameters):
     """x rises to 1 and falls to 0 in turn; y rises by 2 while x falls, when "brake" waits."""
     return mi.System(

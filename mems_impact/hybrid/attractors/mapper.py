@@ -321,8 +321,8 @@ class AttractorMapper:
         RecurrenceColumns
             A failed point has the outcome FAILED; an ordinary run gives the reason.
         """
-        inputs = np.array([_row(*point) for point in points])
         n, m, modes, _, _ = self._sizes
+        inputs = np.array([_row(*point, m) for point in points])
         width = recurrence.result_width(n, m, modes, self._work)
         results = np.zeros((len(points), width))
         work = self._work
@@ -393,12 +393,13 @@ class AttractorMapper:
 NO_OBSERVABLES = CompiledObservables(lambda mode, code, t, states, p, out: None, (), ())
 
 
-def _row(numbers: ProblemParameters, start: HybridState) -> NDArray[np.float64]:
-    """Return a row of the inputs of `recurrence`."""
+def _row(numbers: ProblemParameters, start: HybridState, m: int) -> NDArray[np.float64]:
+    """Return a row of the inputs of `recurrence` for an automaton of m guards."""
     scale = numbers.time_scale or numbers.period
     head = np.zeros(NUMBERS)
     head[recurrence.PERIOD], head[recurrence.SCALE] = numbers.period, scale
     head[recurrence.LONGEST_STEP] = scale / STEPS_PER_PERIOD
     head[recurrence.PHASE], head[recurrence.MODE] = start.time, start.mode
     head[recurrence.INITIAL] = start.initial
-    return np.concatenate([head, numbers.switches, start.y, numbers.parameters])
+    waiting = np.isin(np.arange(m), start.waiting)
+    return np.concatenate([head, waiting, numbers.switches, start.y, numbers.parameters])

@@ -54,6 +54,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     TIME,
     TIMED,
     TRANSITION,
+    WAITING,
     Y,
     event_at,
     sample_at,
@@ -273,7 +274,7 @@ LATE_FALL = 8.0  # factor of a decrease to the latest returns that chaotic motio
 # Longest duration of an approach, in multiples of the planned length of the motion.
 LONGEST_EXTENSION = 64.0
 
-# Columns of the inputs; switching times, state and parameters follow.
+# Columns of the inputs; flags of guards that wait, switching times, state and parameters follow.
 PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, INITIAL, NUMBERS = range(7)
 # Columns of the results; the state at the last return, statistics, squared deviations of gains, and
 # the last returns follow.
@@ -368,6 +369,9 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
             for j in range(s.width):
                 table_row(s, i)[j] = fill
     column = NUMBERS
+    for i in range(s.m):
+        table_row(s, WAITING)[i] = numbers[column + i]
+    column += s.m
     for i in range(s.switches):
         table_row(s, SWITCHES)[i] = numbers[column + i]
     column += s.switches
