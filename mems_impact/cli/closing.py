@@ -49,7 +49,7 @@ def command(
 
     The voltage is switched on at t = 0, by default as a step. The command writes the impacts as a
     CSV table, and displacement, voltage and contact as a figure. The exit status is 1 if the
-    contact does not close.
+    contact does not close within the run.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
 
@@ -64,8 +64,10 @@ def command(
         files.show()
     if math.isnan(closing.closing_time):
         other = "" if isinstance(drive, mi.VoltageStep) else ", or give --drive voltage-step"
+        other += "" if arguments.get("duration") is None else ", or lengthen --duration"
         remedy = f"raise the voltage (see mems-impact pull-in){other}"
-        write_message(f"the contact does not close under this voltage; {remedy}")
+        length = f"{closing.run.end:.4g} {closing.run.system.unit('time')}".rstrip()
+        write_message(f"the contact does not close within {length}; {remedy}")
         ctx.exit(FAILED)
 
 

@@ -32,6 +32,14 @@ def test_a_contact_that_does_not_close(cli):
     assert "closing.png" in done.out
 
 
+def test_a_run_that_ends_before_the_contact_closes(cli):
+    """The contact closes at 27.8 us."""
+    done = cli("closing", "abdulrahim2016", "--amplitude", "90", "--duration", "20 us")
+    assert done.status == 1
+    assert "the contact does not close within 2e-05 s; " in done.err
+    assert "lengthen --duration" in done.err
+
+
 @pytest.mark.nightly
 def test_soft_landing_is_that_of_python(cli, tmp_path):
     done = cli("soft-landing", "abdulrahim2016", "--json", "--amplitude", "110", "--hold", "90",

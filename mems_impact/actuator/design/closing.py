@@ -48,7 +48,7 @@ class Closing(Result):
     Attributes
     ----------
     closing_time : float
-        Time of the first impact [s]; NaN if the contact does not close.
+        Time of the first impact [s]; NaN if the contact does not close within the run.
     impact_speed : float
         Speed of the block in the first impact [m/s].
     bounces : int
@@ -58,7 +58,7 @@ class Closing(Result):
         Time from which on the block stays on the stopper [s]; NaN if the block does not stay within
         the run.
     stopper : str
-        "right" or "left"; empty if the contact does not close.
+        "right" or "left"; empty if the contact does not close within the run.
     smallest_bounce : float
         Least height of a bounce that counts, relative to the travel.
     table : DataFrame

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
+from mems_impact._util.bisection import discontinuity
 from mems_impact._util.quantities import has_unit, percentage, quantity
 from mems_impact._util.warning_scopes import warn
 from mems_impact.actuator import results
@@ -180,7 +181,7 @@ NEGLIGIBLE = 1e-3  # relative singular value below which a combination of parame
 MISFIT = 3.0  # tolerances (standard errors): a larger difference is a misfit
 CONVERGENCE_TOLERANCES = 1.0  # tolerances by which a computed value may still change
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
-JUMP = 0.1  # relative change of a quantity over the step of the derivatives that none has
+JUMP = 0.1  # least relative change of a quantity over the step of the derivatives at a jump
 BARRIER = 1e6  # residuals where no run is possible, relative to those at the start
 UPPER_BOUNDS = {"e": 1.0}  # parameters with an upper bound of their own
 
@@ -403,6 +404,19 @@ def fit(
                     break
         return columns
 
+    def has_jump(unknowns: Floats, i: int, j: int) -> bool:
+        """Return whether target `i` jumps within the step of the difference by unknown `j`."""
+        step = next(
+            moved - unknowns
+            for _, moved in beside(unknowns, j)
+            if residuals(moved) is not barrier
+        )
+        change = abs(residuals(unknowns + step)[i] - residuals(unknowns)[i])
+        position = discontinuity(
+            lambda part: residuals(unknowns + part * step)[[i]] / change, 0.0, 1.0
+        )
+        return position is not None
+
     solved = least_squares(
         residuals,
         start,
@@ -418,6 +432,8 @@ def fit(
     size = np.maximum(np.abs(reached), np.abs(measured))
     change = JACOBIAN_STEP * np.abs(solved.jac) * weights[:, None]
     jumps = change > JUMP * size[:, None]
+    for i, j in np.argwhere(jumps).tolist():  # a steep slope is no jump
+        jumps[i, j] = has_jump(solved.x, i, j)
     # The difference over a jump is no derivative, and would outweigh all data.
     sizes, directions = _singular(np.where(jumps, 0.0, solved.jac))
     errors = _errors(sizes, directions)

@@ -136,6 +136,18 @@ def test_a_jump_at_the_fit_does_not_hide_what_other_targets_determine():
     assert table.loc["k [N/m]", "standard error"] < 1.01 * resonance_error
 
 
+def test_a_steep_slope_is_no_jump():
+    """The resting voltage is a square root of k delta - F: continuous, steep near its zero."""
+    force = (1.0 - 2e-5) * DEVICE.k * DEVICE.delta
+    device = DEVICE.adding(mi.Adhesion(force=force))
+    voltage = mi.resting_voltage(device)
+    assert mi.resting_voltage(device.replace(k=1.0001 * device.k)) > 2.0 * voltage
+    target = mi.Target(quantity="resting voltage", value=voltage, tolerance=1e-3)
+    found = mi.fit(device, [target], over=["k"])
+    assert found.note == "the data determine all free parameters"
+    assert 0.0 < found.parameters["standard error"].iloc[0] < 1e-4 * device.k
+
+
 def test_a_parameter_known_to_less_than_its_size_is_said():
     # It is the size of the error that tells: there is no other parameter to compare with.
     target = mi.Target(quantity="pull-in voltage", value=30.0, tolerance=100.0)
