@@ -407,9 +407,7 @@ def fit(
     def has_jump(unknowns: Floats, i: int, j: int) -> bool:
         """Return whether target `i` jumps within the step of the difference by unknown `j`."""
         step = next(
-            moved - unknowns
-            for _, moved in beside(unknowns, j)
-            if residuals(moved) is not barrier
+            moved - unknowns for _, moved in beside(unknowns, j) if residuals(moved) is not barrier
         )
         change = abs(residuals(unknowns + step)[i] - residuals(unknowns)[i])
         position = discontinuity(
