@@ -60,7 +60,7 @@ class EdgeState(Result):
     state : State
         The last state on the boundary.
     settled : bool
-        Whether the motion along the boundary has become periodic or is at rest.
+        Whether the motion along the boundary is periodic or at rest within `tolerance`.
     orbit : Orbit or Equilibrium or None
         The saddle, found from the last state by Newton's method; None if no saddle is near, as on a
         chaotic edge state.
@@ -151,13 +151,13 @@ class _Tracking:
         attractor = self.attractor(start)
         for _ in range(MAX_CONTINUATIONS):
             number = self._number(attractor)
-            if number != OTHER or attractor.final is None or not self.known:
+            is_first = not self.known
+            has_settled = attractor.motion != UNSETTLED
+            if number != OTHER or attractor.final is None or (is_first and has_settled):
                 return number, attractor
-            last, first = (
-                self.system.hybrid_state(each.final, self.problem)
-                for each in (attractor, self.known[0])
-            )
-            if attractor.motion != UNSETTLED:
+            last = self.system.hybrid_state(attractor.final, self.problem)
+            if has_settled:
+                first = self.system.hybrid_state(self.known[0].final, self.problem)
                 moved = self.between(last, first, PERTURBATION)
                 if self.is_same(self.attractor(moved), attractor):
                     return OTHER, attractor
@@ -170,15 +170,16 @@ class _Tracking:
         )
 
     def on_attractor(self, rows: list[HybridState], period: int) -> bool:
-        """Return whether the last states belong to a known periodic attractor."""
+        """Return whether the last states belong to a known attractor, periodic or at rest."""
         last = rows[-(period or MAX_PERIOD) :]
         names = self.system.states
         y = np.array([[self.system.state_of(each)[name] for name in names] for each in last])
         for each in self.known:
-            if each.period and each.states is not None:
-                distances = np.abs(y[:, None] - each.states)[..., self.free]
+            if each.motion != UNSETTLED:
+                states = states_at_returns(self.system, each)
+                distances = np.abs(y[:, None] - states)[..., self.free]
                 size = SAME_ATTRACTOR_RTOL * np.maximum(
-                    np.abs(each.states).max(axis=0)[self.free], 1e-300
+                    np.abs(states).max(axis=0)[self.free], 1e-300
                 )
                 if (distances <= size).all(axis=2).any(axis=1).all():
                     return True
@@ -266,8 +267,8 @@ def edge_state(
         Distances of the two enclosing states after a bisection, and at which the next bisection
         begins, in the units of the integration.
     tolerance : float, optional
-        Change of the state per period of the edge state at which it has settled, relative to its
-        size.
+        Distance from the edge state at which the motion has settled, relative to the size of the
+        state: the last change per period, and the distance extrapolated from the last two changes.
     step : float, optional
         Time step for an autonomous system; 1 by default.
     recurrence : RecurrenceOptions, optional
@@ -393,8 +394,11 @@ def _period(tracking: _Tracking, rows: list[HybridState], tolerance: float, dist
     size = max(1e-3, max(float(np.abs(each.y[tracking.free]).max()) for each in rows[-MAX_PERIOD:]))
     limit = max(tolerance * size, 4.0 * distance)
     for period in range(1, min(MAX_PERIOD, (len(rows) - 1) // 2) + 1):
-        gaps = (tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1))
-        if max(gaps) <= limit:
+        gaps = [tracking.distance(rows[-1 - i], rows[-1 - i - period]) for i in range(period + 1)]
+        last, gain = gaps[0], gaps[-1] - gaps[0]
+        # The remaining distance, of a geometric sequence, unless the changes are errors.
+        is_near = last <= 4.0 * distance or last * last <= limit * gain
+        if max(gaps) <= limit and is_near:
             return period
     return 0
 

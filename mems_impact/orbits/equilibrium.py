@@ -256,12 +256,16 @@ class EquilibriumState:
 
     @property
     def admissible(self) -> bool:
-        """Whether no guard ends the mode there."""
+        """Whether no guard of the mode has a negative margin there; see `violated`."""
         return not self.violated
 
     @property
     def violated(self) -> tuple[str, ...]:
-        """The guards that a virtual equilibrium violates."""
+        """The guards with negative margins, at a virtual equilibrium.
+
+        A guard that waits for a positive margin counts too: whether a guard waits depends on the
+        motion that leads to the equilibrium.
+        """
         return self._guards_at(-math.inf, -EQUILIBRIUM_MARGIN_TOLERANCE)
 
     @property

@@ -157,7 +157,8 @@ class OperatingMap(Result):
         """One row for each kind of motion: number and range of its points.
 
         Motion ("off", "period 1", "chaotic", …), the number of points, their share, and the
-        smallest and largest value of each parameter among them.
+        smallest and largest value of each parameter among them. Points of several kinds may lie
+        between these values.
         """
         return map_summary(self.table)
 

@@ -49,6 +49,18 @@ def test_a_motion_that_settles_slowly_is_no_third_attractor():
     assert [each.x for each in found.attractors] == pytest.approx([0.1, -0.1], abs=1e-5)
 
 
+def test_a_slow_approach_to_the_saddle_settles_near_it():
+    """The distance of y from the saddle at 1 is 20 times its change per return at the rate 0.05."""
+    system = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (y.x - y.x**3, 0.05 * (1.0 - y.y)),
+    )
+    found = mi.edge_state(system, {"x": 1.0}, {"x": -0.9}, tolerance=0.02)
+    assert found.settled
+    assert found.state.x == pytest.approx(0.0, abs=1e-4)
+    assert found.state.y == pytest.approx(1.0, abs=0.03)
+
+
 def test_a_motion_that_stays_at_the_saddle_is_no_third_attractor():
     """From x = 0.5 the motion reaches the right attractor; at 0 it stays."""
     problem = CUBIC.problem(module.ORBIT_OPTIONS)

@@ -71,6 +71,25 @@ def test_an_event_at_the_end_of_a_run_takes_place_once(options, share):
     assert state.count == 2.0
 
 
+def test_a_motion_rests_at_a_virtual_equilibrium_whose_guard_waits():
+    """From x = -0.5 the mode "up" tends to -1, below the margin of its guard."""
+    system = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0 if mode == DOWN else -(y.x + 1.0),),
+        modes=(DOWN, UP),
+        guards=[
+            mi.Guard("turns", lambda mode, t, y, p: y.x + 0.5, to(UP), modes=(DOWN,)),
+            mi.Guard("floor", lambda mode, t, y, p: y.x, to(DOWN), modes=(UP,)),
+        ],
+    )
+    run = mi.simulate(system, duration=30.0, options=WAYS[1])
+    assert log(run) == [("turns", 0.5)]
+    assert (run.final.x, run.final.mode) == (pytest.approx(-1.0, abs=1e-9), "up")
+    (rest,) = mi.find_equilibria(system, box={"x": (-2.0, 2.0)})
+    assert not rest.admissible
+    assert rest.violated_guards == ("floor",)
+
+
 @pytest.mark.parametrize("engine", ["interpreted", "compiled"])
 def test_a_recurrence_continues_after_an_event_without_its_repetition(engine):
     """z changes its sign when x passes 0.7: 1 tends to -1, and a repetition would lead back."""

@@ -190,10 +190,11 @@ class FrequencyResponse(ParameterResult):
 
     @property
     def impact_onset(self) -> pd.DataFrame:
-        """The frequency range with impacts, one row per amplitude and direction.
+        """The computed frequencies with impacts, one row per amplitude and direction.
 
-        The lowest and the highest frequency with impacts (NaN if there are none), and the smallest
-        and largest mean speed among them.
+        The lowest and the highest frequency with impacts (NaN if there are none), between which
+        there may be frequencies without impacts, and the smallest and largest mean speed among
+        them.
         """
         import pandas as pd
 
@@ -332,9 +333,10 @@ class SpeedOverVoltage(ParameterResult):
     """
 
     def resolution(self) -> float:
-        """Return the smallest forward step.
+        """Return the smallest forward step, a mean over the periods of a motion.
 
-        Only voltages with one blow per forcing period count, where all steps are equal.
+        Only voltages with one blow per forcing period count. The steps of a motion of period 1 are
+        equal; those of a motion of a longer period differ from their mean.
 
         Returns
         -------
