@@ -164,6 +164,9 @@ def _extrapolated(b: Floats, noise: float, states: Floats) -> SequenceLimit | No
         early, late = ((part**2).sum() for part in (changes[:half, 0], changes[-half:, 0]))
         return SequenceLimit(last, math.inf, 1.0, CHANGING) if late < CONTRACTION * early else None
     ratio = max(ratio, _slowest(weights, b - value, noise))
+    if earlier is not None:  # a missed multiplier may be as slow as the slowest one that is found
+        move = abs(value - earlier.value) / (b.size - part)
+        error = max(error, move * ratio / (1.0 - ratio))
     return SequenceLimit(
         value, max(error, SHARE * far * (1.0 + far / spread), noise), ratio, CHANGING
     )

@@ -174,6 +174,11 @@ def test_the_length_that_settles_two_slow_multipliers(q0, q1, start, periods):
     assert abs(sum(means)) < 2e-3
 
 
+def test_slow_decays_that_nearly_cancel():
+    """The multiplier of the square of a state is close to that of another state, and missed."""
+    assert campaign.check(991, 707).story == ""
+
+
 def _leaving_flow(mode, t, y, p):
     growth = p.a * (1.0 - y.c * y.c - y.s * y.s)
     rate = 1.0 + y.u + y.c * y.c + y.s * y.s
