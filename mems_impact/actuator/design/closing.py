@@ -39,6 +39,8 @@ FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
 DURATION_RATIO = 1.25  # of a voltage to the run, which ends before it is switched off
 REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
+CHARGES = ("charge", "left_charge")
+CHARGE_RTOL = 1e-3  # change of a charge over a run, at its final rate, of a constant charge
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -120,8 +122,9 @@ def closing(
         A voltage that is switched on at t = 0: `VoltageStep` or `PulseAndHold`, or the first part
         of any other drive.
     duration : float or str, optional
-        Length of the run [s], or a text with a unit; by default until the contact stays closed, at
-        most 512 natural periods of the block, one forcing period of a periodic drive, or until the
+        Length of the run [s], or a text with a unit; by default until the contact stays closed
+        and the charges behind a resistance are constant, at most 512 natural periods of the block
+        after the last change of the voltage, one forcing period of a periodic drive, or until the
         voltage is switched off.
     initial : State or mapping of str to float, optional
         Initial state; at rest in the middle by default.
@@ -181,7 +184,7 @@ def closing(
         lengths = [drive.switching_time + count * natural for count in LENGTHS]
     for length in lengths:
         run = run_of(actuator, drive, length, initial, options)
-        if contact_length(run) > REST_LENGTH * natural:
+        if contact_length(run) > REST_LENGTH * natural and charges_are_constant(run):
             break
     return result_of(run, smallest_bounce)
 
@@ -221,6 +224,18 @@ def rest_start(trajectory: Trajectory) -> float:
 def contact_length(run: ActuatorRun) -> float:
     """Return how long the block has been on a stopper at the end, in the device's units."""
     return run.end - float(run.system.out("time", rest_start(run.trajectory)))
+
+
+def charges_are_constant(run: ActuatorRun) -> bool:
+    """Return whether the charges behind resistances, which hold the block, no longer change."""
+    trajectory = run.trajectory
+    final, problem, log = trajectory.final, trajectory.problem, trajectory.events
+    charges = [i for i, name in enumerate(run.system.states) if name in CHARGES]
+    p = problem.parameters_at(final.cycle)
+    rates = problem.automaton.slope_at(final.mode, final.time, final.y, p)[charges]
+    size = np.abs(np.vstack([log.before, final.y])[:, charges]).max(axis=0)
+    length = final.cycle * problem.period + final.time
+    return bool((np.abs(rates) * length <= CHARGE_RTOL * size).all())
 
 
 def times(trajectory: Trajectory) -> Floats:

@@ -263,3 +263,22 @@ def test_functions_that_need_a_period_refuse_a_step(tmp_path):
 def test_wrong_times(make, message):
     with pytest.raises(mi.InvalidParameter, match=message):
         make()
+
+
+def test_a_contact_that_opens_when_its_charge_has_left():
+    """The voltage in the contact decays by RC from 140 V to 15 V, below the resting voltage."""
+    natural = 2.0 * math.pi * math.sqrt(SWITCH.m2 / SWITCH.k)
+    capacitance = 2.0 * SWITCH.alpha / (SWITCH.d - SWITCH.delta)
+    delay = 25.0 * natural
+    device = SWITCH.adding(mi.SeriesResistance(resistance=delay / capacitance))
+    drive = mi.PulseAndHold(amplitude=140, width=20 * delay, pause=1e-9, hold=15)
+    held = mi.resting_voltage(SWITCH)
+    release = drive.switching_time + delay * math.log((140 - 15) / (held - 15))
+    assert release > drive.switching_time + 8.0 * natural
+    found = mi.closing(device, drive)
+    assert found.run.end > release
+    assert math.isnan(found.settling_time)
+    before = mi.closing(device, drive, duration=0.99 * release)
+    assert before.settling_time < drive.width
+    after = mi.closing(device, drive, duration=1.01 * release)
+    assert math.isnan(after.settling_time)
