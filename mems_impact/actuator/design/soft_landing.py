@@ -99,9 +99,14 @@ class SoftLanding(Result):
     si: bool = False
 
     def summary(self) -> dict[str, Any]:
-        """Return the speeds and the optimal parameters."""
+        """Return the speeds and the optimal parameters.
+
+        The speed of a soft landing is given by its bound, since its digits are those of the error
+        of the integration: the speed is a root of the energy.
+        """
+        bound = f"below {math.sqrt(SOFT_RATIO) * self.step_speed:.2g}"
         return {
-            "speed": self.speed,
+            "speed": bound if self.ended == SOFT else self.speed,
             "step_speed": self.step_speed,
             **self.values,
             "ended": self.ended,

@@ -43,6 +43,7 @@ def test_landing_at_zero_speed_is_that_of_the_energy(found):
     assert found.drive.width == pytest.approx(width, rel=1e-6)
     assert found.drive.pause == pytest.approx(pause, rel=1e-5)
     assert found.speed < 1e-6 * found.step_speed
+    assert found.summary()["speed"] == f"below {1e-3 * found.step_speed:.2g}"
     assert found.converged
     assert found.closing.bounces == 0
     assert found.closing.closing_time == pytest.approx(width + pause, rel=1e-5)
