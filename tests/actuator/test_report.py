@@ -224,7 +224,7 @@ def test_the_device_of_the_paper():
     ("drive", "where"),
     [
         (mi.Square(amplitude=60.0, frequency=400.0), "around the resonance."),
-        (mi.Sine(amplitude=60.0, frequency=400.0), "around half the resonance, where the force"),
+        (mi.Sine(amplitude=60.0, frequency=400.0), "around half the resonance, which the force"),
     ],
 )
 def test_a_chart_lies_where_the_force_excites_the_block(drive, where):

@@ -171,7 +171,7 @@ def test_curves_of_branch_points_of_maps():
     unfolded = mi.continue_curve(fork, "d", 0.1)
     assert unfolded.ended.startswith("the branch point unfolds: at another value of d than 0,")
     assert len(unfolded) == 1
-    with pytest.raises(mi.InvalidParameter, match="another parameter"):
+    with pytest.raises(mi.InvalidParameter, match="other than the parameter of the branch"):
         mi.continue_curve(fork, "a", 1.0)
 
 
