@@ -73,11 +73,7 @@ def command(
             name: OutputValue(result.drive.number(name), result.closing.run.system.unit(name))
             for name in result.drive.names
         }
-        values["largest impact speed"] = OutputValue(
-            result.speed,
-            "m/s",
-            bound if isinstance(bound := result.summary()["speed"], str) else None,
-        )
+        values["largest impact speed"] = OutputValue(result.speed, "m/s", result.bound)
         values["largest impact speed under a step"] = OutputValue(result.step_speed, "m/s")
         values["ended"] = OutputValue(result.ended)
         show_values(values, in_units=result.si)

@@ -23,6 +23,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     DomainError,
     EvaluationPoint,
     UserFunction,
+    rounding_size,
 )
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.time_dependence import Argument, reads_time
@@ -37,7 +38,6 @@ CONSECUTIVE_PERIODS = 64  # compared for motions without an end, before 2^n peri
 MAX_DOUBLINGS = 20
 GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples, less whole numbers, are spread evenly
 VALUE_RTOL = 1e-6  # difference of periodic values, relative to the largest
-ROUNDING_RTOL = 1e-13  # of a value that is zero but for rounding, relative to the largest
 DRIFT = 2e-7  # of a period per period: error of a period, within which values may differ
 PHASES = 32  # compared along a run
 STATES = 16  # states of a run at which functions are compared
@@ -276,10 +276,8 @@ def _compare_at(
     # The period may be rounded, and a phase lie at a jump.
     shift = min(DRIFT * cycle, 0.01) * period
     beside = [each.values(at._replace(t=early + sign * shift)) for sign in (-1.0, 1.0)]
-    # A mode that slides mixes the fields of others, and has their rounding errors.
     modes = each.modes or range(len(system.modes))
-    states = [place._replace(t=early, mode=mode) for place in places for mode in modes]
-    size += ROUNDING_RTOL * max(_largest(each, state) for state in states)
+    size += rounding_size(each.values, (place._replace(t=early) for place in places), modes)
     for i, (a, b) in enumerate(zip(one, other, strict=True)):
         room = size + 2.0 * max(abs(values[i] - a) for values in beside)
         if abs(a - b) > room:
@@ -290,11 +288,3 @@ def _compare_at(
             )
             remedy = "give the period of the forcing, or simulate the system without one"
             raise each.function.error(problem, remedy)
-
-
-def _largest(each: TimeFunction, at: EvaluationPoint) -> float:
-    """Return the largest magnitude of the values of a function at a point, 0 if it has none."""
-    try:
-        return max(map(abs, each.values(at)))
-    except DomainError:
-        return 0.0

@@ -387,14 +387,15 @@ class System(HybridSystem):
         """Raise FunctionError unless the functions of the forcing are periodic along a run."""
         if not self.forced:
             return
-        final, events, period = trajectory.final, trajectory.events, trajectory.period
-        modes = {trajectory.start.mode, *events.mode_after.tolist()}
-        end = final.cycle + final.time / period
-        late = trajectory.start.cycle > 0
-        if late or any(end > self._compared.get(mode, 0.0) for mode in modes):
-            periodicity.check_forcing(self, self.definition, trajectory)
-            if not late:
-                self._compared |= {mode: max(end, self._compared.get(mode, 0.0)) for mode in modes}
+        start, final = trajectory.start, trajectory.final
+        modes = {start.mode, *trajectory.events.mode_after.tolist()}
+        end = final.cycle + final.time / trajectory.period
+        is_whole = start.cycle == 0  # from the first period on
+        if is_whole and all(end <= self._compared.get(mode, 0.0) for mode in modes):
+            return
+        periodicity.check_forcing(self, self.definition, trajectory)
+        if is_whole:
+            self._compared.update({mode: max(end, self._compared.get(mode, 0.0)) for mode in modes})
 
     @cached_property
     def _compared(self) -> dict[int, float]:

@@ -38,6 +38,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     EvaluationPoint,
     UserFunction,
     describe_value,
+    rounding_size,
 )
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
 from mems_impact.hybrid.simulation import Events
@@ -151,7 +152,6 @@ PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # relative to the time scale: intervals sear
 STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps of a run
 DECLARED_RATIO = 8.0  # of the interval, within which a guard declares a jump
 MIN_JUMP_RATIO = 1e-6  # smallest jump, relative to the slope
-ROUNDING_RATIO = 1e-13  # of a rate that is zero but for rounding, relative to the largest
 JUMP_BISECTIONS = 60  # of the enclosing interval, unless rounding ends the bisection before
 JUMP_REMAINDER = 0.5  # of the difference, for a jump; for a steep slope almost nothing remains
 JUMP_ROUNDING_RATIO = 0.1  # of the difference that rounding of state and time may cause
@@ -260,7 +260,8 @@ def _enclosed(
     min_jump = JUMP_REMAINDER * _size(before, after)
     if min_jump <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
         return None
-    if min_jump <= ROUNDING_RATIO * max(_largest(checked, low), _largest(checked, high)):
+    modes = range(len(checked.definition.modes))
+    if min_jump <= rounding_size(checked.flow, (low, high), modes):
         return None
     first, last = 0.0, length
     for _ in range(JUMP_BISECTIONS):
@@ -277,15 +278,6 @@ def _enclosed(
         else:
             first, low, before = middle, point, between
     return low, high, min_jump
-
-
-def _largest(checked: CheckedFunctions, at: EvaluationPoint) -> float:
-    """Return the largest rate in any mode; a mode that slides has rounding errors of the others."""
-    rates = [0.0]
-    for mode in range(len(checked.definition.modes)):
-        with contextlib.suppress(FunctionError, DomainError, ArithmeticError):
-            rates += map(abs, checked.flow(at._replace(mode=mode)))
-    return max(rates)
 
 
 def _rounding(checked: CheckedFunctions, at: EvaluationPoint) -> float:

@@ -98,15 +98,21 @@ class SoftLanding(Result):
     history: pd.DataFrame = field(repr=False)
     si: bool = False
 
-    def summary(self) -> dict[str, Any]:
-        """Return the speeds and the optimal parameters.
+    @property
+    def bound(self) -> str | None:
+        """The speed of a soft landing as text, None if the landing is not soft.
 
-        The speed of a soft landing is given by its bound, since its digits are those of the error
-        of the integration: the speed is a root of the energy.
+        The digits of a smaller speed are those of the error of the integration: the speed is a root
+        of the energy.
         """
-        bound = f"below {math.sqrt(SOFT_RATIO) * self.step_speed:.2g}"
+        return (
+            f"below {math.sqrt(SOFT_RATIO) * self.step_speed:.2g}" if self.ended == SOFT else None
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the speeds and the optimal parameters."""
         return {
-            "speed": bound if self.ended == SOFT else self.speed,
+            "speed": self.bound or self.speed,
             "step_speed": self.step_speed,
             **self.values,
             "ended": self.ended,

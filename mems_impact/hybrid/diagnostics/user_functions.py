@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 import sysconfig
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from itertools import product
 from numbers import Integral, Real
 from pathlib import Path
 from types import TracebackType
@@ -32,6 +34,7 @@ __all__ = [
     "innermost_user_line",
     "is_own",
     "place_of",
+    "rounding_size",
 ]
 
 # --- Arrays with checked access
@@ -436,3 +439,23 @@ def same(value: Any, other: Any) -> bool:
         return bool(value == other) or bool(value != value and other != other)
     except ValueError:  # arrays, which other checks report
         return True
+
+
+ROUNDING_RTOL = 1e-13  # of a value that is zero but for rounding, relative to the largest
+
+
+def rounding_size(
+    values: Callable[[EvaluationPoint], list[float]],
+    points: Iterable[EvaluationPoint],
+    modes: Sequence[int],
+) -> float:
+    """Return the size of the rounding errors of values at some points, zero where undefined.
+
+    The largest value in any of the modes counts: a mode that slides mixes the values of others, and
+    has their rounding errors.
+    """
+    largest = 0.0
+    for point, mode in product(points, modes):
+        with suppress(FunctionError, DomainError, ArithmeticError):
+            largest = max(largest, *map(abs, values(point._replace(mode=mode))))
+    return ROUNDING_RTOL * largest

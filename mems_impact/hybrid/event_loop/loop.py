@@ -524,9 +524,8 @@ def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
     for i in range(m):
         # A closest approach at a margin of zero is a contact.
         is_approach = interface.root_directions(engine, m + i) > 0 and margins[i] > 0.0
-        if is_approach and hide_rounding(engine, s, i, t, y):
-            is_approach = False
-        if is_approach and table_row(s, IMPACT)[i] == 1:
+        is_hidden = is_approach and hide_rounding(engine, s, i, t, y)
+        if is_approach and not is_hidden and table_row(s, IMPACT)[i] == 1:
             log_event(s, t, APPROACH, i, s.mode, y, y)
     side = interface.root_directions(engine, 2 * m)
     if side != 0:
