@@ -7,7 +7,13 @@ from typing import Any
 
 from mems_impact.hybrid.differences import weight_of
 
-__all__ = ["PROJECTION_STEPS", "elimination", "projection_source"]
+__all__ = [
+    "PROJECTION_STEPS",
+    "elimination",
+    "projection_source",
+    "substitution",
+    "triangular",
+]
 
 PROJECTION_STEPS = 3  # iterations of Newton's method onto a curved surface
 CONSTRAINT_STEP = 1e-3  # step of the differences for the gradient of a constraint
@@ -63,14 +69,26 @@ def elimination(k: int, redundant: str = REDUNDANCY_RTOL) -> list[str]:
 
     Unknowns of redundant equations are zero.
     """
-    lines = [f"size{i} = g{i}_{i}" for i in range(k)]
+    sizes = [f"size{i} = g{i}_{i}" for i in range(k)]
+    return [*sizes, *triangular(k, redundant), *substitution(k)]
+
+
+def triangular(k: int, redundant: str) -> list[str]:
+    """Return the lines that bring the symmetric system to triangular form, by ``share``."""
+    lines = []
     for i in range(k):
         lines.append(f"alone{i} = g{i}_{i} > {redundant} * size{i}")
         lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
         for j in range(i + 1, k):
-            lines.append(f"share = g{i}_{j} * inverse{i}")
-            lines += [f"g{j}_{n} -= share * g{i}_{n}" for n in range(j, k)]
-            lines.append(f"r{j} -= share * r{i}")
+            lines.append(f"share{i}_{j} = g{i}_{j} * inverse{i}")
+            lines += [f"g{j}_{n} -= share{i}_{j} * g{i}_{n}" for n in range(j, k)]
+            lines.append(f"r{j} -= share{i}_{j} * r{i}")
+    return lines
+
+
+def substitution(k: int) -> list[str]:
+    """Return the lines that solve the triangular system for ``f``."""
+    lines = []
     for i in reversed(range(k)):
         known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
         lines.append(f"f{i} = (r{i}{known}) * inverse{i}")

@@ -29,7 +29,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.constraints import elimination
+from mems_impact.hybrid.constraints import elimination, substitution, triangular
 from mems_impact.hybrid.definition import function, indented
 from mems_impact.hybrid.event_loop.workspace import NO_FIT
 from mems_impact.systems.components.base import CodeNames
@@ -43,8 +43,10 @@ ONE_SURFACE = "make them one SwitchingSurface, whose mode the flow reads for bot
 PARALLEL_RTOL = "1e-9"  # relative difference of the gradients of surfaces that coincide
 UNIQUE_RTOL = "2e-7"  # relative difference of the velocities of one motion
 ROW_RTOL = "1e-14"  # square of it, below which a row of the symmetric system is redundant
+ACCURATE_RTOL, DEPENDENT_RTOL = "1e-8", "1e-26"  # squares, for the first and second elimination
 EXIT_SPAN = 1e-8  # time scales within which two exits are one event
 SIDE_RTOL = 1e-6  # area beside those of the largest rates, below which two vertices are on a line
+PARALLEL_RATIO = 1e-6  # of singular values, below which rates of flows are parallel
 LEAST_FALL = 1e-6  # of a weighted sum of distances, relative to the largest rates
 EXIT_RATIO = 1e-3  # of their rates, below which the slower one is a rounding error
 
@@ -120,15 +122,28 @@ class Sliding:
         return [(i, j) for i in range(self.k + 1) for j in range(i, self.k + 1)]
 
     def intersection(self) -> str:
-        """Return the source of the flow on an intersection."""
+        """Return the source of the flow on an intersection.
+
+        Rows that are nearly dependent are orthogonalized before a second elimination, since the
+        square of their small difference has few digits.
+        """
         rows, columns = range(self.k + 1), range(self.size)
-        lines = [f"g{i}_{j} = 0.0" for i, j in self.gram()]
-        lines += [f"sum{i}_{j} = 0.0" for i in rows for j in columns]
-        adds = [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
+        body = [f"g{i}_{j} = 0.0" for i, j in self.gram()]
+        body += [f"sum{i}_{j} = 0.0" for i in rows for j in columns]
+        adds = [f"l{j} -= share{i}_{j} * l{i}" for i, j in self.gram() if i < j]
+        adds += [f"g{i}_{j} += l{i} * l{j}" for i, j in self.gram()]
         adds += [f"sum{i}_{j} += l{i} * d[{j}]" for i in rows for j in columns]
-        lines += [*self.flows(), *indented(indented(adds))]
+        body += [*self.flows(), *indented(indented(adds)), "if turn == 0:"]
+        body += [f"    size{i} = g{i}_{i}" for i in rows]
+        body += triangular(self.k + 1, "rtol")
+        accurate = " and ".join(f"(alone{i} or size{i} == 0.0)" for i in rows)
+        body += [f"if {accurate}:", "    break"]
+        body.append(f"rtol = {DEPENDENT_RTOL}")
+        lines = [f"size{i} = 0.0" for i in rows]
+        lines += [f"share{i}_{j} = 0.0" for i, j in self.gram() if i < j]
         lines += [f"r{i} = {float(i == 0)}" for i in rows]
-        lines += elimination(self.k + 1)
+        lines += [f"rtol = {ACCURATE_RTOL}", "for turn in range(2):", *indented(body)]
+        lines += substitution(self.k + 1)
         mixed = (" + ".join(f"f{i} * sum{i}_{j}" for i in rows) for j in columns)
         return function(
             "intersection(mode, t, y, p)",
@@ -712,7 +727,9 @@ class SlidingMotions:
         generic = 1.0 / np.maximum(np.abs(slopes).max(axis=0), 1e-300)
         generic *= [weight(j) for j in range(len(generic))]
         sizes = np.abs(heights).max(axis=1, keepdims=True)
-        equations = np.vstack([np.ones(len(slopes)), heights / sizes])
+        _, singular, rows = np.linalg.svd(heights / sizes, full_matrices=False)
+        rows = rows[singular > PARALLEL_RATIO * singular[0]]
+        equations = np.vstack([np.ones(len(slopes)), rows])
         sums = np.eye(len(equations))[0]
         ends = (linprog(sign * slopes @ generic, A_eq=equations, b_eq=sums) for sign in (1.0, -1.0))
         return [end.x @ slopes for end in ends]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -471,6 +472,23 @@ def test_an_arrival_at_an_intersection_that_can_hold_the_state(x, y, held):
     second = first + (0.3 - 0.2 * first) / 5.7
     assert run.final.mode == "above-below"
     assert run.final.x == pytest.approx(0.5 * (3.0 - second), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_sliding_ends_where_the_rates_of_all_flows_around_an_intersection_are_parallel(method):
+    def flow(mode, t, y, p):  # the signs have the means 0.3 and -0.4 until z = 1
+        a, b = mode.sx - 0.3, mode.sy + 0.4
+        return -2.0 * a - b, -2.0 * a - (2.0 - y.z) * b, 1.0 + 10.0 * max(0.0, y.z) * a
+
+    system = crossing(flow, {"x": 0.3, "y": 0.2, "z": -1.0})
+    with pytest.raises(mi.RunError, match="not unique") as error:
+        mi.simulate(system, duration=6.0, options=mi.Options(method=method, rtol=1e-10, atol=1e-12))
+    # Rates are parallel within 1e-7 of their sizes.
+    assert error.value.state["z"] == pytest.approx(1.0, abs=2e-6)
+    low, high = (float(each) for each in re.findall(r"z' = ([-.\d]+)", str(error.value)))
+    # Between (-0.4, 1) and (0.6, -1), the means with 2 a + b = 0.
+    assert (low, high) == pytest.approx((-6.0, 4.0), rel=1e-5)
 
 
 def test_a_motion_that_slides_into_a_two_fold_is_not_unique_from_there():
