@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dis import get_instructions
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -246,6 +247,30 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
         return None
     problem = f"cannot be compiled by numba: {summarize_numba_error(str(error))}"
     return FunctionError("a function of the system", problem, INTERPRETED_REMEDY)
+
+
+def explain_refusal(automaton: Automaton) -> str:
+    """Return which function does not take numbers with tangents, and why."""
+    from numba import types
+
+    from mems_impact.integrators.jit.closures import try_compile
+    from mems_impact.integrators.jit.dual_numbers import dual, vector
+
+    def with_tangents(kind: Any) -> Any:
+        if isinstance(kind, types.Float):
+            return dual(1)
+        if isinstance(kind, types.NamedUniTuple):
+            return types.NamedUniTuple(dual(1), kind.count, kind.instance_class)
+        return vector(1) if isinstance(kind, types.Array) else kind
+
+    definition = definition_of(automaton)
+    for case in _array_cases(automaton) if definition is None else _named_cases(definition):
+        attempt = try_compile(case.function.call, tuple(map(with_tangents, case.arguments)))
+        if attempt.problem:
+            file, line = place_of(case.function.call)
+            place = f"{case.function.role} ({Path(file).name}, line {attempt.line or line})"
+            return f"{place}: {attempt.problem}"
+    return "a function of the system cannot be compiled for numbers with tangents"
 
 
 def _named_cases(definition: Definition) -> Iterator[_Case]:

@@ -31,7 +31,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 from numba.extending import overload
 
-from mems_impact.integrators import library
+from mems_impact.integrators import dual_numbers, library
 from mems_impact.integrators.jit import (
     trigonometry,
     unset_variables,  # noqa: F401  # registers a rewrite
@@ -51,6 +51,7 @@ LIBRARIES = ("math", "numba", "numpy")
 # Functions of compiled code by those of Python.
 SUBSTITUTES = {**trigonometry.SUBSTITUTES, **library.FUNCTIONS}
 SUBSTITUTED = (math, np)  # modules of these functions
+BUILTINS = {float, *SUBSTITUTES}  # functions that are not among the globals
 MIXED = (types.Tuple, types.NamedTuple)  # tuples over which numba does not iterate
 
 LOAD_GLOBAL = opmap["LOAD_GLOBAL"]
@@ -101,7 +102,7 @@ class Snapshot:
         once per process, even if its dependencies change. Snapshots with the same function, with
         the same dependencies, share its copy, so that numba compiles it once.
         """
-        copier = _Copier(**options)
+        copier = Copier(SUBSTITUTES, **options)
         with _registration_lock:
             return [copier.function(function) for function in self.functions]
 
@@ -169,7 +170,11 @@ def _is_own(function: FunctionType) -> bool:
 
 
 def _is_external(function: FunctionType) -> bool:
-    return function in _overloads or _is_library(function.__module__)
+    return (
+        function in _overloads
+        or _is_library(function.__module__)
+        or function.__module__ == dual_numbers.__name__
+    )
 
 
 @cache
@@ -214,7 +219,7 @@ def _globals(function: FunctionType) -> Iterator[tuple[str, Any]]:
     for name in _global_names(function.__code__):
         if name in function.__globals__:
             yield name, function.__globals__[name]
-        elif getattr(builtins, name, None) in SUBSTITUTES:
+        elif getattr(builtins, name, None) in BUILTINS:
             yield name, getattr(builtins, name)
 
 
@@ -381,19 +386,39 @@ def forget_copies() -> None:
         _copies.clear()
 
 
-class _Copier:
+class Copier:
     """Copies functions with all functions that they call, so that later changes do not affect them.
 
     numba distinguishes symbols by function numbers within a process, and the numbers of two
     processes coincide. A process that loads the compiled code of both from the cache on disk would
     silently confuse them. So the name of each copy contains a digest of its dependencies.
+
+    Parameters
+    ----------
+    substitutes : dict
+        Functions of the copies, by those of Python.
+    of_library : dict, optional
+        The same for the functions of `mems_impact.integrators.library`.
+    compiles : bool, optional
+        Whether numba compiles the copies.
+    options
+        Of numba, for them.
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(
+        self,
+        substitutes: dict[Any, Callable[..., Any]],
+        *,
+        of_library: dict[Any, Callable[..., Any]] | None = None,
+        compiles: bool = True,
+        **options: Any,
+    ) -> None:
+        self._substitutes, self._compiles = substitutes, compiles
+        self._of_library = of_library or {}
         self._options = {**JIT, **INNER, **options}
-        self._label = repr(sorted(options.items()))
+        self._label = repr((compiles, sorted(options.items())))
         self._copied: dict[FunctionType, FunctionType] = {}
-        self._modules: dict[tuple[ModuleType, tuple[str, ...]], ModuleType] = {}
+        self._modules: dict[tuple[ModuleType, tuple[str, ...], bool], ModuleType] = {}
 
     def function(self, function: FunctionType) -> FunctionType:
         """Return the copy of a function."""
@@ -409,21 +434,22 @@ class _Copier:
             self._copied[function] = _copies[name][0]
         return self._copied[function]
 
-    def _value(self, value: Any, names: tuple[str, ...]) -> Any:
+    def _value(self, value: Any, names: tuple[str, ...], library: bool = False) -> Any:
         """Return a value with copies of all functions in it."""
         value = _python_function(value)
         if isinstance(value, BuiltinFunctionType | type | np.ufunc):
-            value = SUBSTITUTES.get(value, value)
+            value = (self._of_library if library else self._substitutes).get(value, value)
         if isinstance(value, FunctionType):
             return self.function(value)
         if isinstance(value, ModuleType):
             is_copied = value in SUBSTITUTED or not _is_library(value.__name__)
-            return self._module(value, names) if is_copied else value
+            return self._module(value, names, library) if is_copied else value
         if type(value) is tuple:
-            parts = (self._value(part, names) for part in value)
+            parts = (self._value(part, names, library) for part in value)
             # numba calls functions in a tuple only if they are compiled.
+            compile_part = njit(**JIT) if self._compiles else lambda part: part
             return tuple(
-                njit(**JIT)(part) if isinstance(part, FunctionType) else part for part in parts
+                compile_part(part) if isinstance(part, FunctionType) else part for part in parts
             )
         return value
 
@@ -442,8 +468,10 @@ class _Copier:
             cell.cell_contents = self._value(value, names)
         for name, value in _globals(function):
             # The functions of `library` call those of numba.
-            stays = is_of_library and not isinstance(value, FunctionType)
-            space[name] = value if stays else self._value(value, names)
+            stays = self._compiles and is_of_library and not isinstance(value, FunctionType)
+            space[name] = value if stays else self._value(value, names, is_of_library)
+        if not self._compiles:
+            return copy
         # Inlined into each caller, and these into theirs, generated functions grow exponentially.
         code = copy.__code__
         is_large = code.co_filename.startswith("<") and len(code.co_code) > INLINED_BYTES
@@ -457,12 +485,12 @@ class _Copier:
 
         return copy
 
-    def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:
-        key = (module, names)
+    def _module(self, module: ModuleType, names: tuple[str, ...], library: bool) -> ModuleType:
+        key = (module, names, library)
         if key not in self._modules:
             self._modules[key] = copy = ModuleType(module.__name__)
             for name, value in _attributes(module, names):
-                setattr(copy, name, self._value(value, names))
+                setattr(copy, name, self._value(value, names, library))
         return self._modules[key]
 
 

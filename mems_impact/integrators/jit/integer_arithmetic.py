@@ -115,10 +115,9 @@ def _of_reals(
             kind.get_call_type(context.typing_context, signature.args, {})
             value = context.get_function(kind, signature)(builder, operands)
         else:
-            value = _multiplied(builder, operands[0], exponent)
+            value = multiplied(builder, operands[0], exponent)
         if result == DOUBLE:
-            with _where_undefined(builder, function, value, operands):
-                context.call_conv.return_stop_iteration(builder)
+            end_where_undefined(context, builder, function, value, operands)
         return value
 
     if count == 1:
@@ -134,6 +133,14 @@ def _of_reals(
             return result(a, b), codegen
 
     return operation
+
+
+def end_where_undefined(
+    context: Any, builder: Any, function: Any, value: Any, operands: list[Any]
+) -> None:
+    """End the call, with the status of StopIteration, where Python raises an exception."""
+    with _where_undefined(builder, function, value, operands):
+        context.call_conv.return_stop_iteration(builder)
 
 
 @contextmanager
@@ -161,7 +168,7 @@ def _where_undefined(
             yield
 
 
-def _multiplied(builder: Any, base: Any, exponent: int) -> Any:
+def multiplied(builder: Any, base: Any, exponent: int) -> Any:
     """Return a power by multiplication, with the bits of numba's."""
     value = llvm.Constant(base.type, 1.0)
     while exponent:
@@ -330,6 +337,8 @@ class CheckedArithmetic(Rewrite):
         declared = [typemap[operand.name] for operand in operands]
         kinds, result = [_kind(each) for each in declared], self._calltypes[expression].return_type
         is_of_reals = types.Float in kinds and function not in (operator.mod, operator.floordiv)
+        if not {*kinds} <= {types.Float, types.Integer, LARGE}:
+            return None
         if LARGE in kinds and len(kinds) > 1 and not is_of_reals:
             raise NumbaTypeError("it has an integer beyond 64 bits among integers")
         if function in CONVERSIONS and len(kinds) == 1 and _kind(result) is types.Integer:
@@ -416,6 +425,8 @@ def power(base: Any, exponent: Any) -> Any:
 def _power(base, exponent):  # type: ignore[no-untyped-def]
     if not isinstance(exponent, types.Integer):
         return lambda base, exponent: base**exponent
+    if not isinstance(base, types.Number):
+        return lambda base, exponent: base ** float(exponent)
     return _power_of_integers if isinstance(base, types.Integer) else _real_power
 
 

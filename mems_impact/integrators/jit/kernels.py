@@ -261,6 +261,29 @@ def _observables_kernel(snapshot: Snapshot, n: int, count: int) -> Kernel:
     return compile_role("observables", snapshot, kinds, body, (n, count), True)
 
 
+def tangents_of(tangents: Callable[..., Any], n: int, size: int) -> Kernel:
+    """Compile a function that writes derivatives of an event, `size` values, to a C function.
+
+    The function has the signature of a kernel, and writes nan if it fails.
+    """
+    snapshot = take_snapshot(tangents)
+    with _compilation_lock:
+        return _tangents_kernel(snapshot, n, size)
+
+
+@cache
+def _tangents_kernel(snapshot: Snapshot, n: int, size: int) -> Kernel:
+    def body(code: KernelCode) -> Any:
+        state, values = code.vector(code.y, code.count(n)), code.vector(code.out, code.count(size))
+        parameters = code.vector(code.parameters, code.size)
+        with code.call(code.mode, code.code, code.t, state, parameters, values):
+            code.fill(code.out, size, math.nan)
+        return code.mode
+
+    kinds = (_word, _word, _real, VECTOR, VECTOR, VECTOR)
+    return compile_role("tangents", snapshot, kinds, body, (n, size), True)
+
+
 def compile_role(
     role: str,
     snapshot: Snapshot,

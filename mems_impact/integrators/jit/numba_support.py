@@ -137,12 +137,13 @@ def view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> 
 
 @intrinsic
 def as_reals(_typing: Any, values: Any) -> Any:
-    """Convert a tuple of numbers to one of doubles."""
+    """Convert a tuple of numbers to one of doubles, or of numbers with tangents."""
+    kinds = [each for each in values if not isinstance(each, types.Number | types.Boolean)]
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return context.cast(builder, args[0], values, signature.return_type)
 
-    return types.UniTuple(types.float64, len(values))(values), codegen
+    return types.UniTuple(kinds[0] if kinds else types.float64, len(values))(values), codegen
 
 
 @intrinsic

@@ -1,0 +1,264 @@
+"""Numbers with tangents, interpreted: exact derivatives of Python functions.
+
+A `Dual` is a value with tangents. Values and tangents may be dual numbers themselves, which gives
+higher derivatives. `mems_impact.integrators.jit.dual_numbers` is the same for numba.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mems_impact.integrators.derivatives import (
+    BINARY,
+    PIECEWISE_CONSTANT,
+    UNARY,
+    digamma,
+    of_numpy,
+)
+
+__all__ = ["FUNCTIONS", "Dual", "DualVector", "plain"]
+
+
+class Dual:
+    """A number with tangents.
+
+    Parameters
+    ----------
+    value : number
+    slope : float array or Dual
+        The tangents, of any number of directions; of a dual value a dual number.
+    """
+
+    __slots__ = ("slope", "value")
+    __array_ufunc__ = None  # products with arrays are left to this class
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, value: Any, slope: Any) -> None:
+        self.value, self.slope = value, slope
+
+    def __repr__(self) -> str:
+        return f"Dual({self.value!r}, {self.slope!r})"
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __pos__(self) -> Dual:
+        return self
+
+    def __abs__(self) -> Dual:
+        number = plain(self)
+        return (
+            self if number > 0.0 else -self if number < 0.0 else _chain(abs(self.value), 0.0, self)
+        )
+
+    def __bool__(self) -> bool:
+        return bool(plain(self))
+
+    def __int__(self) -> int:
+        return int(plain(self))
+
+    def __floor__(self) -> int:
+        return math.floor(plain(self))
+
+    def __ceil__(self) -> int:
+        return math.ceil(plain(self))
+
+    def __trunc__(self) -> int:
+        return math.trunc(plain(self))
+
+    def __round__(self, digits: int | None = None) -> Any:
+        return round(plain(self), digits)
+
+    def __floordiv__(self, other: Any) -> Any:
+        return plain(self) // plain(other)
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return plain(other) // plain(self)
+
+
+def plain(number: Any) -> Any:
+    """Return the value of a number, without tangents of any order."""
+    while isinstance(number, Dual):
+        number = number.value
+    return number
+
+
+def _order(number: Any) -> int:
+    return 1 + _order(number.value) if isinstance(number, Dual) else 0
+
+
+def _times(factor: Any, slope: Any) -> Any:
+    """Return a derivative times tangents; a tangent of zero stays zero."""
+    if isinstance(slope, Dual) or math.isfinite(plain(factor)):
+        return factor * slope
+    with np.errstate(invalid="ignore"):
+        return np.where(slope == 0.0, 0.0, factor * slope)
+
+
+def _chain(value: Any, derivative: Any, x: Dual) -> Dual:
+    return Dual(value, _times(derivative, x.slope))
+
+
+def _generic(name: str) -> Any:
+    """Return a function of `math` that takes dual numbers, too."""
+    function = getattr(math, name)
+    return _OF_MATH.get(function, function)
+
+
+class _Names(dict[str, Any]):
+    """Names of rules: functions of `math` for dual numbers."""
+
+    def __missing__(self, name: str) -> Any:
+        return digamma if name == "digamma" else _generic(name)
+
+
+def _rule(source: str) -> Callable[..., Any]:
+    """Return a rule as a function of its names; it may be infinite."""
+    code = compile(source, "<derivative>", "eval")
+
+    def derivative(**names: Any) -> Any:
+        try:
+            return eval(code, _Names(names))
+        except ZeroDivisionError:
+            with np.errstate(all="ignore"):
+                return eval(code, _Names({key: _of_numpy(each) for key, each in names.items()}))
+
+    return derivative
+
+
+def _of_numpy(number: Any) -> Any:
+    """Return a number of NumPy, whose quotients by zero are infinite."""
+    if isinstance(number, Dual):
+        return Dual(_of_numpy(number.value), number.slope)
+    return np.float64(number)
+
+
+def _unary(function: Callable[..., Any], source: str) -> Callable[..., Any]:
+    derivative = _rule(source)
+
+    def of_number(x: Any) -> Any:
+        if not isinstance(x, Dual):
+            return function(x)
+        v, f = x.value, of_number(x.value)
+        return _chain(f, derivative(v=v, f=f), x)
+
+    return of_number
+
+
+def _binary(function: Callable[..., Any], by_first: str, by_second: str) -> Callable[..., Any]:
+    derivatives = [_rule(by_first), _rule(by_second)]
+
+    def of_numbers(x: Any, y: Any) -> Any:
+        order = max(_order(x), _order(y))
+        if order == 0:
+            return function(x, y)
+        pair = [each if _order(each) == order else Dual(each, None) for each in (x, y)]
+        a, b = (each.value for each in pair)
+        f = of_numbers(a, b)
+        terms = [
+            _times(derivative(a=a, b=b, f=f), each.slope)
+            for derivative, each in zip(derivatives, pair, strict=True)
+            if each.slope is not None
+        ]
+        return Dual(f, sum(terms[1:], terms[0]))
+
+    return of_numbers
+
+
+_power = _binary(operator.pow, *BINARY[operator.pow])
+
+
+def _raised(x: Any, y: Any) -> Any:
+    """Return a power; a constant integer exponent is one of products."""
+    if isinstance(y, int) and isinstance(x, Dual):
+        return _chain(_raised(x.value, y), y * _raised(x.value, y - 1) if y else 0.0, x)
+    return _power(x, y)
+
+
+_OF_MATH: dict[Any, Callable[..., Any]] = {
+    **{function: _unary(function, rule) for function, rule in UNARY.items()},
+    **{function: _binary(function, *rules) for function, rules in BINARY.items()},
+    **{function: lambda x, of=function: of(plain(x)) for function in PIECEWISE_CONSTANT},
+    math.fabs: abs,
+    math.pow: _power,
+    math.ldexp: lambda x, i: x * 2.0**i if isinstance(x, Dual) else math.ldexp(x, i),
+}
+FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    **{of_numpy(function): dual for function, dual in _OF_MATH.items() if of_numpy(function)},
+    **_OF_MATH,
+    np.absolute: abs,
+    np.maximum: max,
+    np.minimum: min,
+    np.square: lambda x: x * x,
+    np.sign: lambda x: np.sign(plain(x)),
+    np.rint: lambda x: np.rint(plain(x)),
+    np.clip: lambda x, low, high: min(max(x, low), high),
+    float: lambda x: x if isinstance(x, Dual) else float(x),
+}
+"""Functions that take numbers with tangents, by those of Python and NumPy."""
+
+ARITHMETIC = {
+    "add": _binary(operator.add, "1.0", "1.0"),
+    "sub": _binary(operator.sub, "1.0", "-1.0"),
+    "mul": _binary(operator.mul, "b", "a"),
+    "truediv": _binary(operator.truediv, "1.0 / b", "-f / b"),
+    "mod": FUNCTIONS[operator.mod],
+    "pow": _raised,
+}
+for _name, _function in ARITHMETIC.items():
+    setattr(Dual, f"__{_name}__", lambda x, y, of=_function: of(x, y))
+    setattr(Dual, f"__r{_name}__", lambda y, x, of=_function: of(x, y))
+for _name in ("lt", "le", "gt", "ge", "eq", "ne"):
+    _compare = getattr(operator, _name)
+    setattr(Dual, f"__{_name}__", lambda x, y, of=_compare: of(plain(x), plain(y)))
+
+
+class DualVector:
+    """Numbers with tangents in memory.
+
+    Parameters
+    ----------
+    memory : sequence of float
+        For each number, from an index on, the value and its tangents.
+    start, length : int
+    width : int
+        Number of tangents; without any, the numbers are real.
+    """
+
+    def __init__(self, memory: Any, start: int, length: int, width: int) -> None:
+        self._memory, self._start, self._length, self._width = memory, start, length, width
+
+    def __len__(self) -> int:
+        return self._length
+
+    size = property(__len__)
+
+    def _place(self, index: int) -> int:
+        i = range(self._length)[index]
+        return self._start + i * (1 + self._width)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            start, stop, step = index.indices(self._length)
+            if step != 1:
+                raise TypeError("a slice with a step")
+            begin = self._start + start * (1 + self._width)
+            return DualVector(self._memory, begin, max(0, stop - start), self._width)
+        i = self._place(index)
+        value = float(self._memory[i])
+        if self._width == 0:
+            return value
+        return Dual(value, np.array([self._memory[i + 1 + k] for k in range(self._width)]))
+
+    def __setitem__(self, index: int, number: Any) -> None:
+        if not isinstance(number, Dual | float | int | np.number | np.bool_):
+            raise TypeError(f"{type(number).__name__} is no number")
+        i = self._place(index)
+        self._memory[i] = plain(number)
+        for k in range(self._width):
+            self._memory[i + 1 + k] = number.slope[k] if isinstance(number, Dual) else 0.0

@@ -1,0 +1,135 @@
+"""Derivatives of functions by numbers with tangents, compiled and interpreted."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from numba import njit
+
+from mems_impact.hybrid.variational.tangents import copy_for_tangents
+from mems_impact.integrators.derivatives import UNARY
+from mems_impact.integrators.dual_numbers import FUNCTIONS, Dual, plain
+from mems_impact.integrators.jit.closures import take_snapshot
+from mems_impact.integrators.jit.dual_numbers import vector_at
+from mems_impact.integrators.jit.numba_support import JIT
+
+WIDTH = 2
+view = vector_at(WIDTH)
+OUTSIDE = {math.acosh: 1.0}  # added to arguments within (0, 1)
+
+
+def compiled(function, x, y):
+    """Return value and derivatives of a function of two numbers, of compiled code."""
+    (copy,) = take_snapshot(function).frozen()
+
+    @njit(**JIT)
+    def evaluate(numbers, result):
+        given = view(numbers.ctypes.data, 2)
+        view(result.ctypes.data, 1)[0] = copy(given[0], given[1])
+
+    result = np.zeros((1, 1 + WIDTH))
+    evaluate(np.array([[x, 1.0, 0.0], [y, 0.0, 1.0]]), result)
+    return result[0]
+
+
+def interpreted(function, x, y):
+    """Return the same of interpreted code."""
+    number = function(Dual(x, np.array([1.0, 0.0])), Dual(y, np.array([0.0, 1.0])))
+    return np.array([number.value, *number.slope])
+
+
+EXACT = {
+    math.exp2: lambda x: x**0 * 2**x,
+    math.log2: lambda x: mpmath.log(x, 2),
+    math.lgamma: mpmath.loggamma,
+}
+
+
+@pytest.mark.parametrize("function", UNARY, ids=lambda function: function.__name__)
+def test_derivatives_of_elementary_functions(function):
+    """Against 50 digits, interpreted and compiled."""
+    reference = EXACT.get(function) or getattr(mpmath, function.__name__)
+    as_written = eval(f"lambda x, y: math.{function.__name__}(x)", {"math": math})
+    for x in np.random.default_rng(5).uniform(0.05, 0.95, 3) + OUTSIDE.get(function, 0.0):
+        with mpmath.workdps(50):
+            exact = float(mpmath.diff(reference, mpmath.mpf(x)))
+        by_dual = interpreted(lambda x, y: FUNCTIONS[function](x), x, 0.0)
+        assert by_dual[0] == function(x)
+        assert by_dual[1:] == pytest.approx([exact, 0.0], rel=1e-14)
+        assert compiled(as_written, x, 0.0) == pytest.approx(by_dual, rel=2e-15)
+
+
+def written(source):
+    """Return a function of a source, which numba finds."""
+    space = {"math": math, "np": np}
+    exec(f"def f(x, y):\n{source}", space)
+    return space["f"]
+
+
+CONSTRUCTS = {
+    "a loop": "    s = 0\n    for k in range(4):\n        s += x**k * y\n    return s",
+    "a branch": "    return x * y if x > y else x + 2 * y",
+    "an integer at first": "    s = 0\n    if x > 0:\n        s = x\n    return 1 + s",
+    "powers": "    return x**2 + x**-3 + x**2.5 + x**y + 2**y + math.pow(x, 3)",
+    "in place": "    x -= 1\n    x *= 3 * y\n    x /= 2\n    x **= 2\n    return x",
+    "min and max": "    return min(x, 2.0, y) * max(0, x) + np.maximum(x, y) - np.minimum(1, x)",
+    "sizes": "    return abs(x - y)**1.5 + math.copysign(x, -1) + np.sign(x) * y + math.fabs(y)",
+    "remainders": "  return math.fmod(x, 0.4) * divmod(y, 0.3)[1] + x % 0.4 - math.remainder(y, 1)",
+    "steps": "    return x - math.floor(x) + y // 0.4 + int(x) * y + round(x) * x + math.trunc(y)",
+    "of NumPy": "    return np.sin(x) * np.exp(y) + np.sqrt(x) + np.tanh(x * y) + np.power(x, 2)",
+    "of two": "    return math.hypot(x, y) + math.atan2(x, y) + math.hypot(x, y, 2) * math.log(x)",
+    "tuples": "    a, b = (x, y * x)\n    return sum((a, b, 1.0)) + math.prod((a, 2, b))",
+    "pairs": "    s = 0\n    for i, v in enumerate((x, y)):\n        s += i * v * v\n    return s",
+    "chained": "    return x if 0.0 < y < x < 5.0 else y",
+    "special": "    return math.gamma(x) + math.lgamma(y) + math.erf(x) + math.ldexp(y, 3)",
+    "conversions": "    return float(x) * bool(y) + (x > 1.0) * y + math.radians(x)",
+}
+
+
+@pytest.mark.parametrize("name", CONSTRUCTS)
+def test_derivatives_of_what_users_write(name):
+    """Against differences of the same function; values have the bits of the function."""
+    function, at = written(CONSTRUCTS[name]), np.array([1.3, 0.7])
+    exact = [function(*at.tolist())]
+    for direction in np.eye(2):
+        values = [function(*(at + h * direction).tolist()) for h in (1e-3, -1e-3, 5e-4, -5e-4)]
+        first, second = (values[0] - values[1]) / 2e-3, (values[2] - values[3]) / 1e-3
+        exact.append((4.0 * second - first) / 3.0)  # Richardson: error of fourth order
+    numbers = [
+        Dual(value, tangents) for value, tangents in zip(at.tolist(), np.eye(2), strict=True)
+    ]
+    given = copy_for_tangents(function)(*numbers)
+    for result in ([given.value, *given.slope], compiled(function, *at)):
+        assert result[0] == pytest.approx(exact[0], rel=4e-16)
+        assert result == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("source", "at", "value"),
+    [
+        ("abs(x)", 0.0, 0.0),
+        ("abs(x)", -0.0, 0.0),
+        ("max(x, 0.0)", 0.0, 1.0),
+        ("max(0.0, x)", 0.0, 0.0),
+        ("min(x, y)", 1.0, 1.0),
+        ("x**0", 0.0, 0.0),
+        ("x**1", 0.0, 1.0),
+        ("x**2", 0.0, 0.0),
+        ("x**1.5", 0.0, 0.0),
+        ("x**0.0", 0.0, 0.0),
+        ("math.sqrt(x)", 0.0, math.inf),
+        ("math.sqrt(y - 1.0) + x", 1.0, 1.0),
+        ("math.hypot(y - 1.0, 0.0) + x", 1.0, 1.0),
+        ("0.0 if x == 0.0 else 5.0 * x", 0.0, 0.0),
+        ("x if math.isnan(x) else 3.0 * x", math.nan, 1.0),
+        ("max(x, 1.0)", math.inf, 1.0),
+    ],
+)
+def test_derivatives_at_kinks(source, at, value):
+    """By the rules of the module; the tangents of y are zero here."""
+    function = written(f"    return {source}")
+    given = copy_for_tangents(function)(Dual(at, np.array([1.0])), Dual(1.0, np.array([0.0])))
+    slopes = [plain(given.slope[0]) if isinstance(given, Dual) else 0.0]
+    slopes.append(compiled(function, at, 1.0)[1])
+    assert slopes == [value, value]
