@@ -19,6 +19,7 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.lyapunov import CHUNK, MIN_CHUNKS, LyapunovIntegrator
+from mems_impact.hybrid.variational.tangents import differences_reason
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.period_detection import returns
 from mems_impact.systems.base import HybridSystem
@@ -141,6 +142,7 @@ class LyapunovSpectrum(Result):
         exponents = ", ".join(self._exponent_texts())
         lasted = f"{self.periods:g} {self._counted}"
         rest = "" if self.converged else ", not converged"
+        rest += ", by differences" if self._differences else ""
         return f"{type(self).__name__}({exponents}; {self.kind}, {lasted}{rest})"
 
     def summary(self) -> dict[str, Any]:
@@ -153,7 +155,13 @@ class LyapunovSpectrum(Result):
             "zero for every motion": "; ".join(self.trivial),
             self._counted: self.periods,
             "converged": self.converged,
+            **({"derivatives by differences": self._differences} if self._differences else {}),
         }
+
+    @property
+    def _differences(self) -> str:
+        automaton = self.system.automaton
+        return differences_reason(automaton.flow, automaton.transition)
 
     @property
     def per_period(self) -> Floats:
@@ -306,13 +314,13 @@ def lyapunov(
     elif duration is not None:
         max_periods = float(system.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
-    if not system.is_scaled:
+    with progress_bar(progress, "periods", max_periods, "Lyapunov exponents") as report:
+        spectrum = _run_to_tolerance(system, problem, start, count, max_periods, tolerance, report)
+    if not system.is_scaled and spectrum._differences:
         sizes = np.abs(start.y)
         sizes[list(problem.automaton.cyclic)] = math.nan  # perturbations have no such components
-        step = problem.automaton.step
-        warn_if_below_differences(system.states, sizes, step, lambda: run(problem, start, 2.0))
-    with progress_bar(progress, "periods", max_periods, "Lyapunov exponents") as report:
-        return _run_to_tolerance(system, problem, start, count, max_periods, tolerance, report)
+        warn_if_below_differences(system.states, sizes, lambda: run(problem, start, 2.0))
+    return spectrum
 
 
 def _start(

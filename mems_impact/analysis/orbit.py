@@ -21,6 +21,7 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import CheckpointGrid, Events, Samples, Trajectory, run
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.tangents import differences_reason
 from mems_impact.integrators.options import Options
 from mems_impact.orbits import orbit_search
 from mems_impact.orbits.orbit_search import drift_of
@@ -124,7 +125,13 @@ class Orbit(Result):
         hits = len(self._hits)
         length = f"periods={self.periods}" if self.system.forced else f"period={self.period:.9g}"
         state = with_units(self.state, self.system.units)
-        return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {state})"
+        differences = ", by differences" if self._differences else ""
+        return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {state}{differences})"
+
+    @property
+    def _differences(self) -> str:
+        automaton = self.system.automaton
+        return differences_reason(automaton.flow, automaton.transition)
 
     def summary(self) -> dict[str, Any]:
         """Return its parameters and state, its stability and its admissibility."""
@@ -138,6 +145,7 @@ class Orbit(Result):
             "stability": stability_name(self.stable),
             "multipliers": ", ".join(f"{each:.6g}" for each in largest),
             "admissible": self.admissible or "; ".join(self.defects),
+            **({"derivatives by differences": self._differences} if self._differences else {}),
         }
 
     @property
@@ -613,7 +621,7 @@ def find_orbit(
             "give a longer transient, or a guess with the events of an orbit",
             orbit,
         )
-    if not system.is_scaled:
+    if not system.is_scaled and orbit._differences:
         _check_sizes(system, solution)
     return orbit
 
@@ -626,7 +634,6 @@ def _check_sizes(system: HybridSystem, solution: PeriodicOrbit) -> None:
     warn_if_below_differences(
         system.states,
         sizes,
-        automaton.step,
         lambda: run(solution.problem, solution.instant, float(solution.periods)),
     )
 

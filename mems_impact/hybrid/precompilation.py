@@ -74,7 +74,7 @@ def compile_studies() -> None:
     """Compile the loops of attractors, of orbits and of exponents."""
     problem = decay("auto")
     AttractorMapper(problem, longest=1, tolerance=1e-6).follow([(problem.numbers, START)], 1.0, 1.0)
-    times, segments = np.array([[0.0, 1.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
+    times, segments = np.array([[0.0, 1.0, 1.0]]), np.array([[0, NO_EVENT]])
     Variational(problem, np.ones((1, 1))).traverse(segments, np.ones((1, 1)), times)
     exponents = LyapunovIntegrator(problem, START)
     exponents.restart(problem, START)

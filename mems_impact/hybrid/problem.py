@@ -194,6 +194,10 @@ class EngineBinding:
     kernel_addresses : callable
         ``kernel_addresses(clock, observe, n, count)`` returns the addresses that compiled code of
         `recurrence` calls, and an object that has to live as long; interpreted, `observe` itself.
+    tangents_reference : callable
+        ``tangents_reference(tangents, n, size)`` returns the address of the compiled function of
+        `mems_impact.hybrid.variational.flow.event_tangents`, and an object that has to live as
+        long; interpreted, the function itself.
     array_reference : callable
         Returns the representation of an array in a record: its address, or the array.
     handle_address : int or Engine
@@ -207,6 +211,7 @@ class EngineBinding:
     record: Callable[..., Any]
     quota: StepQuota
     kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
+    tangents_reference: Callable[[Callable[..., Any], int, int], tuple[Any, Any]]
     array_reference: Callable[[Any], Any]
     handle_address: Any
 
@@ -330,7 +335,7 @@ def _compiled(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
 ) -> EngineBinding:
     from mems_impact.hybrid.event_loop import compiled
-    from mems_impact.integrators.jit.kernels import observables_of
+    from mems_impact.integrators.jit.kernels import observables_of, tangents_of
 
     module = _module("compiled", options)
     module.prepare()
@@ -370,6 +375,10 @@ def _compiled(
         }
         return addresses, kernel
 
+    def tangents_reference(tangents: Callable[..., Any], n: int, size: int) -> tuple[int, Any]:
+        kernel = tangents_of(tangents, n, size)
+        return kernel.address, kernel
+
     def array_reference(array: Any) -> int:
         return int(array.ctypes.data)
 
@@ -381,6 +390,7 @@ def _compiled(
         record,
         StepQuota(100),
         kernel_addresses,
+        tangents_reference,
         array_reference,
         engine.address,
     )
@@ -434,6 +444,15 @@ def _interpreted(
 
         return {"observe": checked_observe}, None
 
+    def tangents_reference(tangents: Callable[..., Any], _n: int, size: int) -> tuple[Any, None]:
+        def checked(mode: Any, code: Any, t: float, y: Any, p: Any, out: Any) -> None:
+            try:
+                tangents(int(mode), int(code), float(t), y, p, out)
+            except Exception:  # as compiled code does; calls of the functions themselves report
+                out[:size] = math.nan
+
+        return checked, None
+
     return EngineBinding(
         call,
         partial(_raise_fault, engine, automaton),
@@ -442,6 +461,7 @@ def _interpreted(
         record,
         StepQuota(1),
         kernel_addresses,
+        tangents_reference,
         lambda array: array,
         engine,
     )

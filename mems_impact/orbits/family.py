@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -140,7 +139,6 @@ class Family(ABC):
 
 # --- Numbers of a problem at values of the active parameters
 
-MIN_SWITCH_DISTANCE = 1e-9  # least distance from a switch for differences in time
 MAX_PERIOD_RATIO = (
     4.0 / 3.0
 )  # largest ratio of continuous periods: a sine without bias has half the period
@@ -228,32 +226,6 @@ class ParameterPoint:
     def with_period(self, period: float) -> ParameterPoint:
         """Return the numbers for a limit cycle with a given period."""
         return replace(self, period=period, period_rates=np.zeros_like(self.period_rates))
-
-    def room(self, time: float) -> float:
-        """Return the time from an event to the nearest switch of the drive."""
-        if not self.switches.size:
-            return math.inf
-        since = np.abs(time - self.switches) % self.period
-        return float(max(np.minimum(since, self.period - since).min(), MIN_SWITCH_DISTANCE))
-
-    def motion(self, start: float, end: float) -> Floats:
-        """Return the derivatives of instants of an arc by the parameters, shape (max(1, k), 2).
-
-        They are linear in time between the switches around the arc (or the ends of the period).
-        """
-        still = np.zeros((len(self.directions), 2))
-        if not (self.switches.size and self.values.size):
-            return still
-        times = np.array([0.0, *self.switches, self.period])
-        rates = np.column_stack([0.0 * self.period_rates, self.switch_rates, self.period_rates])
-        first = int(np.flatnonzero(times[:-1] <= max(start, 0.0))[-1])
-        later = np.flatnonzero((times >= end) & (times > times[first]))
-        last = int(later[0]) if later.size else times.size - 1
-        if times[last] <= times[first]:
-            return still
-        slope = (rates[:, last] - rates[:, first]) / (times[last] - times[first])
-        offset = rates[:, first] - slope * times[first]
-        return np.column_stack([offset, slope]) / self.scales[:, None]
 
 
 def _similar(one: float, other: float) -> bool:

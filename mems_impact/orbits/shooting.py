@@ -92,18 +92,11 @@ class UnknownLayout:
         start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
         return starts, ends, start_rates, end_rates
 
-    def segment_times(
-        self, at: ParameterPoint, starts: Floats, ends: Floats
-    ) -> tuple[Floats, Floats | None]:
-        """Return times and motions, the arguments of `Variational.traverse`."""
-        rooms, margin_times = np.full(ends.size, math.inf), ends
-        if not at.switches.size:
-            return np.stack([starts, ends, rooms, margin_times], axis=1), None
-        rooms[self.events] = [at.room(time) for time in ends[self.events].tolist()]
+    def segment_times(self, starts: Floats, ends: Floats) -> Floats:
+        """Return the times of `Variational.traverse`."""
         # Just before a switch.
         margin_times = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)
-        motions = [at.motion(*span) for span in zip(starts, ends, strict=True)]
-        return np.stack([starts, ends, rooms, margin_times], axis=1), np.array(motions)
+        return np.stack([starts, ends, margin_times], axis=1)
 
 
 # --- Phase condition of limit cycles
@@ -415,7 +408,7 @@ class Shooting:
         states, times = self.unpack(unknowns)
         starts, ends, start_rates, end_rates = layout.instants(at, times)
         arcs, events = self.variational(at).traverse(
-            layout.codes, states, *layout.segment_times(at, starts, ends)
+            layout.codes, states, layout.segment_times(starts, ends)
         )
         end = self._sensitivities_at_end(arcs, scales, start_rates, end_rates)
         after = self._sensitivities_after(events, end, scales, end_rates)
@@ -645,13 +638,10 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
     arc, mode = point.arcs[i], shooting.segments[i].mode
     y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
     time = float(arc.minima_time[guard])
-    event = shooting.variational(at).event(mode, guard, time, y, at.room(time))
+    event = shooting.variational(at).event(mode, guard, time, y)
     by_column = columns @ event.margin_by_state[guard]
     f = len(shooting.free)
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
-    # The sensitivities by parameters refer to times that vary with the parameters.
-    moved = at.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
-    by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
     by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales
     by_start = -float(by_state @ arc.slope_start[shooting.free])
     _, _, start_rates, _ = layout.instants(at, shooting.unpack(point.unknowns)[1])

@@ -620,7 +620,7 @@ class HybridSystem(Result, ABC):
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in scaled units."""
         if not self.is_scaled and self.forced:
-            warn_if_badly_scaled_orbit(self.numbers().period, self.parameters)
+            warn_if_badly_scaled_orbit(self.numbers().period)
         return SystemFamily(self.internal_parameters, self, options)
 
     def at(self, inner: Mapping[str, float]) -> Self:

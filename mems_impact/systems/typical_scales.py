@@ -21,6 +21,7 @@ from mems_impact.hybrid.definition import (
     writes_into_arrays,
 )
 from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.variational.tangents import STEP
 from mems_impact.integrators.options import Options
 
 __all__ = [
@@ -37,7 +38,7 @@ __all__ = [
 MIN_STATE_TOLERANCES = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
 MIN_STEP_RATIO = 1e-4  # smallest mean step, relative to the assumed time scale
 SAMPLES_BETWEEN_EVENTS = 64  # between events
-ORDER_ONE = (1e-5, 1e5)  # magnitudes of times and parameters that suit finite differences
+ORDER_ONE = (1e-5, 1e5)  # periods that suit the tolerances of event times
 STATE_ROUNDING = 1e-12  # smaller states are errors of Newton's method
 
 
@@ -97,20 +98,16 @@ def warn_if_badly_scaled_run(
         _warn(problem, {"time": 10.0 * step})
 
 
-def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -> None:
-    """Warn if the period or a parameter is too large or small for finite differences of orbits."""
+def warn_if_badly_scaled_orbit(period: float) -> None:
+    """Warn if the period is too large or small for the absolute tolerances of event times."""
     low, high = ORDER_ONE
-    sizes = {"time": period, **parameters}
-    far = {name: abs(size) for name, size in sizes.items() if size and not low < abs(size) < high}
-    if far:
-        listed = ", ".join(
-            f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
-        )
-        _warn(f"{listed}: far from order one, which finite differences for orbits assume", far)
+    if not low < period < high:
+        problem = f"the period = {period:.1e}: far from order one, which tolerances of times assume"
+        _warn(problem, {"time": period})
 
 
 def warn_if_below_differences(
-    states: tuple[str, ...], sizes: Floats, step: float, trajectory: Callable[[], Trajectory]
+    states: tuple[str, ...], sizes: Floats, trajectory: Callable[[], Trajectory]
 ) -> None:
     """Warn if a state is smaller than the step of the differences for multipliers and exponents.
 
@@ -119,20 +116,19 @@ def warn_if_below_differences(
     states : tuple of str
     sizes : float array, shape (n,)
         Magnitudes of the states at some instants of a motion.
-    step : float
     trajectory : callable
         Returns a run along the motion, whose sizes are included if some are small.
     """
 
     def small() -> NDArray[np.bool_]:
-        return (sizes > STATE_ROUNDING) & (sizes < step)
+        return (sizes > STATE_ROUNDING) & (sizes < STEP)
 
     if small().any():  # a speed may be zero at these instants
         sizes = np.maximum(sizes, between(trajectory()))
     far = {states[i]: decade(float(sizes[i])) for i in np.flatnonzero(small())}
     if far:
         stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in far.items())
-        _warn(f"{stay}, but finite differences take steps of {step:.0e}", far)
+        _warn(f"{stay}, but finite differences take steps of {STEP:.0e}", far)
 
 
 def between(trajectory: Trajectory) -> Floats:

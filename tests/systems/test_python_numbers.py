@@ -118,12 +118,8 @@ def test_equilibria():
 
 
 @pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
-@pytest.mark.parametrize("beyond", [0.5, 1e-6])
-def test_an_explanation_names_what_the_function_raised(verb, beyond):
-    """No engine is advised that is at work, and no function that is the package's own.
-
-    Beyond the amplitude by less than a difference the run passes, and its derivatives fail.
-    """
+def test_an_explanation_names_what_the_function_raised(verb):
+    """No engine is advised that is at work, and no function that is the package's own."""
 
     def failing(mode, t, y, p):
         if y.v > p.limit:
@@ -136,7 +132,7 @@ def test_an_explanation_names_what_the_function_raised(verb, beyond):
         period=2.0 * math.pi,
         parameters={"limit": 1e9},  # of which the checks at the start tell nothing
         initial={"x": 0.0, "v": 1.0},
-    ).changed(limit=1.0 + (beyond if beyond < 0.1 else -beyond))
+    ).changed(limit=0.5)
     options = mi.Options(engine="interpreted", method="dop853", rtol=1e-8)
     with pytest.raises((mi.RunError, mi.FunctionError, mi.OrbitError)) as caught:
         verb(system, transient=3, options=options)

@@ -80,6 +80,7 @@ mark_overloaded(
     recurrence.result_of,
     saltation.run_loop,
     saltation.extended_engine,
+    saltation.event_tangents,
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
 _engine_at = record_at(from_dtype(ENGINE))
@@ -112,6 +113,15 @@ def _run_loop(engine, s, w):  # type: ignore[no-untyped-def]
 def _extended_engine(w):  # type: ignore[no-untyped-def]
     if _is_stretching(w):
         return lambda w: _engine_at(w.extended)
+
+
+@overload(saltation.event_tangents, jit_options={**JIT, **INNER})
+def _event_tangents(engine, workspace, mode, code, t, y, table):  # type: ignore[no-untyped-def]
+    def implementation(engine, workspace, mode, code, t, y, table):  # type: ignore[no-untyped-def]
+        size, p = engine.parameter_count, engine.parameters
+        call_kernel(workspace.tangents, mode, code, t, data(y), p, size, data(table))
+
+    return implementation
 
 
 def _is_stretching(kind: Any) -> bool:

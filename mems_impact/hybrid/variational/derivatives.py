@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +11,14 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.problem import Problem, create_engine
-from mems_impact.hybrid.variational.flow import extended_flow, with_columns
+from mems_impact.hybrid.problem import EngineBinding, Problem, create_engine
+from mems_impact.hybrid.variational.flow import (
+    exact_or_not,
+    scratch_size,
+    tangent_flow,
+    tangents_of_events,
+    with_columns,
+)
 from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
     SegmentBatch,
@@ -100,13 +105,19 @@ class Variational:
         p = np.asarray(problem.parameters, dtype=float)
         self.k = directions.shape[0]
         self._block = np.concatenate([p, directions.ravel()])
-        self._size = self.n * (1 + len(self.free) + self.k)
-        extended = extended_flow(automaton.flow, self.n, len(self.free), p.size, automaton.step)
-        scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
-        parameters = np.concatenate([self._block, scratch])
-        self._problem = with_columns(problem, extended, parameters, self._size)
-        self._binding = create_engine(self._problem, self._size - self.n)
-        self._variational = variational_workspace(problem, self.k, self._size)
+        columns = len(self.free) + self.k
+        self._size = self.n * (1 + columns)
+        parameters = np.concatenate([self._block, np.zeros(scratch_size(self.n, p.size, columns))])
+
+        def build(exact: bool) -> tuple[EngineBinding, Any]:
+            flow = tangent_flow(automaton.flow, self.n, p.size, columns, self.k, exact=exact)
+            extended = with_columns(problem, flow, parameters, self._size)
+            binding = create_engine(extended, self._size - self.n)
+            return binding, tangents_of_events(problem, binding, self.k, exact)
+
+        self._time_scale = problem.time_scale or problem.period
+        self._binding, (tangents, self._kernel) = exact_or_not(automaton, build)
+        self._variational = variational_workspace(problem, self.k, self._size, tangents)
         # State and columns at the start of an arc.
         self._start = np.zeros(self._size)
         for c, i in enumerate(self.free):
@@ -115,7 +126,7 @@ class Variational:
     @property
     def time_scale(self) -> float:
         """The time that bounds the steps."""
-        return self._problem.time_scale or self._problem.period
+        return self._time_scale
 
     def at(self, p: Floats, directions: Floats) -> Variational:
         """Return a copy at other parameters and directions, which shares the engine.
@@ -131,7 +142,6 @@ class Variational:
         segments: NDArray[np.int64],
         states: Floats,
         times: Floats,
-        motions: Floats | None = None,
     ) -> tuple[Arc, Event]:
         """Compute N segments from given states, without event detection.
 
@@ -140,13 +150,8 @@ class Variational:
         segments : int array, shape (N, 2)
             Mode, and code of the transition at the end (or `saltation.NO_EVENT`).
         states : float array, shape (N, n)
-        times : float array, shape (N, 4)
-            Start; end; time from the end to the nearest switch of the drive, which limits the
-            differences; time at which the margins at the end are evaluated.
-        motions : float array, shape (N, k, 2), optional
-            If a switch of the drive moves with the parameters, differences at a fixed instant would
-            cross it. So each parameter column is propagated at instants that move at the rate
-            motions[i, j, 0] + motions[i, j, 1] t, and converted to a fixed instant at the end.
+        times : float array, shape (N, 3)
+            Start; end; time at which the margins at the end are evaluated.
 
         Returns
         -------
@@ -158,10 +163,9 @@ class Variational:
         OrbitError
             If the engine fails or exceeds the budget of steps.
         """
-        count, n, m, k = len(segments), self.n, self.m, self.k
+        count, n, m = len(segments), self.n, self.m
         codes = np.zeros((count, 3), dtype=np.int64)
         codes[:, :2] = segments
-        rates = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
         y = np.tile(self._start, (count, 1))
         y[:, :n] = states
         workspace = self._variational.with_rows(count)
@@ -169,7 +173,6 @@ class Variational:
             variational=workspace,
             segments=codes,
             times=times,
-            motions=rates,
             states=y,
             slopes=np.zeros((count, 2, n)),
             margins=np.zeros((count, 2, 2 * m)),
@@ -218,14 +221,12 @@ class Variational:
 
     def arc(self, mode: int, y: Floats, start: float, end: float) -> Arc:
         """Integrate `mode` from (start, y) to `end`, with all columns; see `propagate_segments`."""
-        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end))
+        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, end))
         return Arc(*(part[0] for part in arcs))
 
-    def event(
-        self, mode: int, code: int, t: float, y: Floats, time_range: float = math.inf
-    ) -> Event:
+    def event(self, mode: int, code: int, t: float, y: Floats) -> Event:
         """Perform the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
-        _, events = self._one(mode, code, y, (t, t, time_range, t))
+        _, events = self._one(mode, code, y, (t, t, t))
         return Event(*(part[0] for part in events))
 
     def margins(self, mode: int, t: float, y: Floats) -> tuple[Floats, Floats]:
@@ -238,7 +239,7 @@ class Variational:
         mode: int,
         code: int,
         y: Floats,
-        times: tuple[float, float, float, float],
+        times: tuple[float, float, float],
     ) -> tuple[Arc, Event]:
         segments = np.array([[mode, code]], dtype=np.int64)
         return self.traverse(segments, np.asarray(y)[None], np.array([times]))

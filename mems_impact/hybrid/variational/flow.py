@@ -1,27 +1,28 @@
-"""Vector fields of the variational equations.
-
-All derivatives of an automaton's functions are directional, by central differences of sixth order
-with the automaton's step along a direction of length one. With a step of 1e-3, and states and
-parameters of order one, truncation and rounding errors are both near 1e-13, so that an automaton
-needs no Jacobian.
+"""Vector fields of the variational equations, and derivatives of events.
 
 A *column* is a perturbation: one for each component of the initial state that is not cyclic, then
 one for each direction in the space of parameters.
-
-Lyapunov exponents need far fewer digits than Newton's method, over many more periods: their columns
-use differences of second order, with a third of the calls.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
+
+from numba.core.errors import NumbaError
 
 from mems_impact._util.arrays import Floats
+from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.differences import weight_of
-from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.problem import EngineBinding, Problem
+from mems_impact.hybrid.variational.tangents import (
+    Sizes,
+    differences_reason,
+    differentiated,
+    note_refusal,
+    width_for,
+)
 
 
 def with_columns(
@@ -36,7 +37,6 @@ def with_columns(
         flow=flow,
         margins=automaton.margins,
         transition=automaton.transition,
-        step=automaton.step,
         bounds=automaton.bounds,
     )
     return Problem(
@@ -48,105 +48,160 @@ def with_columns(
     )
 
 
+def scratch_size(n: int, count: int, columns: int) -> int:
+    """Return the number of extended parameters of `tangent_flow` that are scratch."""
+    return Sizes(n, count, n, width_for(columns)).memory
+
+
 @cache
-def extended_flow(
-    flow: Callable[..., Any], n: int, free: int, count: int, step: float
+def tangent_flow(
+    flow: Callable[..., Any],
+    n: int,
+    count: int,
+    columns: int,
+    directions: int = 0,
+    *,
+    exact: bool = True,
 ) -> Callable[..., Any]:
     """Return the flow of the state and its columns.
 
-    The extended state is y (n), then `free` + k columns of length n. The extended parameters are
-    p (count), k directions in the space of p, for each direction the motion of time (two numbers,
-    see `mems_impact.hybrid.variational.derivatives`), and scratch of 2 n + count. The number k is
-    that of the state, so that numba types the function once for all k.
+    The extended state is y (n), then columns of length n: perturbations of the state, then those of
+    the parameters, one for each direction. The extended parameters are p (count), the directions in
+    the space of p, and scratch (`scratch_size`).
     """
+    sizes = Sizes(n, count, n, width_for(columns))
+    width, record, length = sizes.width, sizes.record, sizes.memory
+    of_parameters, of_slope = record * (1 + n), record * (1 + n + count)
+    first_direction = columns - directions
+    derive = differentiated(
+        _with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
+    )
 
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        columns = len(y) // n - 1
-        directions = columns - free
-        motion = count * (1 + directions)
-        scratch = motion + 2 * directions
-        y_shifted = p[scratch : scratch + n]
-        slope = p[scratch + n : scratch + 2 * n]
-        p_shifted = p[scratch + 2 * n : scratch + 2 * n + count]
-        for c in range(columns):
-            column = n * (1 + c)
-            length = 0.0
+        start = len(p) - length
+        p[start] = t
+        for k in range(width):
+            p[start + 1 + k] = 0.0
+        for first in range(0, columns, width):
             for i in range(n):
-                length = max(length, abs(y[column + i]))
-            direction = count * (1 + c - free)
-            time_rate, time_stretch = 0.0, 0.0
-            if c >= free:
-                time_stretch = p[motion + 2 * (c - free) + 1]
-                time_rate = p[motion + 2 * (c - free)] + time_stretch * t
-                for i in range(count):
-                    length = max(length, abs(p[direction + i]))
-            for i in range(n):
-                dy[column + i] = 0.0
+                place = start + record * (1 + i)
+                p[place] = y[i]
+                for k in range(width):
+                    c = first + k
+                    p[place + 1 + k] = y[n * (1 + c) + i] if c < columns else 0.0
             for i in range(count):
-                p_shifted[i] = p[i]
-            if length > 0.0:
-                for s in range(-3, 4):
-                    if s != 0:
-                        h = s * step / length
-                        weight = length * weight_of(s) / step
-                        for i in range(n):
-                            y_shifted[i] = y[i] + h * y[column + i]
-                        if c >= free:
-                            for i in range(count):
-                                p_shifted[i] = p[i] + h * p[direction + i]
-                        flow(mode, t + h * time_rate, y_shifted, p_shifted, slope)
-                        for i in range(n):
-                            dy[column + i] += weight * slope[i]
-        for i in range(count):
-            p_shifted[i] = p[i]
-        for i in range(n):
-            y_shifted[i] = y[i]
-        flow(mode, t, y_shifted, p_shifted, slope)
-        for i in range(n):
-            dy[i] = slope[i]
-        for c in range(free, columns):
+                place = start + of_parameters + record * i
+                p[place] = p[i]
+                for k in range(width):
+                    c = first + k
+                    direction = count * (1 + c - first_direction) + i
+                    p[place + 1 + k] = p[direction] if first_direction <= c < columns else 0.0
+            derive(mode, 0, p, p, start)
             for i in range(n):
-                dy[n * (1 + c) + i] += p[motion + 2 * (c - free) + 1] * slope[i]
+                place = start + of_slope + record * i
+                dy[i] = p[place]
+                for k in range(min(width, columns - first)):
+                    dy[n * (1 + first + k) + i] = p[place + 1 + k]
 
     return extended
 
 
-STEP_RATIO = 1.0 / 128.0  # of the automaton's step; balances rounding and second-order truncation
+@cache
+def _with_code(flow: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a flow with the signature of differentiated functions."""
+
+    def coded(mode, _code, t, y, p, dy):  # type: ignore[no-untyped-def]
+        flow(mode, t, y, p, dy)
+
+    return coded
+
+
+def table_size(n: int, m: int, count: int, directions: int) -> int:
+    """Return the number of values that `event_tangents` writes."""
+    columns, rows = 1 + n + directions, 2 * m + n
+    return rows * (1 + columns) + Sizes(n, count, rows, width_for(columns)).memory
 
 
 @cache
-def stretched_flow(flow: Callable[..., Any], n: int, count: int, step: float) -> Callable[..., Any]:
-    """Return the flow of the state and its perturbations, for Lyapunov exponents.
+def event_tangents(
+    margins: Callable[..., Any],
+    transition: Callable[..., Any],
+    n: int,
+    m: int,
+    count: int,
+    directions: int,
+    *,
+    exact: bool = True,
+) -> Callable[..., Any]:
+    """Return ``tangents(mode, code, t, y, p, out)``, the derivatives of margins and a transition.
 
-    The extended state is y (n), then any number of columns. The extended parameters are p (count),
-    then scratch of 2 n.
+    The first of the values `out` are a table, for each of the margins (m), their rates (m) and the
+    state after the transition (n): its value, and its derivatives by each component of the state,
+    by time, and by each direction in the space of parameters. The directions follow the parameters
+    (count). The other values are scratch.
     """
-    width = STEP_RATIO * step
+    columns, rows = 1 + n + directions, 2 * m + n
+    sizes = Sizes(n, count, rows, width_for(columns))
+    width, record, row = sizes.width, sizes.record, 1 + columns
+    start = rows * row
+    of_out = start + record * (1 + n + count)
 
-    def stretched(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        y_shifted = p[count : count + n]
-        slope = p[count + n : count + 2 * n]
-        for c in range(len(y) // n - 1):
-            column = n * (1 + c)
-            length = 0.0
-            for i in range(n):
-                length = max(length, abs(y[column + i]))
-                dy[column + i] = 0.0
-            if length > 0.0:
-                h = width / length
-                for i in range(n):
-                    y_shifted[i] = y[i] + h * y[column + i]
-                flow(mode, t, y_shifted, p, slope)
-                for i in range(n):
-                    dy[column + i] = slope[i]
-                    y_shifted[i] = y[i] - h * y[column + i]
-                flow(mode, t, y_shifted, p, slope)
-                for i in range(n):
-                    dy[column + i] = (dy[column + i] - slope[i]) / (2.0 * h)
+    def event(mode, code, t, y, p, out):  # type: ignore[no-untyped-def]
+        for i in range(2 * m):
+            out[i] = 1.0
+        margins(mode, t, y, p, out[:m], out[m : 2 * m])
         for i in range(n):
-            y_shifted[i] = y[i]
-        flow(mode, t, y_shifted, p, slope)
-        for i in range(n):
-            dy[i] = slope[i]
+            out[2 * m + i] = y[i]
+        transition(mode, code, t, out[2 * m :], p)
 
-    return stretched
+    derive = differentiated(event, transition, sizes, by_time=True, by_parameter=True, exact=exact)
+
+    def tangents(mode, code, t, y, p, out):  # type: ignore[no-untyped-def]
+        for first in range(1, row, width):
+            for i in range(1 + n + count):
+                place = start + record * i
+                out[place] = t if i == 0 else (y[i - 1] if i <= n else p[i - n - 1])
+                for k in range(width):
+                    c = first + k
+                    seed = 1.0 if i <= n and c == (i if i > 0 else n + 1) else 0.0
+                    if i > n and n + 1 < c < row:
+                        seed = p[count * (c - n - 1) + i - n - 1]
+                    out[place + 1 + k] = seed
+            derive(mode, code, p, out, start)
+            for i in range(rows):
+                place = of_out + record * i
+                out[row * i] = out[place]
+                for k in range(min(width, row - first)):
+                    out[row * i + first + k] = out[place + 1 + k]
+
+    return tangents
+
+
+def tangents_of_events(
+    problem: Problem, binding: EngineBinding, directions: int, exact: bool
+) -> tuple[Any, Any]:
+    """Return `event_tangents` of a problem as a reference, and an object that lives as long."""
+    automaton, count = problem.automaton, len(problem.parameters)
+    n, m = len(automaton.states), len(automaton.guards)
+    tangents = event_tangents(
+        automaton.margins, automaton.transition, n, m, count, directions, exact=exact
+    )
+    return binding.tangents_reference(tangents, n, table_size(n, m, count, directions))
+
+
+Built = TypeVar("Built")
+
+
+def exact_or_not(automaton: Automaton, build: Callable[[bool], Built]) -> Built:
+    """Return ``build(True)``; ``build(False)`` if functions do not take numbers with tangents."""
+    functions = automaton.flow, automaton.transition
+    if not differences_reason(*functions):
+        try:
+            return build(True)
+        except (FunctionError, NumbaError):
+            from mems_impact.hybrid.diagnostics.failures import explain_refusal
+
+            result = build(False)  # raises the error of a function that cannot be compiled at all
+            note_refusal(explain_refusal(automaton), *functions)
+            return result
+    return build(False)

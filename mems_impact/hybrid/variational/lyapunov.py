@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,23 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
-from mems_impact.hybrid.problem import STEPS_PER_PERIOD, LoopMemory, Problem, create_engine
+from mems_impact.hybrid.problem import (
+    STEPS_PER_PERIOD,
+    EngineBinding,
+    LoopMemory,
+    Problem,
+    create_engine,
+)
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.hybrid.variational.flow import stretched_flow, with_columns
+from mems_impact.hybrid.variational.flow import (
+    exact_or_not,
+    scratch_size,
+    tangent_flow,
+    tangents_of_events,
+    with_columns,
+)
 from mems_impact.hybrid.variational.saltation import (
     STRETCHING,
     ZERO_COLUMN,
@@ -100,10 +112,14 @@ class LyapunovIntegrator:
         self._columns, self._size = count, n * (1 + count)
         self.chunk, self.uneven = chunk, uneven
         self._run = create_engine(problem)
-        self._extended = create_engine(
-            _extended_problem(problem, self._size, self._rtol), n * count
-        )
-        self._workspace = variational_workspace(problem, 0, self._size)
+
+        def build(exact: bool) -> tuple[EngineBinding, Any]:
+            extended = _extended_problem(problem, self._size, self._rtol, exact)
+            tangents = tangents_of_events(problem, self._run, 0, exact)
+            return create_engine(extended, n * count), tangents
+
+        self._extended, (tangents, self._kernel) = exact_or_not(automaton, build)
+        self._workspace = variational_workspace(problem, 0, self._size, tangents)
         self._free = list(free_components(automaton))
         self._cyclic = np.array([int(i in automaton.cyclic) for i in range(n)])
         self._weights, self._balanced = np.ones(n), balanced
@@ -122,7 +138,7 @@ class LyapunovIntegrator:
         longest_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
         for binding, values in (
             (self._run, np.array(problem.parameters, dtype=float)),
-            (self._extended, _with_scratch(problem)),
+            (self._extended, _with_scratch(problem, self._size)),
         ):
             binding.call(reset, values, longest_step)
         self._initialize(replace(problem, section=None), start)
@@ -371,20 +387,20 @@ def largest(
         count = 1
 
 
-def _extended_problem(problem: Problem, size: int, rtol: float) -> Problem:
+def _extended_problem(problem: Problem, size: int, rtol: float, exact: bool) -> Problem:
     """Return the problem of a state and its columns, with the events of the run."""
     automaton, options = problem.automaton, problem.options
     n, p = len(automaton.states), len(problem.parameters)
-    flow = stretched_flow(automaton.flow, n, p, automaton.step)
-    extended = with_columns(problem, flow, _with_scratch(problem), size)
+    flow = tangent_flow(automaton.flow, n, p, size // n - 1, exact=exact)
+    extended = with_columns(problem, flow, _with_scratch(problem, size), size)
     column_options = replace(options, rtol=rtol, atol=options.atol * (rtol / options.rtol))
     return replace(extended, automaton=unguarded(extended.automaton), options=column_options)
 
 
-def _with_scratch(problem: Problem) -> Floats:
+def _with_scratch(problem: Problem, size: int) -> Floats:
     """Return the parameters of the extended flow."""
-    scratch = np.zeros(2 * len(problem.automaton.states))
-    return np.concatenate([np.asarray(problem.parameters, dtype=float), scratch])
+    p, n = np.asarray(problem.parameters, dtype=float), len(problem.automaton.states)
+    return np.concatenate([p, np.zeros(scratch_size(n, p.size, size // n - 1))])
 
 
 def standard_errors(growth: Floats, lengths: Floats) -> Floats:

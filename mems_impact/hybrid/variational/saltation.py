@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mems_impact.hybrid.differences import weight_of
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.event_loop.event_detection import (
     MIN_SUBSTEP_RATIO,
@@ -52,6 +51,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     whole_periods,
 )
 from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.variational.flow import table_size
 from mems_impact.integrators import interface
 
 # --- Segments of an orbit
@@ -59,9 +59,6 @@ from mems_impact.integrators import interface
 MAX_BACKWARD_TIME = 1.0  # longest arc of negative length
 NO_EVENT = -1  # code of a segment without transition at its end
 WORK_ROWS = 11  # rows of `work`
-# Sixth differences of a smooth function are below this part of its change. Otherwise the step is
-# reduced by the second factor, up to so many times.
-SMOOTHNESS_RTOL, STEP_REDUCTION, MAX_REDUCTIONS = 1e-3, 0.125, 3
 
 
 class VariationalWorkspace(NamedTuple):
@@ -71,8 +68,9 @@ class VariationalWorkspace(NamedTuple):
     ----------
     n, m, parameters, directions, max_steps : int
         Numbers of state components, guards, parameters and directions; most steps per arc.
-    width : float
-        Step of the differences.
+    tangents : int or callable
+        Address of the compiled `mems_impact.hybrid.variational.flow.event_tangents`, or the
+        function.
     constrained : int array, shape (modes,)
         1 for a mode whose states lie on a manifold.
     minima : float array, shape (N, 2, m)
@@ -84,6 +82,8 @@ class VariationalWorkspace(NamedTuple):
     margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
         Output: margins and rates before the event, and the state after it, each with its
         derivatives: value, by each state component, by time, by each direction.
+    table : float array
+        Output of `tangents`.
     work : float array, shape (WORK_ROWS, 2 m + n or more)
     """
 
@@ -92,12 +92,13 @@ class VariationalWorkspace(NamedTuple):
     parameters: int
     directions: int
     max_steps: int
-    width: float
+    tangents: Any
     constrained: Any
     minima: Any
     touches: Any
     margin: Any
     jump: Any
+    table: Any
     work: Any
 
     def with_rows(self, count: int) -> VariationalWorkspace:
@@ -110,7 +111,9 @@ class VariationalWorkspace(NamedTuple):
         )
 
 
-def variational_workspace(problem: Problem, directions: int, size: int) -> VariationalWorkspace:
+def variational_workspace(
+    problem: Problem, directions: int, size: int, tangents: Any
+) -> VariationalWorkspace:
     """Return a workspace for one segment, with `size` components of state and columns."""
     automaton = problem.automaton
     n, m, parameters = len(automaton.states), len(automaton.guards), len(problem.parameters)
@@ -121,12 +124,13 @@ def variational_workspace(problem: Problem, directions: int, size: int) -> Varia
         parameters=parameters,
         directions=directions,
         max_steps=problem.options.max_steps,
-        width=automaton.step,
+        tangents=tangents,
         constrained=np.array([int(mode in automaton.constrained) for mode in modes]),
         minima=np.zeros((1, 2, m)),
         touches=np.zeros((1, m, size)),
         margin=np.zeros((1, 2 * m, n + 2 + directions)),
         jump=np.zeros((1, n, n + 2 + directions)),
+        table=np.zeros(table_size(n, m, parameters, directions)),
         work=np.zeros((WORK_ROWS, max(size, 2 * m + n, parameters))),
     )
 
@@ -139,11 +143,8 @@ class SegmentBatch(NamedTuple):
     variational : VariationalWorkspace
     segments : int array, shape (N, 3)
         Mode, code of the transition at the end (or NO_EVENT); output: mode after it.
-    times : float array, shape (N, 4)
-        Start, end, largest step of differences in time at the end, and the time at which the
-        margins at the end are evaluated.
-    motions : float array, shape (N, 2 directions)
-        Rates a + b t at which instants move with each parameter.
+    times : float array, shape (N, 3)
+        Start, end, and the time at which the margins at the end are evaluated.
     states : float array, shape (N, n (1 + columns))
         State and columns at the start; output: at the end.
     slopes : float array, shape (N, 2, n)
@@ -157,7 +158,6 @@ class SegmentBatch(NamedTuple):
     variational: VariationalWorkspace
     segments: Any
     times: Any
-    motions: Any
     states: Any
     slopes: Any
     margins: Any
@@ -181,40 +181,28 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
         Number of a segment whose integration failed, or -1.
     """
     workspace = batch.variational
-    n, directions = workspace.n, workspace.directions
-    free_count = batch.states.shape[1] // n - 1 - directions
-    slope = workspace.work[5]
+    n, slope = workspace.n, workspace.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
     for i in range(batch.segments.shape[0]):
         mode, code = batch.segments[i, 0], batch.segments[i, 1]
         start, end = batch.times[i, 0], batch.times[i, 1]
-        y, motions = batch.states[i], batch.motions[i]
-        for j in range(2 * directions):
-            interface.set_parameter(engine, block.size + j, motions[j])
+        y = batch.states[i]
         if workspace.constrained[mode] == 1:
             project(engine, mode, start, y, workspace, i)
         interface.margins(engine, mode, start, y, batch.margins[i, 0])
         interface.flow(engine, mode, start, y, slope)
         for c in range(n):
             batch.slopes[i, 0, c] = slope[c]
-        for j in range(directions):
-            rate = motions[2 * j] + motions[2 * j + 1] * start
-            for c in range(n):
-                y[n * (1 + free_count + j) + c] += slope[c] * rate
         if not integrate(engine, mode, y, start, end, workspace, i, approaches=True):
             return i
         # The limit from the left, before a switch of the drive at the end.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
         for c in range(n):
             batch.slopes[i, 1, c] = slope[c]
-        for j in range(directions):
-            rate = motions[2 * j] + motions[2 * j + 1] * end
-            for c in range(n):
-                y[n * (1 + free_count + j) + c] -= slope[c] * rate
-        interface.margins(engine, mode, batch.times[i, 3], y, batch.margins[i, 1])
+        interface.margins(engine, mode, batch.times[i, 2], y, batch.margins[i, 1])
         if code != NO_EVENT:
-            differentiate_event(engine, mode, code, end, y, batch.times[i, 2], workspace, i)
+            differentiate_event(engine, mode, code, end, y, workspace, i)
             for c in range(n):
                 batch.after[i, c] = y[c]
             batch.segments[i, 2] = interface.transition(engine, mode, code, end, batch.after[i])
@@ -229,7 +217,7 @@ def project(engine: Any, mode: int, t: float, y: Any, workspace: Any, row: int) 
     """
     n, directions = workspace.n, workspace.directions
     first_direction = y.size // n - directions
-    differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, math.inf, workspace, row)
+    differentiate_event(engine, mode, 2 * workspace.m + 1, t, y, workspace, row)
     jump, projection = workspace.jump[row], workspace.work[5]
     for c in range(1, y.size // n):
         for i in range(n):
@@ -432,111 +420,34 @@ def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float,
             y[i] += h * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
 
 
-def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
-    """Set the parameters to `p`, shifted by `h` along a direction (stored after them)."""
-    for i in range(count):
-        shift = h * interface.parameter(engine, count * (1 + direction) + i)
-        interface.set_parameter(engine, i, p[i] + shift)
-
-
 def differentiate_event(
-    engine: Any, mode: int, code: int, t: float, y: Any, time_range: float, workspace: Any, row: int
+    engine: Any, mode: int, code: int, t: float, y: Any, workspace: Any, row: int
 ) -> None:
-    """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
+    """Differentiate margins and transition `code` at (t, y) by state, time and parameters.
 
-    The results are in `row` of margin and jump of a `VariationalWorkspace`. Differences in time
-    stay within `time_range` of `t`. The engine's parameters are shifted and restored.
+    The results are in `row` of margin and jump of a `VariationalWorkspace`.
     """
-    n, m, count, directions = workspace.n, workspace.m, workspace.parameters, workspace.directions
+    table = workspace.table
+    event_tangents(engine, workspace, mode, code, t, y, table)
     margin, jump = workspace.margin[row], workspace.jump[row]
-    width, work = workspace.width, workspace.work
-    y_shifted, g, p = work[0], work[6], work[7]
-    for i in range(count):
-        p[i] = interface.parameter(engine, i)
-    for i in range(n):
-        y_shifted[i] = y[i]
-    interface.margins(engine, mode, t, y_shifted, g)
-    interface.transition(engine, mode, code, t, y_shifted)
-    for i in range(2 * m):
-        margin[i, 0] = g[i]
-    for i in range(n):
-        jump[i, 0] = y_shifted[i]
-    for c in range(1, 2 + n + directions):
-        step = min(width, 0.3 * time_range) if c == n + 1 else width
-        is_smooth = difference(engine, mode, code, t, y, c, step, workspace, row)
-        # A function may be discontinuous near (t, y), as an angle modulo one turn: a smaller step
-        # avoids the discontinuity, unless it is at (t, y).
-        for k in range(1, 1 + MAX_REDUCTIONS):
-            if not is_smooth:
-                smaller_step = step * STEP_REDUCTION**k
-                is_smooth = difference(engine, mode, code, t, y, c, smaller_step, workspace, row)
-                if k == MAX_REDUCTIONS and not is_smooth:
-                    difference(engine, mode, code, t, y, c, step, workspace, row)
+    width = margin.shape[1]
+    for i in range(2 * workspace.m):
+        for c in range(width):
+            margin[i, c] = table[width * i + c]
+    for i in range(workspace.n):
+        for c in range(width):
+            jump[i, c] = table[width * (2 * workspace.m + i) + c]
 
 
-def difference(
-    engine: Any,
-    mode: int,
-    code: int,
-    t: float,
-    y: Any,
-    c: int,
-    step: float,
-    workspace: Any,
-    row: int,
-) -> bool:
-    """Write the differences along one direction into column `c` (see `differentiate_event`).
-
-    Returns whether the functions are smooth: their sixth differences are far below their changes.
-    """
-    n, m, count, work = workspace.n, workspace.m, workspace.parameters, workspace.work
-    margin, jump = workspace.margin[row], workspace.jump[row]
-    y_shifted, sixth_differences, change, g, p = work[0], work[1], work[2], work[6], work[7]
-    for i in range(2 * m):
-        margin[i, c] = 0.0
-    for i in range(n):
-        jump[i, c] = 0.0
-    for i in range(2 * m + n):
-        value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
-        sixth_differences[i] = -20.0 * value
-        change[i] = 0.0
-    for s in range(-3, 4):
-        if s != 0:
-            h = s * step
-            weight = weight_of(s) / step
-            sixth_weight = 15.0 if abs(s) == 1 else (-6.0 if abs(s) == 2 else 1.0)
-            time = t
-            for i in range(n):
-                y_shifted[i] = y[i]
-            if c <= n:
-                y_shifted[c - 1] += h
-            elif c == n + 1:
-                time += h
-            else:
-                move_parameters(engine, p, count, c - n - 2, h)
-            interface.margins(engine, mode, time, y_shifted, g)
-            interface.transition(engine, mode, code, time, y_shifted)
-            if c > n + 1:
-                move_parameters(engine, p, count, c - n - 2, 0.0)
-            for i in range(2 * m):
-                margin[i, c] += weight * g[i]
-                sixth_differences[i] += sixth_weight * g[i]
-                change[i] = max(change[i], abs(g[i] - margin[i, 0]))
-            for i in range(n):
-                jump[i, c] += weight * y_shifted[i]
-                sixth_differences[2 * m + i] += sixth_weight * y_shifted[i]
-                change[2 * m + i] = max(change[2 * m + i], abs(y_shifted[i] - jump[i, 0]))
-    is_smooth = True
-    for i in range(2 * m + n):
-        value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
-        if abs(sixth_differences[i]) > SMOOTHNESS_RTOL * change[i] + 1e-11 * (1.0 + abs(value)):
-            is_smooth = False
-    return is_smooth
+def event_tangents(
+    engine: Any, workspace: Any, mode: int, code: int, t: float, y: Any, table: Any
+) -> None:
+    """Call `mems_impact.hybrid.variational.flow.event_tangents`."""
+    workspace.tangents(mode, code, t, y, engine.parameters, table)
 
 
 # --- Perturbations along a run
 
-MIN_TIME_STEP = 1e-9  # smallest range of differences in time near a switch of the drive
 MIN_RATE = 1e-14  # lower bound of the rate of a margin at an event, which bounds perturbations
 # An event that leaves a smaller part of a column makes it zero, within the error of differences.
 ZERO_COLUMN = 1e-11
@@ -628,7 +539,7 @@ def propagate_to_event(
             if not propagate(engine, column_engine, cycle, time, state, problem):
                 return False
             load_state(event, HEAD, state, problem)
-        apply_rest_saltation(engine, guard, state, problem)
+        apply_rest_saltation(engine, column_engine, guard, state, problem)
         orthonormalize(ZERO_COLUMN, state, problem)
     if not propagate(engine, column_engine, cycle, time, state, problem):
         return False
@@ -770,7 +681,9 @@ def apply_saltation(engine: Any, event: Any, state: Any, problem: Any) -> None:
         update_column(c, flow_before, flow_after, state, problem)
 
 
-def apply_rest_saltation(engine: Any, guard: int, state: Any, problem: Any) -> None:
+def apply_rest_saltation(
+    engine: Any, column_engine: Any, guard: int, state: Any, problem: Any
+) -> None:
     """Propagate state and columns through the impact without rebound at the end of chatter.
 
     The sequences of all perturbed motions end too, with a gap of zero: successive impulses close
@@ -783,7 +696,7 @@ def apply_rest_saltation(engine: Any, guard: int, state: Any, problem: Any) -> N
     for j in range(n):
         flow_before[j] = flow_after[j] = 0.0
     differentiate(engine, mode, workspace.m + guard, state, problem)
-    contact_response(engine, mode, guard, response, state, problem)
+    contact_response(column_engine, mode, guard, response, state, problem)
     gap_response = 0.0
     for j in range(n):
         gap_response += workspace.margin[0, guard, 1 + j] * response[j]
@@ -802,7 +715,7 @@ def apply_rest_saltation(engine: Any, guard: int, state: Any, problem: Any) -> N
 
 
 def contact_response(
-    engine: Any, mode: int, guard: int, response: Any, state: Any, problem: Any
+    column_engine: Any, mode: int, guard: int, response: Any, state: Any, problem: Any
 ) -> None:
     """Write into `response` the rate of change of the state after a unit impulse at a contact.
 
@@ -811,31 +724,21 @@ def contact_response(
     """
     workspace = problem.variational
     n, rate = workspace.n, workspace.m + guard
-    x, slope_behind = workspace.work[0], workspace.work[6]
+    x, slope = workspace.work[0], workspace.work[6]
+    for i in range(state.y.size):
+        x[i] = state.y[i]
     for i in range(n):
-        response[i] = -workspace.margin[0, rate, 1 + i]
+        x[n + i] = -workspace.margin[0, rate, 1 + i]
         for j in range(n):
-            response[i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
-    length = length_of(response, 0, n)
-    h = workspace.width / length if length > 0.0 else 0.0
+            x[n + i] += workspace.jump[0, i, 1 + j] * workspace.margin[0, rate, 1 + j]
+    interface.flow(column_engine, mode, state.t[0], x[: state.y.size], slope[: state.y.size])
     for i in range(n):
-        x[i] = state.y[i] - h * response[i]
-    interface.flow(engine, mode, state.t[0], x, slope_behind)
-    for i in range(n):
-        x[i] = state.y[i] + h * response[i]
-    interface.flow(engine, mode, state.t[0], x, response)
-    for i in range(n):
-        response[i] -= slope_behind[i]
+        response[i] = slope[n + i]
 
 
 def differentiate(engine: Any, mode: int, code: int, state: Any, problem: Any) -> None:
     """Differentiate margins and transition `code` at the present state, into margin and jump."""
-    workspace = problem.variational
-    t, time_range = state.t[0], math.inf
-    for i in range(problem.switches.size):
-        distance = abs(t - problem.switches[i]) % problem.period
-        time_range = max(min(time_range, distance, problem.period - distance), MIN_TIME_STEP)
-    differentiate_event(engine, mode, code, t, state.y, time_range, workspace, 0)
+    differentiate_event(engine, mode, code, state.t[0], state.y, problem.variational, 0)
 
 
 def update_column(c: int, flow_before: Any, flow_after: Any, state: Any, problem: Any) -> None:

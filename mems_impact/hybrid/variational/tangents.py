@@ -1,0 +1,247 @@
+"""Derivatives of an automaton's functions along directions, compiled and interpreted.
+
+A function is called once with numbers that carry the tangents of several directions, a *width*
+(`mems_impact.integrators.dual_numbers`), which gives derivatives that are exact to rounding. A
+function that does not take such numbers is differentiated by central differences of sixth order.
+
+Functions here have the signature ``function(mode, code, t, y, p, out)``. Their arguments and
+results are *records* in memory, for each number its value and its tangents; in this order: the
+time, the state (n), the parameters (count), the results (size).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global
+from numba.extending import overload
+from numba.np.arrayobj import make_array
+
+from mems_impact.hybrid.differences import weight_of
+from mems_impact.integrators import library
+from mems_impact.integrators.dual_numbers import FUNCTIONS, DualVector
+from mems_impact.integrators.jit.closures import Copier, mark_overloaded
+from mems_impact.integrators.jit.dual_numbers import vector_at
+from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
+
+__all__ = [
+    "STEP",
+    "Sizes",
+    "copy_for_tangents",
+    "differences_reason",
+    "differentiated",
+    "note_refusal",
+    "width_for",
+]
+
+WIDTHS = (1, 2, 4)  # tangents of a call; more than four directions take several calls
+STEP = 1e-3  # of differences, along a direction of length one
+
+_OPTIONS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}
+
+
+def width_for(directions: int) -> int:
+    """Return the number of tangents of a call for a number of directions."""
+    return next((width for width in WIDTHS if width >= directions), WIDTHS[-1])
+
+
+class Sizes(NamedTuple):
+    """Numbers of state components, parameters and results, and of tangents."""
+
+    n: int
+    parameters: int
+    size: int
+    width: int
+
+    @property
+    def record(self) -> int:
+        """Length of a record."""
+        return 1 + self.width
+
+    @property
+    def memory(self) -> int:
+        """Length of the records, and of the scratch of differences after them."""
+        numbers = self.n + self.parameters + self.size
+        return (1 + numbers) * self.record + numbers
+
+
+@cache
+def differentiated(
+    function: Callable[..., Any],
+    owner: Callable[..., Any],
+    sizes: Sizes,
+    *,
+    by_time: bool,
+    by_parameter: bool,
+    exact: bool,
+) -> Callable[..., Any]:
+    """Return ``derive(mode, code, p, memory, start)``, which fills the records of the results.
+
+    Parameters
+    ----------
+    function : callable
+    owner : callable
+        The function of an automaton in it, for `differences_reason`.
+    sizes : Sizes
+    by_time, by_parameter : bool
+        Whether time and parameters have tangents; otherwise their tangents are zero.
+    exact : bool
+        Whether the function takes numbers with tangents.
+    """
+    (n, count, size, width), record = sizes, sizes.record
+    of_p, of_out, of_scratch = (record * (1 + each) for each in (n, n + count, n + count + size))
+
+    def number(memory, start):  # type: ignore[no-untyped-def]
+        return numbers(memory, start, 1, width)[0]
+
+    def parameters(_p, memory, start):  # type: ignore[no-untyped-def]
+        return numbers(memory, start + of_p, count, width)
+
+    instant = number if by_time else _value
+    given = parameters if by_parameter else _plain_parameters
+
+    def derive(mode, code, p, memory, start):  # type: ignore[no-untyped-def]
+        time, y = instant(memory, start), numbers(memory, start + record, n, width)
+        out, q = numbers(memory, start + of_out, size, width), given(p, memory, start)
+        evaluate(function, owner, by_differences, mode, code, time, y, q, out, p, memory, start)
+
+    def by_differences(mode, code, _p, memory, start):  # type: ignore[no-untyped-def]
+        scratch = start + of_scratch
+        arguments = plain_numbers(memory, scratch, n + count)
+        y, p = arguments[:n], arguments[n:]
+        out = plain_numbers(memory, scratch + n + count, size)
+        for k in range(width):
+            length = 0.0
+            for i in range(1 + n + count):
+                length = max(length, abs(memory[start + record * i + 1 + k]))
+            for i in range(size):
+                memory[start + of_out + record * i + 1 + k] = 0.0
+            for s in range(-3, 4):
+                if s != 0 and length > 0.0:
+                    h = s * STEP / length
+                    weight = length * weight_of(s) / STEP
+                    for i in range(n + count):
+                        place = start + record * (1 + i)
+                        arguments[i] = memory[place] + h * memory[place + 1 + k]
+                    time = float(memory[start] + h * memory[start + 1 + k])
+                    function(mode, code, time, y, p, out)
+                    for i in range(size):
+                        memory[start + of_out + record * i + 1 + k] += weight * out[i]
+        for i in range(n + count):
+            arguments[i] = memory[start + record * (1 + i)]
+        function(mode, code, float(memory[start]), y, p, out)
+        for i in range(size):
+            memory[start + of_out + record * i] = out[i]
+
+    return derive if exact else by_differences
+
+
+# --- Functions whose compiled form differs
+
+
+def numbers(memory: Any, start: int, count: int, width: int) -> Any:
+    """Return `count` numbers with tangents, the records from an index on."""
+    return DualVector(memory, start, count, width)
+
+
+def plain_numbers(memory: Any, start: int, count: int) -> Any:
+    """Return `count` numbers without tangents, from an index on."""
+    return DualVector(memory, start, count, 0)
+
+
+def _value(memory: Any, start: int) -> Any:
+    """Return the value of a record, without its tangents."""
+    return float(memory[start])
+
+
+def _plain_parameters(p: Any, _memory: Any, _start: int) -> Any:
+    return p
+
+
+_refusals: dict[Callable[..., Any], str] = {}
+
+
+def differences_reason(*functions: Callable[..., Any]) -> str:
+    """Return why functions have been differentiated by differences; empty if none has been."""
+    return next((_refusals[each] for each in functions if each in _refusals), "")
+
+
+def note_refusal(reason: str, *functions: Callable[..., Any]) -> None:
+    """Note why functions do not take numbers with tangents."""
+    _refusals.update(dict.fromkeys(functions, reason))
+
+
+def _explained(error: Exception, function: Callable[..., Any]) -> str:
+    """Return where an interpreted function failed, and what it raised."""
+    from mems_impact.hybrid.diagnostics.user_functions import innermost_user_line
+
+    file, line = innermost_user_line(error.__traceback__, function)
+    return f"line {line} of {Path(file).name} raises {type(error).__name__}: {error}"
+
+
+def evaluate(
+    function: Any, owner: Any, by_differences: Any, mode: int, code: int, t: Any, y: Any, q: Any,
+    out: Any, p: Any, memory: Any, start: int,
+) -> None:  # fmt: skip
+    """Call a function with numbers that carry tangents; interpreted, by differences if it fails."""
+    if function not in _refusals:
+        try:
+            copy_for_tangents(function)(mode, code, t, y, q, out)
+            return
+        except (ArithmeticError, ValueError):
+            raise
+        except Exception as error:
+            reason = _explained(error, function)
+        by_differences(mode, code, p, memory, start)  # raises the function's own errors
+        note_refusal(reason, function, owner)
+        return
+    by_differences(mode, code, p, memory, start)
+
+
+SUBSTITUTES = {
+    **library.FUNCTIONS,
+    **FUNCTIONS,
+    **{each: library.FUNCTIONS[each] for each in (math.hypot, math.log)},  # of further arguments
+}
+
+
+@cache
+def copy_for_tangents(function: Any) -> Any:
+    """Return a copy of a function that takes interpreted numbers with tangents."""
+    return Copier(SUBSTITUTES, of_library=FUNCTIONS, compiles=False).function(function)
+
+
+@overload(numbers, prefer_literal=True, **_OPTIONS)
+def _numbers(memory, start, count, width):  # type: ignore[no-untyped-def]
+    at = vector_at(width.literal_value)
+    return lambda memory, start, count, width: at(data(memory) + WORD * start, count)
+
+
+# No overload, since a function without reference counts must not return a new array.
+@infer_global(plain_numbers)
+class _PlainNumbers(ConcreteTemplate):
+    cases = (VECTOR(VECTOR, types.int64, types.int64),)
+
+
+@lower_builtin(plain_numbers, VECTOR, types.int64, types.int64)
+def _plain_numbers(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    memory, start, count = arguments
+    first = builder.gep(make_array(VECTOR)(context, builder, memory).data, [start])
+    return view(VECTOR, context, builder, builder.ptrtoint(first, start.type), [count])
+
+
+@overload(evaluate, **_OPTIONS)
+def _evaluate(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
+    def implementation(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
+        function(mode, code, t, y, q, out)
+
+    return implementation
+
+
+mark_overloaded(numbers, plain_numbers, evaluate)
