@@ -110,13 +110,10 @@ class Pull(NamedTuple):
         ``force(t, x2, p)``.
     with_rate : callable
         ``with_rate(t, x2, v2, p)``, the force and its time derivative.
-    slope : callable
-        ``slope(t, x2, p)``, its derivative by x2.
     """
 
     force: Callable[..., float]
     with_rate: Callable[..., tuple[float, float]]
-    slope: Callable[..., float]
 
 
 def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float]) -> Pull:
@@ -130,16 +127,13 @@ def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float])
         v_rate = voltage_rate(t, p[eq.DRIVE :])
         return eq.attraction(x2, v, p), eq.attraction_rate(x2, v2, v, v_rate, p)
 
-    def slope(t, x2, p):  # type: ignore[no-untyped-def]
-        return eq.attraction_slope(x2, voltage(t, p[eq.DRIVE :]), p)
-
-    return Pull(force, with_rate, slope)
+    return Pull(force, with_rate)
 
 
 def two_sided(right: Pull, left: Pull) -> Pull:
     """Return the pull of both electrodes; `left` is for the mirror image of the left electrode."""
-    force_right, with_rate_right, slope_right = right
-    force_left, with_rate_left, slope_left = left
+    force_right, with_rate_right = right
+    force_left, with_rate_left = left
 
     def force(t, x2, p):  # type: ignore[no-untyped-def]
         return force_right(t, x2, p) - force_left(t, -x2, p)
@@ -149,10 +143,7 @@ def two_sided(right: Pull, left: Pull) -> Pull:
         left, left_rate = with_rate_left(t, -x2, -v2, p)
         return right - left, right_rate - left_rate
 
-    def slope(t, x2, p):  # type: ignore[no-untyped-def]
-        return slope_right(t, x2, p) + slope_left(t, -x2, p)
-
-    return Pull(force, with_rate, slope)
+    return Pull(force, with_rate)
 
 
 @cache
@@ -178,7 +169,7 @@ def actuator_automaton(
     pulls = one_sided(voltage, voltage_rate)
     if left is not None and left_rate is not None:
         pulls = two_sided(pulls, one_sided(left, left_rate))
-    pull, pull_with_rate, pull_slope = pulls
+    pull, pull_with_rate = pulls
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
@@ -192,22 +183,6 @@ def actuator_automaton(
             dy[V1] = eq.resting_acceleration(direction, p)
             dy[V2] = 0.0
         dy[X1] = y[V1] if direction != 0 else 0.0
-
-    def jacobian(mode, t, y, p, entries):  # type: ignore[no-untyped-def]
-        direction = direction_of(mode)
-        if direction != 0:
-            entries[X1, V1] = 1.0
-        if side_of(mode) == 0:
-            by_x2 = p[eq.K] - pull_slope(t, y[X2], p)
-            by_v2 = p[eq.C]
-            entries[X2, V2] = 1.0
-            entries[V2, X2] = -by_x2 / p[eq.M2]
-            entries[V2, V2] = -by_v2 / p[eq.M2]
-            if direction != 0:
-                entries[V1, X2] = by_x2 / p[eq.M1]
-                entries[V1, V2] = by_v2 / p[eq.M1]
-                entries[V2, X2] -= by_x2 / p[eq.M1]
-                entries[V2, V2] -= by_v2 / p[eq.M1]
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
@@ -266,7 +241,6 @@ def actuator_automaton(
         flow=flow,
         margins=margins,
         transition=transition,
-        jacobian=jacobian,
         cyclic=(X1,),
         bounds=bounds,
         recipe=(actuator_automaton, (voltage, voltage_rate, left, left_rate, bounds)),

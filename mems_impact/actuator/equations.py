@@ -17,7 +17,6 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # electrode_gap       d - x2, frozen halfway between stopper and electrode
 # attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2): the right electrode.
 #                     The left one is its mirror image: attraction(-x2, ...), to the left
-# attraction_slope    its derivative by x2
 # attraction_rate     its time derivative
 # load                k x2 + c v2 - pull, the force of the block on the frame, Equation (3); `pull`
 #                     is the force of the electrodes, positive to the right
@@ -48,13 +47,6 @@ def attraction(x2: float, voltage: float, p: Any) -> float:
     gap = electrode_gap(x2, p)
     # A quotient that need not wait for the voltage, whose cosine takes as long as the quotient.
     return voltage * voltage * (p[ALPHA] / (gap * gap))
-
-
-def attraction_slope(x2: float, voltage: float, p: Any) -> float:
-    if x2 >= 0.5 * (p[DELTA] + p[D]):
-        return 0.0
-    gap = electrode_gap(x2, p)
-    return 2.0 * p[ALPHA] * voltage * voltage / (gap * gap * gap)
 
 
 def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p: Any) -> float:

@@ -170,10 +170,6 @@ class Automaton:
         ``code`` is the number of the guard; ``m + number`` at the accumulation point of impacts at
         that guard (an impact without rebound); ``2 m`` after a switch of the drive, when the mode
         has to be determined again.
-    jacobian : callable, optional
-        ``jacobian(mode, t, y, p, J)`` writes ``J[i, j]``, the derivative of component i of the flow
-        by component j of the state; `J` is initially zero. Newton's method (method "bdf") uses it;
-        without it CVODE computes differences.
     cyclic : tuple of int
         Components that enter flow, margins and transitions by differences only. Every arc
         integrates them from zero, and their offsets are accumulated separately, which preserves
@@ -214,7 +210,6 @@ class Automaton:
     flow: Callable[..., Any]
     margins: Callable[..., Any]
     transition: Callable[..., Any]
-    jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
     step: float = 1e-3
     constrained: tuple[int, ...] = ()

@@ -92,8 +92,6 @@ class Definition:
         Each with its margin.
     switch_transition : callable or None
         ``switch_transition(mode, t, y, p)`` returns mode and state after a switching time.
-    jacobian : callable or None
-        ``jacobian(mode, t, y, p, J)``, as in `Automaton`.
     cyclic : tuple of int
     constrained : tuple of int
         Modes whose states lie on a manifold.
@@ -114,7 +112,6 @@ class Definition:
     flow: Callable[..., Any]
     guards: tuple[Guard, ...] = ()
     switch_transition: Callable[..., Any] | None = None
-    jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
     constrained: tuple[int, ...] = ()
     projection: Callable[..., Any] | None = None
@@ -159,8 +156,6 @@ def automaton_of(definition: Definition) -> Automaton:
 def forcing(definition: Definition) -> Iterator[Callable[..., Any]]:
     """Yield the functions that have the period of the forcing, if a system has one."""
     yield definition.flow
-    if definition.jacobian is not None:
-        yield definition.jacobian
     for guard in definition.guards:
         if moves(guard):
             yield from (each for each in (guard.margin, guard.rate) if each is not None)
@@ -264,12 +259,9 @@ class _CodeWriter:
         return visited
 
     def functions(self) -> dict[str, Any]:
-        """Return flow, margins, transition and jacobian of the automaton."""
+        """Return flow, margins and transition of the automaton."""
         names = ["flow", "margins", "transition"]
         text = [self.flow(), self.margins(), self.transition()]
-        if self.definition.jacobian is not None:
-            names.append("jacobian")
-            text.append(self.jacobian())
         exec(compile("\n\n".join(text), GENERATED, "exec"), self.space)
         return {name: self.space[name] for name in names}
 
@@ -289,15 +281,6 @@ class _CodeWriter:
         else:
             lines.append(f"{self.each('dy')} = flow_of(mode, {time}, s, q)")
         return function("flow(mode, t, y, p, dy)", lines)
-
-    def jacobian(self) -> str:
-        jacobian = self.space["jacobian_of"] = self.definition.jacobian
-        assert jacobian is not None
-        state, time = "y" if self.by_array else "s", self.time(jacobian, forcing=True)
-        return function(
-            "jacobian(mode, t, y, p, entries)",
-            [*self.head(), f"jacobian_of(mode, {time}, {state}, q, entries)"],
-        )
 
     def margins(self) -> str:
         lines = self.head()
@@ -513,7 +496,6 @@ class _ScalingWriter:
             flow=self.flow(),
             switch_transition=self.change("switch_transition", definition.switch_transition),
             projection=self.change("projection", definition.projection),
-            jacobian=self.jacobian(),
             sizes=(*self.typical.states, self.typical.time),
             constraints=tuple(
                 (mode, self.value(f"constraint_{i}", each, 1.0))
@@ -581,16 +563,3 @@ class _ScalingWriter:
         new = ", ".join(f"new[{i}] * {1.0 / size!r}" for i, size in enumerate(self.typical.states))
         lines = [f"after, new = {self.call(name, user_function)}", f"return after, ({new},)"]
         return self.make(name, "mode, t, y, p", lines)
-
-    def jacobian(self) -> Callable[..., Any] | None:
-        """Return the scaled Jacobian, or None."""
-        user_function = self.definition.jacobian
-        if user_function is None:
-            return None
-        units = [
-            f"for i in range({self.n}):",
-            *indented([f"for j in range({self.n}):"]),
-            f"        entries[i, j] *= {self.typical.time!r} * SIZE[j] / SIZE[i]",
-        ]
-        lines = [*self.around([self.call("jacobian", user_function, ", entries")], "y"), *units]
-        return self.make("jacobian", "mode, t, y, p, entries", lines)

@@ -40,10 +40,6 @@ def _transition(mode: int, code: int, t: float, y: Any, p: Any) -> int:
     return mode
 
 
-def _jacobian(mode: int, t: float, y: Any, p: Any, entries: Any) -> None:
-    entries[0, 0] = -1.0
-
-
 # The compiled code does not depend on the automaton.
 DECAY = Automaton(
     states=("y",),
@@ -52,7 +48,7 @@ DECAY = Automaton(
     flow=_flow,
     margins=_margins,
     transition=_transition,
-    jacobian=_jacobian,
+    stiff=True,
 )
 START = HybridState(0, 0.0, 0, np.ones(1))
 DISTRIBUTE, RECORD = "--distribute", "--record"

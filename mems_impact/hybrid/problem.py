@@ -21,6 +21,7 @@ from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import (
     EngineFallbackWarning,
     EngineUnavailable,
+    FunctionError,
     FunctionsMissing,
     InvalidParameter,
 )
@@ -277,7 +278,6 @@ def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
         flow=automaton.flow,
         margins=automaton.margins,
         transition=automaton.transition,
-        jacobian=automaton.jacobian,
         n=len(automaton.states),
         m=len(automaton.guards),
         modes=len(automaton.modes),
@@ -287,6 +287,15 @@ def create_engine(problem: Problem, columns: int = 0) -> EngineBinding:
         bounds=automaton.bounds,
         columns=columns,
     )
+    if not columns and (options.method == "bdf" or (options.method == "auto" and automaton.stiff)):
+        from mems_impact.hybrid.variational.tangents import flow_jacobian, jacobian_memory
+
+        n, count = equations.n, len(problem.parameters)
+        equations = replace(
+            equations,
+            jacobian=flow_jacobian(automaton.flow, n, count),
+            jacobian_memory=jacobian_memory(n, count),
+        )
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):
         try:
@@ -342,6 +351,8 @@ def _compiled(
     try:
         engine = _engine_class("compiled", options)(equations, options, max_step)
     except Exception as error:  # numba raises various exceptions
+        if equations.jacobian is not None:  # the flow may refuse numbers with tangents
+            return _compiled(automaton, replace(equations, jacobian=None), options, max_step)
         from mems_impact.hybrid.diagnostics.failures import explain_compile_error
 
         function_error = explain_compile_error(automaton, error)
@@ -376,7 +387,10 @@ def _compiled(
         return addresses, kernel
 
     def tangents_reference(tangents: Callable[..., Any], n: int, size: int) -> tuple[int, Any]:
-        kernel = tangents_of(tangents, n, size)
+        try:
+            kernel = tangents_of(tangents, n, size)
+        except Exception as error:  # numba raises various exceptions
+            raise FunctionError("an event", f"cannot be compiled: {error}", "") from error
         return kernel.address, kernel
 
     def array_reference(array: Any) -> int:

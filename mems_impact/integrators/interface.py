@@ -162,7 +162,7 @@ class Equations:
 
     Parameters
     ----------
-    flow, margins, transition, jacobian : callable
+    flow, margins, transition : callable
         See `mems_impact.hybrid.automaton.Automaton`.
     n, m, modes : int
         Number of states, of guards and of modes.
@@ -173,6 +173,12 @@ class Equations:
         Crossings of ``y[component] = level``, the last root function.
     bounds : bool, optional
         Whether compiled functions check array bounds.
+    jacobian : callable, optional
+        ``jacobian(mode, t, y, p, memory, entries)`` writes the derivative of component i of the
+        flow by component j of the state into ``entries[i, j]``, for Newton's method. Without it
+        CVODE computes differences.
+    jacobian_memory : int, optional
+        Length of its scratch.
     columns : int, optional
         Number of components at the end of the state that `flow` only takes: perturbations.
     """
@@ -185,6 +191,7 @@ class Equations:
     parameters: Any
     approaches: Sequence[bool]
     jacobian: Callable[..., Any] | None = None
+    jacobian_memory: int = 0
     section: tuple[int, float, int] | None = None
     bounds: bool = True
     modes: int = 1

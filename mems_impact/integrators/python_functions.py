@@ -19,7 +19,6 @@ from mems_impact.integrators.interface import Equations, SingleMethodEngine
 __all__ = [
     "FLOW",
     "HEAD",
-    "JACOBIAN",
     "MARGINS",
     "NO_MODE",
     "TRANSITION",
@@ -30,7 +29,7 @@ __all__ = [
 
 # --- Faults
 
-FLOW, MARGINS, TRANSITION, JACOBIAN = 1, 2, 3, 4
+FLOW, MARGINS, TRANSITION = 1, 2, 3
 HEAD = 4  # values of a fault record before the state
 NO_MODE = -(2**31)  # result of a transition that failed
 
@@ -41,7 +40,7 @@ class Fault(NamedTuple):
     Attributes
     ----------
     role : int
-        FLOW, MARGINS, TRANSITION or JACOBIAN.
+        FLOW, MARGINS or TRANSITION.
     mode, code : int
     time : float
     y : float array, shape (n,)

@@ -119,9 +119,6 @@ class System(HybridSystem):
     cyclic : sequence of str, optional
         States on which no function depends, such as a position that only grows. Cyclic states are
         accumulated separately, and an orbit need not close in a cyclic state.
-    jacobian : callable, optional
-        ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
-        method "bdf"; finite differences by default.
     time_scale : float or callable, optional
         Characteristic time of the motion, if it is not the period; 1 by default. Guards and flow
         are evaluated at least sixteen times in this time, or a million times since the last event.
@@ -189,7 +186,6 @@ class System(HybridSystem):
         units: Mapping[str, str] | None = None,
         typical: Mapping[str, float] | None = None,
         cyclic: Sequence[str] = (),
-        jacobian: Callable[..., Any] | None = None,
         time_scale: Number | None = None,
         name: str = "",
     ) -> None:
@@ -204,7 +200,6 @@ class System(HybridSystem):
             arguments.reject_with_components(
                 modes=modes,
                 switch_transition=switch_transition,
-                jacobian=jacobian,
                 constraints=constraints,
             )
             assembled = assemble(
@@ -233,7 +228,6 @@ class System(HybridSystem):
             switch_transition=arguments.check_optional(
                 "switch_transition", switch_transition, *arguments.transition_arguments(flow)
             ),
-            jacobian=arguments.check_optional("jacobian", jacobian, *arguments.ARGUMENTS, "J"),
             cyclic=arguments.state_indices("cyclic", cyclic, names),
             constrained=constrained,
             projection=projection,
@@ -310,8 +304,8 @@ class System(HybridSystem):
             "flow": definition.flow,
             "switch_transition": definition.switch_transition,
         }
-        functions |= {"jacobian": definition.jacobian, "period": self._period}
-        functions |= {"switches": self._switches, "time_scale": self._time_scale}
+        functions |= {"period": self._period, "switches": self._switches}
+        functions |= {"time_scale": self._time_scale}
         for guard in definition.guards:
             for role in ("margin", "transition", "rate", "rest"):
                 functions[f"{role} of {guard.name}"] = getattr(guard, role)

@@ -137,7 +137,7 @@ def _within(code: CodeType) -> Iterator[CodeType]:
 
 
 def _functions(definition: Definition) -> Iterator[UserFunction]:
-    for kind in ("flow", "switch_transition", "jacobian"):
+    for kind in ("flow", "switch_transition"):
         if getattr(definition, kind) is not None:
             yield UserFunction(kind, getattr(definition, kind))
     for guard in definition.guards:
@@ -434,34 +434,6 @@ def rounding_of(
     return 64.0 * sys.float_info.epsilon * rounding / (RATE_STEP_RATIO * unit)
 
 
-def check_jacobian(checked: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
-    """Raise FunctionError unless the given Jacobian is the Jacobian of the flow."""
-    supplied = checked.jacobian(at)
-    slope = checked.flow(at)
-    for j in range(checked.n):
-        h = RATE_STEP_RATIO * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
-        columns = []
-        for k in range(-4, 5):
-            y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
-            columns.append(checked.flow(EvaluationPoint(at.mode, at.t, y)))
-        for i in range(checked.n):
-            computed, error = derivative([column[i] for column in columns], h)
-            if abs(supplied[i][j] - computed) > error + 1e-3 * (
-                abs(computed) + abs(supplied[i][j])
-            ):
-                problem = (
-                    f"has J[{i}, {j}] = {supplied[i][j]:.6g} where the flow's is {computed:.6g} "
-                    f"({checked.location(at)[3:]})"
-                )
-                remedy = (
-                    "write the derivative of component i of the flow by state j, or omit jacobian"
-                )
-                function = UserFunction(
-                    "jacobian", checked.definition.jacobian or checked.definition.flow
-                )
-                raise function.error(problem, remedy)
-
-
 # --- Dependence of functions on time
 
 PROBE_TIMES = (
@@ -703,8 +675,6 @@ class DryRun:
             slope = self.checked.flow(start)
             now = self.margins(start)
             self.look(start, slope)
-            if self.checked.definition.jacobian is not None:
-                check_jacobian(self.checked, start, self.clock.unit)
             if self.inside(start, slope, now, initial_given=initial_given):
                 return
         except DomainError as found:

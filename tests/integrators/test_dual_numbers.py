@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from numba import njit
 
-from mems_impact.hybrid.variational.tangents import copy_for_tangents
+import mems_impact as mi
+from mems_impact.hybrid.variational.tangents import (
+    copy_for_tangents,
+    flow_jacobian,
+    jacobian_memory,
+)
 from mems_impact.integrators.derivatives import UNARY
 from mems_impact.integrators.dual_numbers import FUNCTIONS, Dual, plain
 from mems_impact.integrators.jit.closures import take_snapshot
@@ -133,3 +138,41 @@ def test_derivatives_at_kinks(source, at, value):
     slopes = [plain(given.slope[0]) if isinstance(given, Dual) else 0.0]
     slopes.append(compiled(function, at, 1.0)[1])
     assert slopes == [value, value]
+
+
+RATES = (0.04, 3e7, 1e4)  # Robertson 1966
+
+
+def reactions(mode, t, y, p):
+    slow = RATES[0] * y.a - RATES[2] * y.b * y.c
+    fast = RATES[1] * y.b * y.b
+    return -slow, slow - fast, fast
+
+
+def refusing(mode, t, y, p):
+    return reactions(mode, t, y, p) if isinstance(y.a, float) else y.unknown
+
+
+@pytest.mark.parametrize("engine", ["compiled", "interpreted"])
+@pytest.mark.parametrize("flow", [reactions, refusing])
+def test_newton_by_a_flow_with_and_without_tangents(flow, engine):
+    """Against the solution of Hairer and Wanner at t = 40."""
+    stiff = mi.System(states=("a", "b", "c"), flow=flow, initial={"a": 1.0})
+    options = mi.Options(method="bdf", rtol=1e-9, atol=1e-14, engine=engine)
+    final = mi.simulate(stiff, duration=40.0, options=options).final
+    exact = (0.7158270688, 9.185534765e-6, 0.2841637457)
+    assert (final.a, final.b, final.c) == pytest.approx(exact, rel=1e-6)
+
+
+def test_the_jacobian_of_a_flow():
+    def flow(mode, t, y, p, dy):
+        for i in range(5):
+            dy[i] = p[0] * y[i] * y[i - 1] + math.sin(t)
+
+    y, entries = [0.3, 0.1, -0.7, 1.1, 2.0], np.zeros((5, 5))
+    memory = [0.0] * jacobian_memory(5, 1)
+    flow_jacobian(flow, 5, 1)(0, 0.4, y, [2.5], memory, entries)
+    exact = np.zeros((5, 5))
+    for i in range(5):
+        exact[i, i], exact[i, i - 1] = 2.5 * y[i - 1], 2.5 * y[i]
+    assert entries == pytest.approx(exact, rel=1e-15)

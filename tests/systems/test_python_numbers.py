@@ -51,11 +51,6 @@ def turn_of_array(mode, t, y, p, new):
     return 1 - mode
 
 
-def slopes(mode, t, y, p, J):
-    plain(mode, t, y, p)
-    J[0, 1], J[1, 0], J[1, 1] = 1.0, -p.k, -0.2
-
-
 FORMS = {
     "named": (named, speed, turn),
     "arrays": (in_array, speed_of_array, turn_of_array),
@@ -72,7 +67,6 @@ def rubbing(form, **given):
         guards=[mi.Guard("turn", margin, transition)],
         modes=(FORTH, BACK),
         initial={"x": -3.0, "v": 0.1},
-        jacobian=slopes,
         **given,
     )
 

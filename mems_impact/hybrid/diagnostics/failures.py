@@ -17,12 +17,11 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     CheckedVector,
     DomainError,
     EvaluationPoint,
-    GuardedMatrix,
     UserFunction,
     is_own,
     place_of,
 )
-from mems_impact.integrators.python_functions import FLOW, JACOBIAN, MARGINS, TRANSITION, Fault
+from mems_impact.integrators.python_functions import FLOW, MARGINS, TRANSITION, Fault
 
 __all__ = [
     "AT_TIMES",
@@ -98,7 +97,7 @@ def _compiled_error(
     """Return the exception that a function of the failed role raises compiled, or None."""
     from mems_impact.integrators.jit.closures import compiled_exception
 
-    roles = {FLOW: ("flow",), MARGINS: ("margin", "rate", "flow"), JACOBIAN: ("jacobian",)}
+    roles = {FLOW: ("flow",), MARGINS: ("margin", "rate", "flow")}
     guards, m = definition.guards, max(1, len(definition.guards))
     owner = guards[fault.code % m].name if fault.role == TRANSITION and fault.code < 2 * m else ""
     kinds = roles.get(fault.role, ("transition", "rest") if owner else ("switch_transition",))
@@ -109,7 +108,7 @@ def _compiled_error(
     y: Any = fault.y
     if not writes_into_arrays(definition.flow):
         y = named_tuple("State", definition.states)(*fault.y.tolist())
-    outputs = [np.zeros((n,) * kind.ndim, order="F") for kind in case.arguments[4:]]
+    outputs = [np.zeros(n) for _ in case.arguments[4:]]
     return compiled_exception(case.function.call, (fault.mode, fault.time, y, p, *outputs))
 
 
@@ -144,8 +143,6 @@ def _named_error(
 ) -> FunctionError | None:
     functions = CheckedFunctions(definition, parameters[: len(definition.parameters)])
     point = EvaluationPoint(fault.mode, fault.time, fault.y.tolist())
-    if fault.role == JACOBIAN:
-        return _first(lambda: functions.jacobian(point))
     if fault.role != TRANSITION:
         return find_invalid_value(automaton, parameters, point)
     m = len(automaton.guards)
@@ -168,7 +165,6 @@ def _array_error(
         FLOW: (mode, t, y, p, CheckedVector("dy", [None] * n)),
         MARGINS: (mode, t, y, p, CheckedVector("g", [1.0] * m), CheckedVector("r", [1.0] * m)),
         TRANSITION: (mode, code, t, y, p),
-        JACOBIAN: (mode, t, y, p, GuardedMatrix("J", n)),
     }
     try:
         _function(automaton, fault.role).call(*arguments[fault.role])
@@ -188,7 +184,7 @@ def _exception_error(automaton: Automaton, role: int, error: Exception) -> Funct
 
 
 def _function(automaton: Automaton, role: int) -> UserFunction:
-    kind = {FLOW: "flow", MARGINS: "margins", TRANSITION: "transition", JACOBIAN: "jacobian"}[role]
+    kind = {FLOW: "flow", MARGINS: "margins", TRANSITION: "transition"}[role]
     return UserFunction(kind, getattr(automaton, kind))
 
 
@@ -299,22 +295,17 @@ def _named_cases(definition: Definition) -> Iterator[_Case]:
         yield _Case(
             UserFunction("switch_transition", definition.switch_transition), arguments, size, True
         )
-    if definition.jacobian is not None:
-        matrix = types.Array(types.float64, 2, "F")
-        yield _Case(UserFunction("jacobian", definition.jacobian), (*inputs, matrix))
 
 
 def _array_cases(automaton: Automaton) -> Iterator[_Case]:
     """Yield the functions of an automaton over arrays."""
     from numba import types
 
-    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "F")
+    vector = types.Array(types.float64, 1, "C")
     head, mode = (types.float64, vector, vector), types.int64
     yield _Case(UserFunction("flow", automaton.flow), (mode, *head, vector))
     yield _Case(UserFunction("margins", automaton.margins), (mode, *head, vector, vector))
     yield _Case(UserFunction("transition", automaton.transition), (mode, mode, *head), None, True)
-    if automaton.jacobian is not None:
-        yield _Case(UserFunction("jacobian", automaton.jacobian), (mode, *head, matrix))
 
 
 def _mismatch(returned: Any, case: _Case) -> str:

@@ -28,7 +28,6 @@ __all__ = [
     "CheckedVector",
     "DomainError",
     "EvaluationPoint",
-    "GuardedMatrix",
     "UserFunction",
     "describe_value",
     "innermost_user_line",
@@ -73,33 +72,6 @@ class CheckedVector(list[Any]):
         if isinstance(i, int) and not -len(self) <= i < len(self):
             problem = f"{verb} {self._name}[{i}], but it has {len(self)} components"
             raise ArrayMisuse(problem, f"go from 0 to {len(self) - 1}")
-
-
-class GuardedMatrix:
-    """A square matrix of zeros with checked access."""
-
-    def __init__(self, name: str, size: int) -> None:
-        self._name, self._size = name, size
-        self._entries: dict[Any, Any] = {}
-
-    def __getitem__(self, index: Any) -> Any:
-        return self._entries.get(self._index(index, "reads"), 0.0)
-
-    def __setitem__(self, index: Any, value: Any) -> None:
-        self._entries[self._index(index, "writes")] = value
-
-    def __iter__(self) -> Any:
-        return iter(sorted(self._entries.items()))
-
-    def _index(self, index: Any, verb: str) -> tuple[int, int]:
-        n, name = self._size, self._name
-        if not (isinstance(index, tuple) and len(index) == 2):
-            raise ArrayMisuse(f"{verb} {name}[{index}]", f"write {name}[i, j]")
-        for i in index:
-            if not -n <= i < n:
-                problem = f"{verb} {name}[{index[0]}, {index[1]}], but it is {n} x {n}"
-                raise ArrayMisuse(problem, f"let both go from 0 to {n - 1}")
-        return index[0] % n, index[1] % n
 
 
 # --- Errors of user functions, with their lines
@@ -302,15 +274,6 @@ class CheckedFunctions:
         mode, state = result
         return self._mode_number(function, mode), self._tuple(function, state, point)
 
-    def jacobian(self, point: EvaluationPoint) -> list[list[float]]:
-        """Return the user's Jacobian."""
-        assert self.definition.jacobian is not None
-        function = UserFunction("jacobian", self.definition.jacobian)
-        entries = GuardedMatrix("J", self.n)
-        self._call(function, point, entries)
-        rows = [[entries[i, j] for j in range(self.n)] for i in range(self.n)]
-        return [self._finite(function, row, point) for row in rows]
-
     def _scalar(self, kind: str, i: int, point: EvaluationPoint) -> float:
         guard = self.definition.guards[i]
         return self._number(UserFunction(kind, getattr(guard, kind), guard.name), point)
@@ -329,7 +292,7 @@ class CheckedFunctions:
         call = getattr(function.call, "py_func", function.call)  # the source of a numba function
         mode, t, y = point
         state = self.state(y)
-        copies = [GuardedMatrix("J", self.n) if not isinstance(a, list) else list(a) for a in out]
+        copies = [list(each) for each in out]
         try:
             result = call(mode, t, state, self.p, *out)
             if self.by_array and any(a is not b for a, b in zip(state, y, strict=True)):

@@ -8,16 +8,22 @@ from functools import cache
 from typing import Any
 
 from numba import from_dtype, typeof, types
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import overload
+from numba.np.arrayobj import make_array
 
 from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.event_loop import loop, workspace
-from mems_impact.hybrid.variational import saltation
+from mems_impact.hybrid.variational import saltation, tangents
 from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.dual_numbers import vector_at
 from mems_impact.integrators.jit.kernels import ENGINE, call_kernel
 from mems_impact.integrators.jit.numba_support import (
+    FOR_C,
     INNER,
     JIT,
+    VECTOR,
     WORD,
     address,
     caller,
@@ -25,6 +31,7 @@ from mems_impact.integrators.jit.numba_support import (
     data,
     pointer,
     record_at,
+    view,
 )
 
 _compilation_lock = threading.Lock()  # simultaneous threads compile a loop only once
@@ -81,8 +88,12 @@ mark_overloaded(
     saltation.run_loop,
     saltation.extended_engine,
     saltation.event_tangents,
+    tangents.numbers,
+    tangents.plain_numbers,
+    tangents.evaluate,
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
+TANGENTS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}
 _engine_at = record_at(from_dtype(ENGINE))
 
 
@@ -120,6 +131,33 @@ def _event_tangents(engine, workspace, mode, code, t, y, table):  # type: ignore
     def implementation(engine, workspace, mode, code, t, y, table):  # type: ignore[no-untyped-def]
         size, p = engine.parameter_count, engine.parameters
         call_kernel(workspace.tangents, mode, code, t, data(y), p, size, data(table))
+
+    return implementation
+
+
+@overload(tangents.numbers, prefer_literal=True, **TANGENTS)
+def _numbers(memory, start, count, width):  # type: ignore[no-untyped-def]
+    at = vector_at(width.literal_value)
+    return lambda memory, start, count, width: at(data(memory) + WORD * start, count)
+
+
+# No overload, since a function without reference counts must not return a new array.
+@infer_global(tangents.plain_numbers)
+class _PlainNumbers(ConcreteTemplate):
+    cases = (VECTOR(VECTOR, types.int64, types.int64),)
+
+
+@lower_builtin(tangents.plain_numbers, VECTOR, types.int64, types.int64)
+def _plain_numbers(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    memory, start, count = arguments
+    first = builder.gep(make_array(VECTOR)(context, builder, memory).data, [start])
+    return view(VECTOR, context, builder, builder.ptrtoint(first, start.type), [count])
+
+
+@overload(tangents.evaluate, **TANGENTS)
+def _evaluate(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
+    def implementation(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
+        function(mode, code, t, y, q, out)
 
     return implementation
 

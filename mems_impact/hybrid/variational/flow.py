@@ -10,8 +10,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
-from numba.core.errors import NumbaError
-
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
@@ -22,6 +20,7 @@ from mems_impact.hybrid.variational.tangents import (
     differentiated,
     note_refusal,
     width_for,
+    with_code,
 )
 
 
@@ -74,7 +73,7 @@ def tangent_flow(
     of_parameters, of_slope = record * (1 + n), record * (1 + n + count)
     first_direction = columns - directions
     derive = differentiated(
-        _with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
+        with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
     )
 
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
@@ -104,16 +103,6 @@ def tangent_flow(
                     dy[n * (1 + first + k) + i] = p[place + 1 + k]
 
     return extended
-
-
-@cache
-def _with_code(flow: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a flow with the signature of differentiated functions."""
-
-    def coded(mode, _code, t, y, p, dy):  # type: ignore[no-untyped-def]
-        flow(mode, t, y, p, dy)
-
-    return coded
 
 
 def table_size(n: int, m: int, count: int, directions: int) -> int:
@@ -198,7 +187,7 @@ def exact_or_not(automaton: Automaton, build: Callable[[bool], Built]) -> Built:
     if not differences_reason(*functions):
         try:
             return build(True)
-        except (FunctionError, NumbaError):
+        except FunctionError:
             from mems_impact.hybrid.diagnostics.failures import explain_refusal
 
             result = build(False)  # raises the error of a function that cannot be compiled at all

@@ -17,18 +17,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.core.imputils import lower_builtin
-from numba.core.typing.templates import ConcreteTemplate, infer_global
-from numba.extending import overload
-from numba.np.arrayobj import make_array
-
 from mems_impact.hybrid.differences import weight_of
 from mems_impact.integrators import library
 from mems_impact.integrators.dual_numbers import FUNCTIONS, DualVector
-from mems_impact.integrators.jit.closures import Copier, mark_overloaded
-from mems_impact.integrators.jit.dual_numbers import vector_at
-from mems_impact.integrators.jit.numba_support import FOR_C, INNER, VECTOR, WORD, data, view
 
 __all__ = [
     "STEP",
@@ -36,14 +27,15 @@ __all__ = [
     "copy_for_tangents",
     "differences_reason",
     "differentiated",
+    "flow_jacobian",
+    "jacobian_memory",
     "note_refusal",
     "width_for",
+    "with_code",
 ]
 
 WIDTHS = (1, 2, 4)  # tangents of a call; more than four directions take several calls
 STEP = 1e-3  # of differences, along a direction of length one
-
-_OPTIONS: dict[str, Any] = {"jit_options": {**FOR_C, **INNER}, "strict": False}
 
 
 def width_for(directions: int) -> int:
@@ -142,7 +134,48 @@ def differentiated(
     return derive if exact else by_differences
 
 
-# --- Functions whose compiled form differs
+@cache
+def with_code(flow: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a flow with the signature of differentiated functions."""
+
+    def coded(mode, _code, t, y, p, dy):  # type: ignore[no-untyped-def]
+        flow(mode, t, y, p, dy)
+
+    return coded
+
+
+@cache
+def flow_jacobian(flow: Callable[..., Any], n: int, count: int) -> Callable[..., Any]:
+    """Return ``jacobian(mode, t, y, p, memory, entries)``, the derivatives of a flow by the state.
+
+    The memory has the length `jacobian_memory`.
+    """
+    sizes = Sizes(n, count, n, width_for(n))
+    width, record = sizes.width, sizes.record
+    derive = differentiated(
+        with_code(flow), flow, sizes, by_time=False, by_parameter=False, exact=True
+    )
+
+    def jacobian(mode, t, y, p, memory, entries):  # type: ignore[no-untyped-def]
+        for first in range(0, n, width):
+            for i in range(1 + n + count):
+                memory[record * i] = t if i == 0 else (y[i - 1] if i <= n else p[i - n - 1])
+                for k in range(width):
+                    memory[record * i + 1 + k] = 1.0 if i == 1 + first + k and i <= n else 0.0
+            derive(mode, 0, p, memory, 0)
+            for i in range(n):
+                for k in range(min(width, n - first)):
+                    entries[i, first + k] = memory[record * (1 + n + count + i) + 1 + k]
+
+    return jacobian
+
+
+def jacobian_memory(n: int, count: int) -> int:
+    """Return the length of the memory of `flow_jacobian`."""
+    return Sizes(n, count, n, width_for(n)).memory
+
+
+# --- Functions whose compiled form differs (`hybrid.event_loop.compiled`)
 
 
 def numbers(memory: Any, start: int, count: int, width: int) -> Any:
@@ -214,34 +247,6 @@ SUBSTITUTES = {
 @cache
 def copy_for_tangents(function: Any) -> Any:
     """Return a copy of a function that takes interpreted numbers with tangents."""
+    from mems_impact.integrators.jit.closures import Copier
+
     return Copier(SUBSTITUTES, of_library=FUNCTIONS, compiles=False).function(function)
-
-
-@overload(numbers, prefer_literal=True, **_OPTIONS)
-def _numbers(memory, start, count, width):  # type: ignore[no-untyped-def]
-    at = vector_at(width.literal_value)
-    return lambda memory, start, count, width: at(data(memory) + WORD * start, count)
-
-
-# No overload, since a function without reference counts must not return a new array.
-@infer_global(plain_numbers)
-class _PlainNumbers(ConcreteTemplate):
-    cases = (VECTOR(VECTOR, types.int64, types.int64),)
-
-
-@lower_builtin(plain_numbers, VECTOR, types.int64, types.int64)
-def _plain_numbers(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-    memory, start, count = arguments
-    first = builder.gep(make_array(VECTOR)(context, builder, memory).data, [start])
-    return view(VECTOR, context, builder, builder.ptrtoint(first, start.type), [count])
-
-
-@overload(evaluate, **_OPTIONS)
-def _evaluate(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
-    def implementation(function, owner, by_differences, mode, code, t, y, q, out, p, memory, start):  # type: ignore[no-untyped-def]
-        function(mode, code, t, y, q, out)
-
-    return implementation
-
-
-mark_overloaded(numbers, plain_numbers, evaluate)

@@ -437,7 +437,7 @@ class CompiledCvode(CompiledEngine):
             flag = sun.CVodeSetLinearSolver(memory, objects.linear, objects.matrix)
             _check_flag(flag, "CVodeSetLinearSolver")
             if jacobian is not None:
-                self._jacobian = jacobian_of(jacobian, n)
+                self._jacobian = jacobian_of(jacobian, n, equations.jacobian_memory)
                 handle["jacobian"] = self._jacobian.address
                 flag = sun.CVodeSetJacFn(memory, jacobian_callback().address)
                 _check_flag(flag, "CVodeSetJacFn")

@@ -13,7 +13,7 @@ import numpy as np
 from mems_impact.integrators import interface
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
-from mems_impact.integrators.python_functions import JACOBIAN, Functions, scalars
+from mems_impact.integrators.python_functions import FLOW, Functions, scalars
 
 # --- First step and tolerances of an arc
 
@@ -61,6 +61,7 @@ class InterpretedCvode(Functions):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         super().__init__(equations)
         m, jacobian = equations.m, equations.jacobian
+        memory = [0.0] * equations.jacobian_memory
         component, level, direction = equations.crossing
         self._mode = 0
         self._stop: float | None = None
@@ -91,9 +92,9 @@ class InterpretedCvode(Functions):
             entries[:] = 0.0
             time = min(t, self._last_instant)
             try:
-                jacobian(self._mode, time, scalars(y, self.n), self.parameters, entries)
+                jacobian(self._mode, time, scalars(y, self.n), self.parameters, memory, entries)
             except Exception as error:
-                self.record_fault(error, JACOBIAN, self._mode, 0, time, y)
+                self.record_fault(error, FLOW, self._mode, 0, time, y)
                 raise _Failure(interface.NON_FINITE) from None
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]

@@ -72,6 +72,11 @@ class KernelCode:
         """Return the address after `size` doubles at `address`."""
         return self._builder.add(address, self._builder.mul(size, self.count(WORD)))
 
+    def scratch(self, size: int) -> Any:
+        """Return the address of `size` doubles on the stack."""
+        memory = cgutils.alloca_once(self._builder, _REAL, self.count(size))
+        return self._builder.ptrtoint(memory, _WORD)
+
     def fill(self, address: Any, size: int, value: float) -> None:
         """Set `size` doubles at `address` to `value`."""
         pointer = self._pointer(address)

@@ -38,7 +38,6 @@ from mems_impact.integrators.jit.numba_support import (
 from mems_impact.integrators.python_functions import (
     FLOW,
     HEAD,
-    JACOBIAN,
     MARGINS,
     NO_MODE,
     TRANSITION,
@@ -212,26 +211,30 @@ def _transition_kernel(snapshot: Snapshot, n: int, bounds: bool) -> Kernel:
     return compile_role("transition", snapshot, kinds, body, (n, bounds), bounds)
 
 
-def jacobian_of(jacobian: Callable[..., Any], n: int) -> Kernel:
-    """Compile the Jacobian of an automaton with `n` states to a C function, for BDF only."""
+def jacobian_of(jacobian: Callable[..., Any], n: int, size: int) -> Kernel:
+    """Compile the Jacobian of a flow with `n` states to a C function.
+
+    `size` is the length of its scratch.
+    """
     snapshot = take_snapshot(jacobian)
     with _compilation_lock:
-        return _jacobian_kernel(snapshot, n)
+        return _jacobian_kernel(snapshot, n, size)
 
 
 @cache
-def _jacobian_kernel(snapshot: Snapshot, n: int) -> Kernel:
+def _jacobian_kernel(snapshot: Snapshot, n: int, size: int) -> Kernel:
     def body(code: KernelCode) -> Any:
         state, parameters = (
             code.vector(code.y, code.count(n)),
             code.vector(code.parameters, code.size),
         )
-        with code.call(code.mode, code.t, state, parameters, code.matrix(code.out, n)):
-            code.record_fault(JACOBIAN, n)
+        memory = code.vector(code.scratch(size), code.count(size))
+        with code.call(code.mode, code.t, state, parameters, memory, code.matrix(code.out, n)):
+            code.record_fault(FLOW, n)
         return code.mode
 
-    kinds = (_word, _real, VECTOR, VECTOR, MATRIX)
-    return compile_role("jacobian", snapshot, kinds, body, (n,), True)
+    kinds = (_word, _real, VECTOR, VECTOR, VECTOR, MATRIX)
+    return compile_role("jacobian", snapshot, kinds, body, (n, size), True)
 
 
 def observables_of(observe: Callable[..., Any], n: int, count: int) -> Kernel:
