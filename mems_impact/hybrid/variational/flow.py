@@ -6,6 +6,7 @@ one for each direction in the space of parameters.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
@@ -49,7 +50,8 @@ def with_columns(
 
 def scratch_size(n: int, count: int, columns: int) -> int:
     """Return the number of extended parameters of `tangent_flow` that are scratch."""
-    return Sizes(n, count, n, width_for(columns)).memory
+    sizes = Sizes(n, count, n, width_for(columns))
+    return 1 + math.ceil(columns / sizes.width) * sizes.memory
 
 
 @cache
@@ -66,28 +68,20 @@ def tangent_flow(
 
     The extended state is y (n), then columns of length n: perturbations of the state, then those of
     the parameters, one for each direction. The extended parameters are p (count), the directions in
-    the space of p, and scratch (`scratch_size`).
+    the space of p, and scratch (`scratch_size`), whose first value is to be zero after a change of
+    the others.
     """
     sizes = Sizes(n, count, n, width_for(columns))
     width, record, length = sizes.width, sizes.record, sizes.memory
     of_parameters, of_slope = record * (1 + n), record * (1 + n + count)
-    first_direction = columns - directions
+    first_direction, scratch = columns - directions, count * (1 + directions)
     derive = differentiated(
         with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
     )
 
-    def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        start = len(p) - length
-        p[start] = t
-        for k in range(width):
-            p[start + 1 + k] = 0.0
+    def fill(p):  # type: ignore[no-untyped-def]
         for first in range(0, columns, width):
-            for i in range(n):
-                place = start + record * (1 + i)
-                p[place] = y[i]
-                for k in range(width):
-                    c = first + k
-                    p[place + 1 + k] = y[n * (1 + c) + i] if c < columns else 0.0
+            start = scratch + 1 + first // width * length
             for i in range(count):
                 place = start + of_parameters + record * i
                 p[place] = p[i]
@@ -95,6 +89,20 @@ def tangent_flow(
                     c = first + k
                     direction = count * (1 + c - first_direction) + i
                     p[place + 1 + k] = p[direction] if first_direction <= c < columns else 0.0
+        p[scratch] = 1.0
+
+    def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        if p[scratch] == 0.0:
+            fill(p)
+        for first in range(0, columns, width):
+            start = scratch + 1 + first // width * length
+            p[start] = t
+            for i in range(n):
+                place = start + record * (1 + i)
+                p[place] = y[i]
+                for k in range(width):
+                    c = first + k
+                    p[place + 1 + k] = y[n * (1 + c) + i] if c < columns else 0.0
             derive(mode, 0, p, p, start)
             for i in range(n):
                 place = start + of_slope + record * i

@@ -184,6 +184,7 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
     n, slope = workspace.n, workspace.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
+    interface.set_parameter(engine, block.size, 0.0)
     for i in range(batch.segments.shape[0]):
         mode, code = batch.segments[i, 0], batch.segments[i, 1]
         start, end = batch.times[i, 0], batch.times[i, 1]

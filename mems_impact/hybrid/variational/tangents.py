@@ -82,7 +82,7 @@ def differentiated(
         The function of an automaton in it, for `differences_reason`.
     sizes : Sizes
     by_time, by_parameter : bool
-        Whether time and parameters have tangents; otherwise their tangents are zero.
+        Whether time and parameters have tangents; otherwise their records are not read.
     exact : bool
         Whether the function takes numbers with tangents.
     """
@@ -96,6 +96,7 @@ def differentiated(
         return numbers(memory, start + of_p, count, width)
 
     instant = number if by_time else _value
+    moved = n + count if by_parameter else n
     given = parameters if by_parameter else _plain_parameters
 
     def derive(mode, code, p, memory, start):  # type: ignore[no-untyped-def]
@@ -103,14 +104,16 @@ def differentiated(
         out, q = numbers(memory, start + of_out, size, width), given(p, memory, start)
         evaluate(function, owner, by_differences, mode, code, time, y, q, out, p, memory, start)
 
-    def by_differences(mode, code, _p, memory, start):  # type: ignore[no-untyped-def]
+    def by_differences(mode, code, given_p, memory, start):  # type: ignore[no-untyped-def]
         scratch = start + of_scratch
         arguments = plain_numbers(memory, scratch, n + count)
         y, p = arguments[:n], arguments[n:]
+        for i in range(count):
+            p[i] = given_p[i]
         out = plain_numbers(memory, scratch + n + count, size)
         for k in range(width):
             length = 0.0
-            for i in range(1 + n + count):
+            for i in range(0 if by_time else 1, 1 + moved):
                 length = max(length, abs(memory[start + record * i + 1 + k]))
             for i in range(size):
                 memory[start + of_out + record * i + 1 + k] = 0.0
@@ -118,14 +121,16 @@ def differentiated(
                 if s != 0 and length > 0.0:
                     h = s * STEP / length
                     weight = length * weight_of(s) / STEP
-                    for i in range(n + count):
+                    for i in range(moved):
                         place = start + record * (1 + i)
                         arguments[i] = memory[place] + h * memory[place + 1 + k]
-                    time = float(memory[start] + h * memory[start + 1 + k])
+                    time = float(memory[start])
+                    if by_time:
+                        time += h * float(memory[start + 1 + k])
                     function(mode, code, time, y, p, out)
                     for i in range(size):
                         memory[start + of_out + record * i + 1 + k] += weight * out[i]
-        for i in range(n + count):
+        for i in range(moved):
             arguments[i] = memory[start + record * (1 + i)]
         function(mode, code, float(memory[start]), y, p, out)
         for i in range(size):
@@ -157,11 +162,12 @@ def flow_jacobian(flow: Callable[..., Any], n: int, count: int) -> Callable[...,
     )
 
     def jacobian(mode, t, y, p, memory, entries):  # type: ignore[no-untyped-def]
+        memory[0] = t
         for first in range(0, n, width):
-            for i in range(1 + n + count):
-                memory[record * i] = t if i == 0 else (y[i - 1] if i <= n else p[i - n - 1])
+            for i in range(n):
+                memory[record * (1 + i)] = y[i]
                 for k in range(width):
-                    memory[record * i + 1 + k] = 1.0 if i == 1 + first + k and i <= n else 0.0
+                    memory[record * (1 + i) + 1 + k] = 1.0 if i == first + k else 0.0
             derive(mode, 0, p, memory, 0)
             for i in range(n):
                 for k in range(min(width, n - first)):
