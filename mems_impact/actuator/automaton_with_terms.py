@@ -417,7 +417,6 @@ def rate_writer(rates: Sequence[tuple[int, Function]]) -> Function:
 # --- Automaton of an actuator with terms
 
 LOAD_RATE_STEP = 1e-3  # difference step of the rate of a load, in units of sqrt(m2/k)
-CONTACT_STEP_RATIO = 1e-6  # difference step of derivatives with compliant stoppers
 
 
 def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
@@ -649,7 +648,6 @@ def composed_automaton(
         transition=transition,
         cyclic=model.cyclic,
         stiff=any(kind.term.stiff for kind in kinds),
-        step=1e-3 if is_rigid else CONTACT_STEP_RATIO,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )

@@ -184,9 +184,6 @@ class Automaton:
     bounds : bool, optional
         Whether compiled functions check array bounds: an access out of bounds raises
         `FunctionError`. The checks cost up to 3 % of run time.
-    step : float, optional
-        Step of the differences for derivatives by states and parameters, along a direction of
-        length one; well below the scale on which the functions are nonlinear.
     forced : bool, optional
         Whether flow and margins have the period of the problem. Otherwise its switching times are
         absolute.
@@ -211,7 +208,6 @@ class Automaton:
     margins: Callable[..., Any]
     transition: Callable[..., Any]
     cyclic: tuple[int, ...] = ()
-    step: float = 1e-3
     constrained: tuple[int, ...] = ()
     stiff: bool = False
     forced: bool = True
