@@ -127,10 +127,10 @@ def _extended_engine(w):  # type: ignore[no-untyped-def]
 
 
 @overload(saltation.event_tangents, jit_options={**JIT, **INNER})
-def _event_tangents(engine, workspace, mode, code, t, y, table):  # type: ignore[no-untyped-def]
-    def implementation(engine, workspace, mode, code, t, y, table):  # type: ignore[no-untyped-def]
+def _event_tangents(engine, workspace, mode, code, t, y, memory):  # type: ignore[no-untyped-def]
+    def implementation(engine, workspace, mode, code, t, y, memory):  # type: ignore[no-untyped-def]
         size, p = engine.parameter_count, engine.parameters
-        call_kernel(workspace.tangents, mode, code, t, data(y), p, size, data(table))
+        call_kernel(workspace.tangents, mode, code, t, data(y), p, size, data(memory))
 
     return implementation
 

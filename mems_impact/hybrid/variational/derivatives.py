@@ -14,7 +14,7 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import EngineBinding, Problem, create_engine
 from mems_impact.hybrid.variational.flow import (
     exact_or_not,
-    scratch_size,
+    extended_parameters,
     tangent_flow,
     tangents_of_events,
     with_columns,
@@ -104,14 +104,13 @@ class Variational:
         directions = np.atleast_2d(np.asarray(directions, dtype=float))
         p = np.asarray(problem.parameters, dtype=float)
         self.k = directions.shape[0]
-        self._block = np.concatenate([p, directions.ravel()])
         columns = len(self.free) + self.k
         self._size = self.n * (1 + columns)
-        parameters = np.concatenate([self._block, np.zeros(scratch_size(self.n, p.size, columns))])
+        self._block = extended_parameters(p, directions, self.n, columns)
 
         def build(exact: bool) -> tuple[EngineBinding, Any]:
             flow = tangent_flow(automaton.flow, self.n, p.size, columns, self.k, exact=exact)
-            extended = with_columns(problem, flow, parameters, self._size)
+            extended = with_columns(problem, flow, self._block, self._size)
             binding = create_engine(extended, self._size - self.n)
             return binding, tangents_of_events(problem, binding, self.k, exact)
 
@@ -134,7 +133,7 @@ class Variational:
         The problem's period and time scale still bound the steps.
         """
         other = copy.copy(self)
-        other._block = np.concatenate([p, np.ravel(directions)])
+        other._block = extended_parameters(p, directions, self.n, len(self.free) + self.k)
         return other
 
     def traverse(

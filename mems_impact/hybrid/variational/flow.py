@@ -11,6 +11,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
+import numpy as np
+
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
@@ -48,10 +50,21 @@ def with_columns(
     )
 
 
-def scratch_size(n: int, count: int, columns: int) -> int:
-    """Return the number of extended parameters of `tangent_flow` that are scratch."""
+def extended_parameters(p: Floats, directions: Floats, n: int, columns: int) -> Floats:
+    """Return the parameters of `tangent_flow`: p, the directions (shape (k, count)), and scratch.
+
+    The scratch has the records of each call, in which those of the parameters do not change.
+    """
+    k, count = len(directions), p.size
     sizes = Sizes(n, count, n, width_for(columns))
-    return 1 + math.ceil(columns / sizes.width) * sizes.memory
+    width, record = sizes.width, sizes.record
+    scratch = np.zeros((math.ceil(columns / width), sizes.memory))
+    first = record * (1 + n)
+    records = scratch[:, first : first + record * count].reshape(-1, count, record)
+    records[:, :, 0] = p
+    for c, direction in enumerate(directions, columns - k):
+        records[c // width, :, 1 + c % width] = direction
+    return np.concatenate([p, np.ravel(directions), scratch.ravel()])
 
 
 @cache
@@ -67,35 +80,18 @@ def tangent_flow(
     """Return the flow of the state and its columns.
 
     The extended state is y (n), then columns of length n: perturbations of the state, then those of
-    the parameters, one for each direction. The extended parameters are p (count), the directions in
-    the space of p, and scratch (`scratch_size`), whose first value is to be zero after a change of
-    the others.
+    the parameters, one for each direction. The parameters are `extended_parameters`.
     """
     sizes = Sizes(n, count, n, width_for(columns))
     width, record, length = sizes.width, sizes.record, sizes.memory
-    of_parameters, of_slope = record * (1 + n), record * (1 + n + count)
-    first_direction, scratch = columns - directions, count * (1 + directions)
+    of_slope, scratch = record * (1 + n + count), count * (1 + directions)
     derive = differentiated(
         with_code(flow), flow, sizes, by_time=False, by_parameter=directions > 0, exact=exact
     )
 
-    def fill(p):  # type: ignore[no-untyped-def]
-        for first in range(0, columns, width):
-            start = scratch + 1 + first // width * length
-            for i in range(count):
-                place = start + of_parameters + record * i
-                p[place] = p[i]
-                for k in range(width):
-                    c = first + k
-                    direction = count * (1 + c - first_direction) + i
-                    p[place + 1 + k] = p[direction] if first_direction <= c < columns else 0.0
-        p[scratch] = 1.0
-
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        if p[scratch] == 0.0:
-            fill(p)
         for first in range(0, columns, width):
-            start = scratch + 1 + first // width * length
+            start = scratch + first // width * length
             p[start] = t
             for i in range(n):
                 place = start + record * (1 + i)
@@ -113,63 +109,39 @@ def tangent_flow(
     return extended
 
 
-def table_size(n: int, m: int, count: int, directions: int) -> int:
-    """Return the number of values that `event_tangents` writes."""
-    columns, rows = 1 + n + directions, 2 * m + n
-    return rows * (1 + columns) + Sizes(n, count, rows, width_for(columns)).memory
+def event_sizes(n: int, m: int, count: int, directions: int) -> Sizes:
+    """Return the sizes of `event_tangents`."""
+    return Sizes(n, count, 2 * m + n, width_for(1 + n + directions))
 
 
 @cache
 def event_tangents(
     margins: Callable[..., Any],
     transition: Callable[..., Any],
-    n: int,
     m: int,
-    count: int,
-    directions: int,
+    sizes: Sizes,
     *,
     exact: bool = True,
 ) -> Callable[..., Any]:
-    """Return ``tangents(mode, code, t, y, p, out)``, the derivatives of margins and a transition.
+    """Return ``tangents(mode, code, t, y, p, memory)``, which differentiates an event.
 
-    The first of the values `out` are a table, for each of the margins (m), their rates (m) and the
-    state after the transition (n): its value, and its derivatives by each component of the state,
-    by time, and by each direction in the space of parameters. The directions follow the parameters
-    (count). The other values are scratch.
+    The memory has the records of time, state, parameters and results: the margins (m), their rates
+    (m) and the state after the transition. Time, state and parameters are those of the records.
     """
-    columns, rows = 1 + n + directions, 2 * m + n
-    sizes = Sizes(n, count, rows, width_for(columns))
-    width, record, row = sizes.width, sizes.record, 1 + columns
-    start = rows * row
-    of_out = start + record * (1 + n + count)
 
     def event(mode, code, t, y, p, out):  # type: ignore[no-untyped-def]
         for i in range(2 * m):
             out[i] = 1.0
         margins(mode, t, y, p, out[:m], out[m : 2 * m])
-        for i in range(n):
-            out[2 * m + i] = y[i]
-        transition(mode, code, t, out[2 * m :], p)
+        after = out[2 * m :]
+        for i in range(len(y)):
+            after[i] = y[i]
+        transition(mode, code, t, after, p)
 
     derive = differentiated(event, transition, sizes, by_time=True, by_parameter=True, exact=exact)
 
-    def tangents(mode, code, t, y, p, out):  # type: ignore[no-untyped-def]
-        for first in range(1, row, width):
-            for i in range(1 + n + count):
-                place = start + record * i
-                out[place] = t if i == 0 else (y[i - 1] if i <= n else p[i - n - 1])
-                for k in range(width):
-                    c = first + k
-                    seed = 1.0 if i <= n and c == (i if i > 0 else n + 1) else 0.0
-                    if i > n and n + 1 < c < row:
-                        seed = p[count * (c - n - 1) + i - n - 1]
-                    out[place + 1 + k] = seed
-            derive(mode, code, p, out, start)
-            for i in range(rows):
-                place = of_out + record * i
-                out[row * i] = out[place]
-                for k in range(min(width, row - first)):
-                    out[row * i + first + k] = out[place + 1 + k]
+    def tangents(mode, code, _t, _y, p, memory):  # type: ignore[no-untyped-def]
+        derive(mode, code, p, memory, 0)
 
     return tangents
 
@@ -180,10 +152,9 @@ def tangents_of_events(
     """Return `event_tangents` of a problem as a reference, and an object that lives as long."""
     automaton, count = problem.automaton, len(problem.parameters)
     n, m = len(automaton.states), len(automaton.guards)
-    tangents = event_tangents(
-        automaton.margins, automaton.transition, n, m, count, directions, exact=exact
-    )
-    return binding.tangents_reference(tangents, n, table_size(n, m, count, directions))
+    sizes = event_sizes(n, m, count, directions)
+    tangents = event_tangents(automaton.margins, automaton.transition, m, sizes, exact=exact)
+    return binding.tangents_reference(tangents, n, sizes.memory)
 
 
 Built = TypeVar("Built")

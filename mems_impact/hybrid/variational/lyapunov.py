@@ -32,7 +32,7 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.flow import (
     exact_or_not,
-    scratch_size,
+    extended_parameters,
     tangent_flow,
     tangents_of_events,
     with_columns,
@@ -400,7 +400,7 @@ def _extended_problem(problem: Problem, size: int, rtol: float, exact: bool) -> 
 def _with_scratch(problem: Problem, size: int) -> Floats:
     """Return the parameters of the extended flow."""
     p, n = np.asarray(problem.parameters, dtype=float), len(problem.automaton.states)
-    return np.concatenate([p, np.zeros(scratch_size(n, p.size, size // n - 1))])
+    return extended_parameters(p, np.zeros((0, p.size)), n, size // n - 1)
 
 
 def standard_errors(growth: Floats, lengths: Floats) -> Floats:

@@ -51,7 +51,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     whole_periods,
 )
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.variational.flow import table_size
+from mems_impact.hybrid.variational.flow import event_sizes
 from mems_impact.integrators import interface
 
 # --- Segments of an orbit
@@ -82,8 +82,10 @@ class VariationalWorkspace(NamedTuple):
     margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
         Output: margins and rates before the event, and the state after it, each with its
         derivatives: value, by each state component, by time, by each direction.
-    table : float array
-        Output of `tangents`.
+    width : int
+        Number of directions of a call of `tangents`.
+    memory : float array
+        Its argument.
     work : float array, shape (WORK_ROWS, 2 m + n or more)
     """
 
@@ -98,7 +100,8 @@ class VariationalWorkspace(NamedTuple):
     touches: Any
     margin: Any
     jump: Any
-    table: Any
+    width: int
+    memory: Any
     work: Any
 
     def with_rows(self, count: int) -> VariationalWorkspace:
@@ -117,7 +120,7 @@ def variational_workspace(
     """Return a workspace for one segment, with `size` components of state and columns."""
     automaton = problem.automaton
     n, m, parameters = len(automaton.states), len(automaton.guards), len(problem.parameters)
-    modes = range(len(automaton.modes))
+    modes, sizes = range(len(automaton.modes)), event_sizes(n, m, parameters, directions)
     return VariationalWorkspace(
         n=n,
         m=m,
@@ -130,7 +133,8 @@ def variational_workspace(
         touches=np.zeros((1, m, size)),
         margin=np.zeros((1, 2 * m, n + 2 + directions)),
         jump=np.zeros((1, n, n + 2 + directions)),
-        table=np.zeros(table_size(n, m, parameters, directions)),
+        width=sizes.width,
+        memory=np.zeros(sizes.memory),
         work=np.zeros((WORK_ROWS, max(size, 2 * m + n, parameters))),
     )
 
@@ -171,8 +175,8 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
     ----------
     engine
         Engine of the extended flow (see `mems_impact.hybrid.variational.flow`).
-    block : float array, shape (parameters * (1 + directions),)
-        Parameters and directions.
+    block : float array
+        `mems_impact.hybrid.variational.flow.extended_parameters`.
     batch : SegmentBatch
 
     Returns
@@ -184,7 +188,6 @@ def propagate_segments(engine: Any, block: Any, batch: Any) -> int:
     n, slope = workspace.n, workspace.work[5]
     for i in range(block.size):
         interface.set_parameter(engine, i, block[i])
-    interface.set_parameter(engine, block.size, 0.0)
     for i in range(batch.segments.shape[0]):
         mode, code = batch.segments[i, 0], batch.segments[i, 1]
         start, end = batch.times[i, 0], batch.times[i, 1]
@@ -428,23 +431,41 @@ def differentiate_event(
 
     The results are in `row` of margin and jump of a `VariationalWorkspace`.
     """
-    table = workspace.table
-    event_tangents(engine, workspace, mode, code, t, y, table)
+    n, m, count = workspace.n, workspace.m, workspace.parameters
+    width, memory = workspace.width, workspace.memory
     margin, jump = workspace.margin[row], workspace.jump[row]
-    width = margin.shape[1]
-    for i in range(2 * workspace.m):
-        for c in range(width):
-            margin[i, c] = table[width * i + c]
-    for i in range(workspace.n):
-        for c in range(width):
-            jump[i, c] = table[width * (2 * workspace.m + i) + c]
+    record, columns = 1 + width, 1 + n + workspace.directions
+    of_parameters, of_results = record * (1 + n), record * (1 + n + count)
+    memory[0] = t
+    for i in range(n):
+        memory[record * (1 + i)] = y[i]
+    for i in range(count):
+        memory[of_parameters + record * i] = interface.parameter(engine, i)
+    for first in range(0, columns, width):
+        for k in range(width):
+            c = first + k
+            for i in range(1 + n):  # time is the column after the state
+                memory[record * i + 1 + k] = 1.0 if c == (i - 1 if i > 0 else n) else 0.0
+            for i in range(count):
+                moved = n < c < columns
+                place = count * (c - n) + i
+                memory[of_parameters + record * i + 1 + k] = (
+                    interface.parameter(engine, place) if moved else 0.0
+                )
+        event_tangents(engine, workspace, mode, code, t, y, memory)
+        for i in range(2 * m + n):
+            values = margin[i] if i < 2 * m else jump[i - 2 * m]
+            place = of_results + record * i
+            values[0] = memory[place]
+            for k in range(min(width, columns - first)):
+                values[1 + first + k] = memory[place + 1 + k]
 
 
 def event_tangents(
-    engine: Any, workspace: Any, mode: int, code: int, t: float, y: Any, table: Any
+    engine: Any, workspace: Any, mode: int, code: int, t: float, y: Any, memory: Any
 ) -> None:
     """Call `mems_impact.hybrid.variational.flow.event_tangents`."""
-    workspace.tangents(mode, code, t, y, engine.parameters, table)
+    workspace.tangents(mode, code, t, y, engine.parameters, memory)
 
 
 # --- Perturbations along a run
