@@ -217,7 +217,10 @@ def find_equilibria(
             # mode.
             if state.admissible and not system.fits(mode, state.state, inner):
                 continue
-            if not any(_same(state, other) for other in in_mode):
+            # A state on a boundary belongs to the first of the modes that meet there.
+            met = [each.numeric for each in equilibria if state.boundaries and each.boundaries]
+            known = any(_same(state, other) for other in in_mode)
+            if not known and not any(_coincide(state, other) for other in met):
                 in_mode.append(state)
         in_mode.sort(key=lambda state: (not state.admissible, *state.state.tolist()))
         equilibria += [Equilibrium(system=system, numeric=state) for state in in_mode]
@@ -232,6 +235,11 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     """Return whether two states are the same equilibrium, or belong to one continuum."""
     if state.nullity and state.nullity == other.nullity:
         return True
+    return _coincide(state, other)
+
+
+def _coincide(state: EquilibriumState, other: EquilibriumState) -> bool:
+    """Return whether two equilibria have one state."""
     size = 1.0 + float(np.abs(state.state).max(initial=0.0))
     return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME_STATE_RTOL * size
 

@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mems_impact._util.arrays import Floats
 from mems_impact.continuation.equilibrium_branch import BOUNDARY, EquilibriumEvent
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
     EquilibriumEvaluation,
     EquilibriumState,
-    differentiate,
     make_equilibrium,
 )
 
@@ -140,10 +138,4 @@ def _slope(equations: EquilibriumEquations, point: EquilibriumEvaluation, guard:
             "take a point at another value of a second parameter",
         )
     onward = np.append(np.linalg.solve(point.jacobian, -point.by_parameter[:, 0]), 1.0)
-    size = point.unknowns.size
-
-    def margin(u: Floats) -> Floats:
-        return equations.margins(replace(point, unknowns=u[:size], values=u[size:]))[[guard]]
-
-    gradient = differentiate(margin, np.concatenate([point.unknowns, point.values]))[0]
-    return float(gradient @ onward)
+    return float(equations.margin_gradient(point, guard) @ onward)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar, NamedTuple
 
@@ -43,22 +43,19 @@ from mems_impact.continuation.equilibrium_branch import (
     EquilibriumEvent,
     EquilibriumProblem,
 )
-from mems_impact.continuation.higher_derivatives import MultilinearForms, lyapunov_coefficient
+from mems_impact.continuation.higher_derivatives import lyapunov_coefficient
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, MULTIPLIER_TOLERANCE
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
     EquilibriumEvaluation,
     EquilibriumState,
-    differentiate,
     make_equilibrium,
 )
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
 __all__ = ["EquilibriumCurve", "EquilibriumCurveEvent", "follow_equilibrium_curve"]
 
-SECOND_DERIVATIVE_STEP = 1e-4  # difference step of second derivatives, relative to the state
 MAX_ZERO_RATIO = 1e-3  # largest ratio of a test function at a zero to its values at the step's ends
 END_RATIO = 1.0 - 1e-4  # part of a step to a loss at which test functions are evaluated
 
@@ -152,17 +149,6 @@ class ScalarCondition(EquilibriumCondition):
     def set_reference(self, point: EquilibriumEvaluation) -> None:
         """Set the point near which the next points lie."""
 
-    def _along(self, point: EquilibriumEvaluation, v: Floats) -> Floats:
-        """Return the derivative of the Jacobian, by unknowns and parameters, along `v`."""
-        length = float(np.linalg.norm(v)) or 1.0
-        step = SECOND_DERIVATIVE_STEP * max(1.0, float(np.abs(point.unknowns).max(initial=0.0)))
-
-        def there(s: float) -> Floats:
-            near = self.equations.evaluate(point.unknowns + s / length * v, point.values)
-            return np.hstack([near.jacobian, near.by_parameter])
-
-        return central_difference(there, step) * length
-
 
 class EquilibriumFoldCondition(ScalarCondition):
     """A singular Jacobian: the last unknown of the equations bordered by null vectors."""
@@ -190,14 +176,14 @@ class EquilibriumFoldCondition(ScalarCondition):
         return self._vectors(point)[2]
 
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return the derivatives -w F_xx v and -w F_xp v, by differences along v."""
+        """Return the derivatives -w F_xx v and -w F_xp v."""
         w, v, _ = self._vectors(point)
-        return np.asarray(-w @ self._along(point, v))
+        return np.asarray(-w @ self.equations.derivatives_along(point, v))
 
     def curvature(self, point: EquilibriumEvaluation) -> float:
         """Return w F_xx v v, zero at a cusp."""
         w, v, _ = self._vectors(point)
-        return float(w @ self._along(point, v)[:, : v.size] @ v)
+        return float(w @ self.equations.derivatives_along(point, v)[:, : v.size] @ v)
 
     def _vectors(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats, float]:
         """Return the left and right null vectors of the bordered equations, and the value."""
@@ -250,7 +236,10 @@ class HopfCondition(ScalarCondition):
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
         """Return the derivatives trace(W F_xx V) and trace(W F_xp V) on the invariant plane."""
         right, left = self._plane(point)
-        by_unknowns = [w @ self._along(point, v) for w, v in zip(left.T, right.T, strict=True)]
+        by_unknowns = [
+            w @ self.equations.derivatives_along(point, v)
+            for w, v in zip(left.T, right.T, strict=True)
+        ]
         return np.asarray(sum(by_unknowns)) / self._scale
 
     def _plane(self, point: EquilibriumEvaluation) -> tuple[Floats, Floats]:
@@ -282,9 +271,9 @@ class HopfCondition(ScalarCondition):
         lefts, left_vectors = np.linalg.eig(point.jacobian.T)
         left = np.conj(left_vectors[:, int(np.argmin(np.abs(lefts - 1j * omega)))])
         left = left / np.conj(np.conj(left) @ right)
-        size = max(1.0, float(np.abs(point.unknowns).max()))
-        forms = MultilinearForms(self.equations.rates_near(point), size)
-        return lyapunov_coefficient(forms, point.jacobian, right, left, omega)
+        return lyapunov_coefficient(
+            partial(self.equations.derivatives_along, point), point.jacobian, right, left, omega
+        )
 
 
 class BoundaryCondition(ScalarCondition):
@@ -304,14 +293,8 @@ class BoundaryCondition(ScalarCondition):
         return float(self.equations.margins(point)[self.guard])
 
     def gradient(self, point: EquilibriumEvaluation) -> Floats:
-        """Return its derivatives, by differences."""
-        size = point.unknowns.size
-
-        def margin(u: Floats) -> Floats:
-            shifted = replace(point, unknowns=u[:size], values=u[size:])
-            return np.array([self.value(shifted)])
-
-        return differentiate(margin, np.concatenate([point.unknowns, point.values]))[0]
+        """Return its derivatives."""
+        return self.equations.margin_gradient(point, self.guard)
 
 
 class BranchPointCondition(EquilibriumCondition):

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
 from mems_impact.integrators.derivatives import (
     BINARY,
     PIECEWISE_CONSTANT,
@@ -21,7 +22,7 @@ from mems_impact.integrators.derivatives import (
     of_numpy,
 )
 
-__all__ = ["FUNCTIONS", "Dual", "DualVector", "plain"]
+__all__ = ["FUNCTIONS", "Dual", "DualVector", "derivatives", "plain"]
 
 
 class Dual:
@@ -86,6 +87,44 @@ def plain(number: Any) -> Any:
     while isinstance(number, Dual):
         number = number.value
     return number
+
+
+def derivatives(
+    function: Callable[[list[Any]], list[Any]], x: Floats, frame: Floats, *along: Floats
+) -> Floats:
+    """Return the derivatives of a function by all vectors of a frame, shape (results, w).
+
+    Parameters
+    ----------
+    function : callable
+        Takes and returns a list of numbers.
+    x : float array, shape (n,)
+    frame : float array, shape (n, w)
+        Columns are vectors.
+    along : float array, shape (n,)
+        Further vectors: the derivative of order k + 1 along k of them and each of the frame.
+    """
+    seeds: list[Any] = x.tolist()
+    zero: Any = np.zeros(frame.shape[1])
+    for i in np.flatnonzero(np.column_stack([frame, *along]).any(axis=1)).tolist():
+        seeds[i] = Dual(seeds[i], frame[i])
+        for vector in along:
+            seeds[i] = Dual(seeds[i], _constant(float(vector[i]), seeds[i]))
+    rows = []
+    for number in function(seeds):
+        order = _order(number)
+        for _ in range(order):
+            number = number.slope
+        rows.append(number if order else zero)
+    return np.array(rows, dtype=float).reshape(len(rows), frame.shape[1])
+
+
+def _constant(value: float, like: Dual) -> Dual:
+    """Return a number without rates, of the order of another."""
+    if isinstance(like.value, Dual):
+        slope: Any = _constant(0.0, like.value)
+        return Dual(_constant(value, like.value), slope)
+    return Dual(value, np.zeros_like(like.slope))
 
 
 def _order(number: Any) -> int:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import structural_rank
 
@@ -18,13 +19,16 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.differences import sixth_order_difference
 from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.hybrid.variational.tangents import copy_for_tangents
+from mems_impact.integrators.dual_numbers import derivatives
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 from mems_impact.orbits.spectrum import eigenvalues_stable
 
 DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to a value, or to 1 if that is larger
-CANCELLATION_RTOL = 1e-11  # error of an entry by the basis, relative to the largest of its row
-ROUNDING_SAFETY = 10.0  # factor on estimates of the rounding errors of differences
+OUTER_STEP = 1e-2  # of differences of derivatives, relative to the point
+STRUCTURE_DISTANCE = 1e-4  # to a state with the same structural zeros, relative to the state
+CANCELLATION_RTOL = 1e-13  # error of an entry on a manifold, relative to its largest term
 FLOW_ERROR = 1e-9
 EQUILIBRIUM_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible equilibrium
 
@@ -90,27 +94,17 @@ class EquilibriumEquations:
         return y
 
     def evaluate(self, unknowns: Floats, values: Floats) -> EquilibriumEvaluation:
-        """Evaluate the flow and its derivatives, by differences.
+        """Evaluate the flow and its derivatives.
 
         Raises
         ------
         OrbitError
             If the flow is not defined there.
         """
-
-        def by_state(u: Floats) -> Floats:
-            return self._rates(u, parameters)
-
-        def by_change(steps: Floats) -> Floats:
-            return self._rates(unknowns, parameters + steps @ directions)
-
         try:
-            parameters = self._parameters(values)
-            residual = by_state(unknowns)
-            jacobian = differentiate(by_state, unknowns)
-            sizes = np.maximum(1.0, np.abs(values))
-            directions = sizes[:, None] * self._parameter_rates(values, parameters.size)
-            by_parameter = differentiate(by_change, np.zeros(values.size)) / sizes
+            x, frame = self._numbers(unknowns, values)
+            residual = np.array(self._rates(_original, x.tolist()), dtype=float)
+            derivatives = _derivatives(self._rates, x, frame)
         except (ArithmeticError, ValueError) as error:
             names, amount = self.family.automaton.states, self.family.amount
             components = zip(self.free, unknowns.tolist(), strict=True)
@@ -120,12 +114,30 @@ class EquilibriumEquations:
             raise OrbitError(
                 f"the flow is not defined at {location}: {error}", "take another guess"
             ) from error
+        jacobian, by_parameter = np.hsplit(derivatives, [unknowns.size])
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
-    def rates_near(self, balance: EquilibriumEvaluation) -> Callable[[Floats], Floats]:
-        """Return the time derivatives of the unknowns as a function of a deviation, shape (f,)."""
-        parameters = self._parameters(balance.values)
-        return lambda deviation: self._rates(balance.unknowns + deviation, parameters)
+    def derivatives_along(self, point: EquilibriumEvaluation, *vectors: Floats) -> Floats:
+        """Return a derivative of the equations of second or higher order, shape (f, f + k).
+
+        Columns are derivatives by unknowns and parameters of the derivative along the vectors,
+        each of shape (f,).
+        """
+        x, frame = self._numbers(point.unknowns, point.values)
+        rest = np.zeros(x.size - point.unknowns.size)
+        along = [np.append(vector, rest) for vector in vectors]
+        return _derivatives(self._rates, x, frame, *along)
+
+    def margin_gradient(self, point: EquilibriumEvaluation, guard: int) -> Floats:
+        """Return the derivatives of a margin by unknowns and parameters, shape (f + k,)."""
+
+        def margin(copy: _Copy, numbers: list[Any]) -> list[Any]:
+            margins, rates = ([1.0] * len(self.automaton.guards) for _ in range(2))
+            y, p = self._split(numbers)
+            copy(self.automaton.margins)(self.mode, 0.0, y, p, margins, rates)
+            return [margins[guard]]
+
+        return _derivatives(margin, *self._numbers(point.unknowns, point.values))[0]
 
     def margins(self, balance: EquilibriumEvaluation) -> Floats:
         """Return the margins of all guards, shape (m,); positive where the mode is admissible."""
@@ -140,8 +152,8 @@ class EquilibriumEquations:
 
     def projected(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:
         """Return an evaluation whose unknowns satisfy the constraints of the mode to rounding."""
-        unknowns = self._projected(balance.unknowns, self._parameters(balance.values))
-        return replace(balance, unknowns=unknowns)
+        x, _ = self._numbers(balance.unknowns, balance.values)
+        return replace(balance, unknowns=np.array(self._projected(_original, x.tolist())))
 
     def linearization(self, balance: EquilibriumEvaluation) -> tuple[Floats, int]:
         """Return the derivative of the flow, shape (d, d), and its structural nullity.
@@ -150,67 +162,76 @@ class EquilibriumEquations:
         space; otherwise d is f.
         """
         # Structural zeros determine the nullity, since at a fold an eigenvalue is small as well.
-        matrix = balance.jacobian
-        zero = matrix == 0.0
-        if self.mode in self.automaton.constrained:
-            parameters, u = self._parameters(balance.values), balance.unknowns
-            vectors = self._tangent_space(u, parameters)
-            # These components are coordinates of the manifold.
-            pivots = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
-            matrix, zero = self._tangential_derivative(u, parameters, vectors, pivots)
-            # Entries that contact forces cancel are zero up to rounding. An entry that is zero by
-            # coincidence, as at a fold, is nonzero at a nearby state.
-            away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
-                np.arange(u.size)
-            )
-            vectors = self._tangent_space(away, parameters)
-            zero &= self._tangential_derivative(away, parameters, vectors, pivots)[1]
-        rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
-        return matrix, len(matrix) - rank
+        matrix, zero, coordinates = self._linear(balance)
+        if _nullity(zero):
+            # An entry that is zero by coincidence, as at a fold, is nonzero at a nearby state.
+            u = balance.unknowns
+            shift = STRUCTURE_DISTANCE * max(1.0, float(np.abs(u).max()))
+            near = self.evaluate(u + shift * np.cos(np.arange(u.size)), balance.values)
+            zero &= self._linear(near, coordinates)[1]
+        return matrix, _nullity(zero)
 
-    def _parameter_rates(self, values: Floats, count: int) -> Floats:
-        """Return the derivatives of the parameter array by the active parameters."""
+    def _linear(
+        self, point: EquilibriumEvaluation, coordinates: NDArray[np.int64] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64] | None]:
+        """Return the derivative on the manifold, its zeros, and coordinates of the manifold."""
+        if self.mode not in self.automaton.constrained:
+            return point.jacobian, point.jacobian == 0.0, None
+        x, frame = self._numbers(point.unknowns, point.values)
+        size = point.unknowns.size
+        projection = _derivatives(self._projected, x, frame)[:, :size]
+        vectors = np.linalg.svd(projection)[0][:, : round(float(np.trace(projection)))]
+        if coordinates is None:
+            coordinates = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
+        basis = vectors @ np.linalg.inv(vectors[coordinates])
+        x[:size] = self._projected(_original, x.tolist())
+        rows = _derivatives(self._flow, x, frame)[coordinates, :size]
+        matrix = rows @ basis
+        # Entries that contact forces cancel are zero up to rounding.
+        sizes = [np.abs(each).max(axis=1, initial=0.0) for each in (rows, basis.T)]
+        return matrix, np.abs(matrix) <= CANCELLATION_RTOL * np.outer(*sizes), coordinates
+
+    def _numbers(self, unknowns: Floats, values: Floats) -> tuple[Floats, Floats]:
+        """Return unknowns and parameter array, and their derivatives by unknowns and values."""
+        parameters = self._parameters(values)
         family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
         rates = [family.derivative(name)[0] for name in self.active]
-        return np.array(rates).reshape(len(self.active), count)
+        columns = np.array(rates).reshape(len(rates), parameters.size).T
+        return np.append(unknowns, parameters), block_diag(np.eye(unknowns.size), columns)
 
     def _parameters(self, values: Floats) -> Floats:
         changes = dict(zip(self.active, values.tolist(), strict=True))
         return np.asarray(self.family.numbers(**changes).parameters, dtype=float)
 
-    def _rates(self, unknowns: Floats, parameters: Floats) -> Floats:
-        projected = self._projected(unknowns, parameters)
-        return self._flow(projected, parameters) + (projected - unknowns)
+    # Functions of unknowns and parameter array, which call copies of the automaton's functions.
 
-    def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
-        slope = self.automaton.slope_at(self.mode, 0.0, self.state(unknowns), parameters)
-        return slope[list(self.free)]
+    def _split(self, numbers: list[Any]) -> tuple[list[Any], list[Any]]:
+        """Return the whole state and the parameter array."""
+        y: list[Any] = [0.0] * len(self.automaton.states)
+        for i, number in zip(self.free, numbers, strict=False):
+            y[i] = number
+        return y, numbers[len(self.free) :]
 
-    def _projected(self, unknowns: Floats, parameters: Floats) -> Floats:
+    def _rates(self, copy: _Copy, numbers: list[Any]) -> list[Any]:
+        if self.mode not in self.automaton.constrained:
+            return self._flow(copy, numbers)
+        projected = self._projected(copy, numbers)
+        rates = self._flow(copy, projected + numbers[len(projected) :])
+        return [a + (b - c) for a, b, c in zip(rates, projected, numbers, strict=False)]
+
+    def _flow(self, copy: _Copy, numbers: list[Any]) -> list[Any]:
+        y, p = self._split(numbers)
+        slope: list[Any] = [0.0] * len(y)
+        copy(self.automaton.flow)(self.mode, 0.0, y, p, slope)
+        return [slope[i] for i in self.free]
+
+    def _projected(self, copy: _Copy, numbers: list[Any]) -> list[Any]:
         """Return the unknowns projected onto the constraint manifold of the mode."""
-        automaton = self.automaton
-        if self.mode not in automaton.constrained:
-            return unknowns
-        y, code = self.state(unknowns), automaton.projection_code
-        _, y = automaton.state_after(self.mode, code, 0.0, y, parameters)
-        return y[list(self.free)]
-
-    def _tangent_space(self, unknowns: Floats, parameters: Floats) -> Floats:
-        """Return vectors that span the tangent space of the manifold, shape (f, d)."""
-        projection = differentiate(lambda u: self._projected(u, parameters), unknowns)
-        return np.linalg.svd(projection)[0][:, : round(float(np.trace(projection)))]
-
-    def _tangential_derivative(
-        self, unknowns: Floats, parameters: Floats, vectors: Floats, pivots: NDArray[np.int64]
-    ) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the derivative on the manifold, and which of its entries are rounding."""
-        basis = vectors @ np.linalg.inv(vectors[pivots])
-        projected = self._projected(unknowns, parameters)
-        rows, errors = _derivatives(lambda u: self._flow(u, parameters), projected)
-        rows, errors = rows[pivots], errors[pivots] @ np.abs(basis)
-        matrix = rows @ basis
-        sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
-        return matrix, np.abs(matrix) <= CANCELLATION_RTOL * sizes + ROUNDING_SAFETY * errors
+        y, p = self._split(numbers)
+        if self.mode in self.automaton.constrained:
+            code = self.automaton.projection_code
+            copy(self.automaton.transition)(self.mode, code, 0.0, y, p)
+        return [y[i] for i in self.free]
 
 
 @dataclass(frozen=True)
@@ -325,31 +346,56 @@ def make_equilibrium(
     )
 
 
+_Copy = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def _original(function: Callable[..., Any]) -> Callable[..., Any]:
+    return function
+
+
+def _nullity(zero: NDArray[np.bool_]) -> int:
+    """Return the structural nullity of a matrix by its zeros."""
+    return len(zero) - int(structural_rank(csr_array(~zero))) if zero.size else 0
+
+
+def _derivatives(
+    function: Callable[[_Copy, list[Any]], list[Any]], x: Floats, frame: Floats, *along: Floats
+) -> Floats:
+    """Return derivatives as `dual_numbers.derivatives`; of functions that refuse, differences."""
+    try:
+        return derivatives(partial(function, copy_for_tangents), x, frame, *along)
+    except Exception:  # differences raise the function's own errors
+        if along:
+            h = OUTER_STEP * max(1.0, float(np.abs(x).max())) / float(np.abs(along[-1]).max())
+            return sixth_order_difference(
+                lambda step: _derivatives(function, x + step * along[-1], frame, *along[:-1]), h
+            )
+        sizes = np.ones(frame.shape[1])
+        for value, row in zip(x, frame, strict=True):
+            moved = row != 0.0
+            sizes[moved] = np.maximum(sizes[moved], np.abs(value / row[moved]))
+        columns = frame * sizes
+
+        def values(steps: Floats) -> Floats:
+            return np.array(function(_original, (x + columns @ steps).tolist()), dtype=float)
+
+        return differentiate(values, np.zeros(sizes.size)) / sizes
+
+
 def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """Return the derivatives of `function` at `x`, shape (len(function(x)), len(x)).
 
     Central differences of sixth order with several step lengths: of consecutive estimates the pair
     with the least difference is used, between the truncation and the rounding regime.
     """
-    return _derivatives(function, x)[0]
-
-
-def _derivatives(function: Callable[[Floats], Floats], x: Floats) -> tuple[Floats, Floats]:
-    """Return the derivatives of `function` at `x`, and estimates of their rounding errors."""
-    if not x.size:
-        return np.zeros((function(x).size, 0)), np.zeros((function(x).size, 0))
-    derivatives, errors = [], []
-    for j in range(x.size):
-        size, unit = max(1.0, abs(float(x[j]))), np.eye(x.size)[j]
+    columns = []
+    for value, unit in zip(x.tolist(), np.eye(x.size), strict=True):
         along = partial(_along, function, x, unit)
-        steps = size * np.array(DIFFERENCE_STEPS)
+        steps = max(1.0, abs(value)) * np.array(DIFFERENCE_STEPS)
         estimates = np.array([sixth_order_difference(along, step) for step in steps])
-        differences = np.abs(np.diff(estimates, axis=0))
-        best = np.argmin(differences, axis=0)
-        derivatives.append(np.choose(best, estimates[:-1]))
-        # Rounding errors of a difference are inverse to its step.
-        errors.append((steps[1:, None] * differences).max(axis=0) / steps[best])
-    return np.array(derivatives).T, np.array(errors).T
+        best = np.argmin(np.abs(np.diff(estimates, axis=0)), axis=0)
+        columns.append(np.choose(best, estimates[:-1]))
+    return np.array(columns).T if columns else np.zeros((function(x).size, 0))
 
 
 def _along(function: Callable[[Floats], Floats], x: Floats, unit: Floats, step: float) -> Floats:

@@ -355,6 +355,29 @@ def test_both_modes_of_a_relay_may_stand_still_within_its_hysteresis():
         assert run.events.empty
 
 
+def bent(mode, t, y, p):
+    return (p.m - 3.0 * y.x if y.x < 0.2 else p.m - 0.6 - 50.0 * (y.x - 0.2),)
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-12])
+def test_an_eigenvalue_beside_a_kink_is_that_of_its_side(distance):
+    (found,) = mi.find_equilibria(one_state(bent, m=0.6 - 3.0 * distance), guess={"x": 0.1})
+    assert found.state.x == pytest.approx(0.2 - distance, abs=1e-15)
+    assert found.eigenvalues.tolist() == [-3.0]
+
+
+@pytest.mark.parametrize("power", [2, 3, 5])
+def test_a_zero_eigenvalue_is_no_continuum(power):
+    flow = {
+        2: lambda mode, t, y, p: (p.a * y.x**2,),
+        3: lambda mode, t, y, p: (p.a * y.x**3,),
+        5: lambda mode, t, y, p: (p.a * y.x**5,),
+    }[power]
+    (found,) = mi.find_equilibria(one_state(flow, a=-7.0), guess={"x": 0.0})
+    assert found.eigenvalues.tolist() == [0.0]
+    assert found.stable is None
+
+
 def one_sided_damping(mode, t, y, p):
     return y.v, -y.x - (p.above if mode.side == 1 else p.below) * y.v
 

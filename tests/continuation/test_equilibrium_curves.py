@@ -74,10 +74,17 @@ def quadratic(mode, t, y, p):
     return y.y, -y.x + p.m * y.y + 0.7 * y.x**2 + 0.4 * y.x * y.y + p.c * y.x**2 * y.y
 
 
+def summed(mode, t, y, p):
+    """Return the same flow by a function that does not take numbers with tangents."""
+    terms = -y.x, p.m * y.y, 0.7 * y.x**2, 0.4 * y.x * y.y, p.c * y.x**2 * y.y
+    return y.y, math.fsum(terms)
+
+
 @pytest.mark.slow
-def test_bautin():
+@pytest.mark.parametrize("flow", [quadratic, summed], ids=["exact", "differences"])
+def test_bautin(flow):
     """The first Lyapunov coefficient is (c + 0.7 * 0.4)/8 (Guckenheimer and Holmes, 3.4.11)."""
-    system = mi.System(states=("x", "y"), flow=quadratic, parameters={"m": -0.5, "c": -1.0})
+    system = mi.System(states=("x", "y"), flow=flow, parameters={"m": -0.5, "c": -1.0})
     hopf = special_point(system, {"x": 0.0}, "m", 0.5, "H")
     curve = mi.continue_curve(hopf, "c", 1.0, steps=STEPS)
     check(curve, ("Bautin", {"m": 0.0, "c": -0.28}))
