@@ -116,9 +116,10 @@ class Settling(SummaryRepr):
     ----------
     kind : {"settled", "changing", "fluctuating", "unknown"}
         "settled" if all statistics are within `SETTLING_RTOL` of their limits; "changing" if a
-        statistic still changes, or the motion leaves an unstable orbit; "fluctuating" if the motion
-        does not become periodic, so that the length of the run limits the precision, and chaos may
-        be a transient that outlasts it; "unknown" if the run has less than four periods.
+        statistic still changes, or the motion leaves an unstable orbit; "fluctuating" if a
+        statistic differs from block to block without a trend, so that the length of the run limits
+        the precision, as in chaos, which may be a transient that outlasts the run; "unknown" if the
+        run has less than four periods.
     periods : float
         Length of a run whose statistics settle, in forcing periods, or in time for an autonomous
         system; infinite if unknown.
@@ -338,14 +339,14 @@ class _Blocks:
         scale = max(abs(limit.value), abs(value)) if mean is None else size
         bound = SETTLING_RTOL * scale + noise
         error = min(limit.error, REACH * float(np.nanmax(series) - np.nanmin(series)))
+        if limit.kind == FLUCTUATING:  # both are means; blocks have unequal weights in a ratio
+            return SettlingRow(value, limit.value, limit.error + apart, FLUCTUATING, math.inf)
         if apart + error <= bound:
             return SettlingRow(value, limit.value, error, SETTLED, self.end)
         # The window is no multiple of the period, or the error outweighs the trend.
         no_trend = limit.kind == CHANGING and math.isfinite(limit.error) and apart <= bound
         if limit.kind == SETTLED or no_trend:
             return SettlingRow(value, limit.value, limit.error, FLUCTUATING, math.inf)
-        if limit.kind == FLUCTUATING:  # both are means; blocks have unequal weights in a ratio
-            return SettlingRow(value, limit.value, limit.error + apart, FLUCTUATING, math.inf)
         periods = self._settled_after(apart / bound if apart > 0.0 else 1.0, limit)
         if mean is not None and math.isinf(periods):  # the square of a distance vanishes sooner
             periods = mean.periods

@@ -85,6 +85,38 @@ def test_chaos_has_an_error_that_longer_runs_confirm():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("f", [0.2925, 0.294])
+def test_a_band_of_weak_chaos_has_not_settled(f):
+    """The chaotic bands are narrow, so that the mean is known within less than 1e-3."""
+    system = campaign._duffing().changed(d=0.3, f=f)
+    run = mi.simulate(system, 400)
+    row = run.settling.rows["drift"]
+    assert mi.lyapunov(system, transient=300, periods=400).exponents[0] > 0.005
+    assert run.settling.kind == row.kind == "fluctuating"
+    assert 1e-5 * row.value < row.remaining < 2e-3 * row.value
+
+
+def test_a_decay_that_a_beat_hides():
+    """The oscillation decays by 0.68 within the window, while the force beats with it."""
+
+    def flow(mode, t, y, p):
+        force = p.f * math.cos(p.omega * t)
+        return y.v, -y.x - y.x**3 - p.d * y.v + force, y.x * y.x
+
+    system = mi.System(
+        states=("x", "v", "w"),
+        flow=flow,
+        parameters={"d": 0.006, "f": 0.03, "omega": 1.95},
+        period=lambda p: 2.0 * math.pi / p.omega,
+        observables=[mi.Observable("drift", lambda y, p: y.w)],
+        cyclic=["w"],
+    )
+    run = mi.simulate(system, 80, initial={"x": 1.5})
+    assert run.settling.kind == "changing"
+    assert "still changing" in str(run.settling)
+
+
+@pytest.mark.slow
 def test_a_deviation_that_vanishes_with_the_transient():
     """The orbit has one impact a period, so that its steps are equal."""
     device = mi.Actuator.from_design(
