@@ -60,7 +60,7 @@ def extended_parameters(p: Floats, directions: Floats, n: int, columns: int) -> 
     width, record = sizes.width, sizes.record
     scratch = np.zeros((math.ceil(columns / width), sizes.memory))
     first = record * (1 + n)
-    records = scratch[:, first : first + record * count].reshape(-1, count, record)
+    records = scratch[:, first : first + record * count].reshape(len(scratch), count, record)
     records[:, :, 0] = p
     for c, direction in enumerate(directions, columns - k):
         records[c // width, :, 1 + c % width] = direction
