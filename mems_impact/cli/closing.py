@@ -74,8 +74,14 @@ def command(
 def show_closing(closing: mi.Closing) -> None:
     """Show a closing and its first impacts."""
     names = ("stopper", "closing_time", "impact_speed", "bounces", "settling_time")
+    known = closing.summary()
     values = {
-        name.replace("_", " "): OutputValue(getattr(closing, name), closing._si_unit(name))
+        name.replace("_", " "): OutputValue(
+            getattr(closing, name),
+            closing._si_unit(name),
+            # Known digits; --json has all digits.
+            f"{known[name]:.6g}" if isinstance(known[name], float) else known[name],
+        )
         for name in names
     }
     values["energy input"] = OutputValue(closing.energy.input, "J")

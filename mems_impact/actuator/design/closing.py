@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.quantities import quantity
+from mems_impact._util.warning_scopes import collected_warnings
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V2, X2
 from mems_impact.actuator.design.energy import Energy, energy
 from mems_impact.actuator.drives.aperiodic import AperiodicDrive
@@ -20,8 +21,9 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.impact_statistics import contact_side, is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
+from mems_impact.analysis.settling import MOST_DIGITS, digits
 from mems_impact.analysis.simulate import simulate
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.simulation import Trajectory, resample
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
@@ -39,8 +41,12 @@ FLIGHT_SAMPLES = 64  # of a bounce, for its height
 MIN_SAMPLED_HEIGHT = 4e-4  # relative to the travel: four times that of bounces that are parabolas
 DURATION_RATIO = 1.25  # of a voltage to the run, which ends before it is switched off
 REST_LENGTH = 1.0  # natural periods of contact after which it is permanent
-CHARGES = ("charge", "left_charge")
+CHARGES = ("charge", "left_charge", "offset", "left_offset")
 CHARGE_RTOL = 1e-3  # change of a charge over a run, at its final rate, of a constant charge
+HOLD_FACTOR, HOLD_RUNS = 8.0, 16  # between lengths of runs until charges are constant; their number
+TOLERANCE_RATIO = 0.1  # of the run that gives the errors of another one
+MIN_COMPARED_RTOL = 1e-13  # of that run, which takes larger tolerances below
+UNKNOWN = "within the error of the integration; lower rtol and atol"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -58,11 +64,15 @@ class Closing(Result):
         high.
     settling_time : float
         Time from which on the block stays on the stopper [s]; NaN if the block does not stay within
-        the run.
+        the run, or leaves the stopper later, before charges and offsets of the electrodes are
+        constant.
     stopper : str
         "right" or "left"; empty if the contact does not close within the run.
     smallest_bounce : float
         Least height of a bounce that counts, relative to the travel.
+    errors : dict of str to float
+        Errors of the times and of the impact speed, by their names: the change under tolerances ten
+        times as small. Infinite if the contact closes, or stays closed, in one of both runs only.
     table : DataFrame
         One row per impact: time t, stopper, impact speed; contact, the duration of the contact (0
         for an impact with restitution; the time of the rest contact at the end of a chatter
@@ -92,9 +102,21 @@ class Closing(Result):
     settling_time: float
     stopper: str
     smallest_bounce: float
+    errors: Mapping[str, float] = field(repr=False)
     table: pd.DataFrame = field(repr=False)
     run: ActuatorRun = field(repr=False)
     si: bool = False
+
+    def summary(self) -> dict[str, Any]:
+        """Return the stopper, times, speed and bounces, with the digits that are known."""
+        values = super().summary()
+        for name, error in self.errors.items():
+            value = values[name]
+            if error < abs(value):
+                values[name] = float(f"{value:.{digits(error / abs(value), MOST_DIGITS)}g}")
+            elif error > 0.0:
+                values[name] = UNKNOWN
+        return values
 
     @cached_property
     def energy(self) -> Energy:
@@ -122,10 +144,10 @@ def closing(
         A voltage that is switched on at t = 0: `VoltageStep` or `PulseAndHold`, or the first part
         of any other drive.
     duration : float or str, optional
-        Length of the run [s], or a text with a unit; by default until the contact stays closed
-        and the charges behind a resistance are constant, at most 512 natural periods of the block
-        after the last change of the voltage, one forcing period of a periodic drive, or until the
-        voltage is switched off.
+        Length of the run [s], or a text with a unit; by default until the contact stays closed and
+        the charges and offsets of the electrodes are constant, at most 512 natural periods of the
+        block after the last change of the voltage, one forcing period of a periodic drive, or until
+        the voltage is switched off.
     initial : State or mapping of str to float, optional
         Initial state; at rest in the middle by default.
     smallest_bounce : float, optional
@@ -186,7 +208,23 @@ def closing(
         run = run_of(actuator, drive, length, initial, options)
         if contact_length(run) > REST_LENGTH * natural and charges_are_constant(run):
             break
-    return result_of(run, smallest_bounce)
+    unbounded = fixed is None and isinstance(drive, AperiodicDrive) and drive.duration is None
+    stays = not unbounded or holds(run, drive, initial, options)
+    result = result_of(run, smallest_bounce, stays=stays)
+    coarse = TOLERANCE_RATIO * options.rtol < MIN_COMPARED_RTOL
+    ratio = 1.0 / TOLERANCE_RATIO if coarse else TOLERANCE_RATIO
+    other_options = replace(options, rtol=ratio * options.rtol, atol=ratio * options.atol)
+    other_run = run_of(actuator, drive, length, initial, other_options)
+    other = result_of(other_run, smallest_bounce, stays=stays)
+    return replace(result, errors={name: difference(result, other, name) for name in result.errors})
+
+
+def difference(one: Closing, other: Closing, name: str) -> float:
+    """Return the difference of a number of two closings, infinite if one of both is NaN."""
+    a, b = getattr(one, name), getattr(other, name)
+    if math.isnan(a) or math.isnan(b):
+        return 0.0 if math.isnan(a) and math.isnan(b) else math.inf
+    return abs(a - b)
 
 
 def natural_period(actuator: Actuator) -> float:
@@ -226,8 +264,30 @@ def contact_length(run: ActuatorRun) -> float:
     return run.end - float(run.system.out("time", rest_start(run.trajectory)))
 
 
+def holds(
+    run: ActuatorRun,
+    drive: Drive,
+    initial: State | Mapping[str, float] | None,
+    options: Options,
+) -> bool:
+    """Return whether the block stays on its stopper after a run, until the charges are constant."""
+    longer = run
+    for _ in range(HOLD_RUNS):
+        if charges_are_constant(longer):
+            return True
+        try:
+            with collected_warnings():  # of the length, which is not the user's
+                length = HOLD_FACTOR * longer.end
+                longer = run_of(run.system.actuator, drive, length, initial, options)
+        except RunError:  # steps of a free oscillation, after a release
+            return False
+        if not contact_length(longer) >= longer.end - run.end:
+            return False
+    return False
+
+
 def charges_are_constant(run: ActuatorRun) -> bool:
-    """Return whether the charges behind resistances, which hold the block, no longer change."""
+    """Return whether the charges of the electrodes, which hold the block, no longer change."""
     trajectory = run.trajectory
     final, problem, log = trajectory.final, trajectory.problem, trajectory.events
     charges = [i for i, name in enumerate(run.system.states) if name in CHARGES]
@@ -245,8 +305,8 @@ def times(trajectory: Trajectory) -> Floats:
     return result
 
 
-def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
-    """Return the closing of a run."""
+def result_of(run: ActuatorRun, smallest_bounce: float, *, stays: bool) -> Closing:
+    """Return the closing of a run, after which a block that is held may stay on its stopper."""
     system, trajectory = run.system, run.trajectory
     log, when = trajectory.events, times(run.trajectory)
     hits = np.flatnonzero(is_impact(log))
@@ -268,7 +328,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
     # A block that moves within a compliant contact may leave it.
     held = trajectory.final.y[V2] == 0.0
     held = held or contact_length(run) > REST_LENGTH * natural_period(system.actuator)
-    stays = closed and held and contact_side(trajectory.final.mode) == side[0]
+    stays = stays and closed and held and contact_side(trajectory.final.mode) == side[0]
     settled = rest_start(trajectory) if stays else math.nan
     speeds = np.abs(log.before[hits, V2])
     same_side = side == side[0] if closed else np.zeros(0, dtype=bool)
@@ -288,6 +348,7 @@ def result_of(run: ActuatorRun, smallest_bounce: float) -> Closing:
         settling_time=float(system.out("time", settled)),
         stopper=("right" if side[0] == 1 else "left") if closed else "",
         smallest_bounce=float(smallest_bounce),
+        errors=dict.fromkeys(("closing_time", "impact_speed", "settling_time"), 0.0),
         table=contacts,
         run=run,
         si=system.scales.named,

@@ -282,3 +282,25 @@ def test_a_contact_that_opens_when_its_charge_has_left():
     assert before.settling_time < drive.width
     after = mi.closing(device, drive, duration=1.01 * release)
     assert math.isnan(after.settling_time)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("excess", [-1e-3, 1e-3])
+def test_a_contact_whose_insulation_charges_opens_where_the_held_voltage_falls_short(excess):
+    """Trapped charge leaves ``1 - share`` of the voltage, a million natural periods later."""
+    hold = math.sqrt(SWITCH.k * SWITCH.delta / SWITCH.alpha) * (SWITCH.d - SWITCH.delta)
+    share = 1.0 - hold / STEP.amplitude + excess
+    found = mi.closing(SWITCH.adding(mi.DielectricCharging(share=share, time=60.0)), STEP)
+    assert math.isnan(found.settling_time) == (excess > 0.0)
+    assert found.closing_time == pytest.approx(27.795e-6, rel=1e-4)
+
+
+def test_a_closing_time_near_the_least_voltage_has_the_digits_that_are_known():
+    """The block lingers at a saddle, from which errors of the integration grow."""
+    step = mi.VoltageStep(amplitude=79.94281245942811)
+    found = mi.closing(SWITCH, step)
+    tight = mi.closing(SWITCH, step, options=mi.Options(rtol=1e-12, atol=1e-14))
+    error = abs(found.closing_time - tight.closing_time)
+    assert error > 1e-3 * tight.closing_time
+    assert found.errors["closing_time"] == pytest.approx(error, rel=0.2)
+    assert "closing_time=0.000159 s, impact_speed=0.138814 m/s" in repr(found)
