@@ -613,17 +613,20 @@ def _headline(run: Run, name: str, statistic: str, quantity: str) -> Headline:
 
 @dataclass(frozen=True, kw_only=True)
 class Floquet:
-    """The periodic orbit that attracts a motion.
+    """The periodic orbit near the end of a run.
 
     Attributes
     ----------
     multipliers : ndarray
         Complex; empty if no orbit was found.
+    stable : bool or None
+        As of an orbit: None if neutral, or if no orbit was found.
     description : str
         Description of the orbit, or why none was found.
     """
 
     multipliers: NDArray[np.complex128]
+    stable: bool | None
     description: str
 
 
@@ -633,7 +636,8 @@ def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
         orbit = mi.find_orbit(picture.run)
     except (mi.OrbitError, mi.RunError, mi.InvalidParameter) as error:
         reason = getattr(error, "reason", str(error))
-        return Floquet(multipliers=np.empty(0, dtype=complex), description=reason)
+        none = np.empty(0, dtype=complex)
+        return Floquet(multipliers=none, stable=None, description=reason)
     hits, periods = len(orbit.impacts), orbit.periods
     if picture.system.forced:
         length = f"{periods} forcing period{'s' if periods > 1 else ''}"
@@ -642,4 +646,4 @@ def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
     description = (
         f"{stability_name(orbit.stable)}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
     )
-    return Floquet(multipliers=orbit.multipliers, description=description)
+    return Floquet(multipliers=orbit.multipliers, stable=orbit.stable, description=description)

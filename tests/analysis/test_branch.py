@@ -364,3 +364,11 @@ def test_crisis_by_simulation():
     assert value == pytest.approx(0.17651544, abs=5e-5)
     with pytest.raises(mi.OrbitError, match="begin higher"):
         locate_crisis(ZHAO, drive, amplitude=0.1, periods=300)
+
+
+def test_a_motion_without_impacts_beside_the_attractor_with_impacts_is_named():
+    """Between fold and on-boundary both motions exist; from rest the block does not strike."""
+    drive = mi.Sine(amplitude=0.2, omega=0.5)
+    assert mi.find_orbit(ZHAO, drive, guess=mi.kicked_state(ZHAO)).stable
+    with pytest.raises(mi.OrbitError, match="the motion from the initial state ends without"):
+        locate_crisis(ZHAO, drive, amplitude=0.2, start=mi.State(), periods=100)

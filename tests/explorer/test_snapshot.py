@@ -1,6 +1,7 @@
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from mems_impact.explorer.snapshot import (
     take_snapshot,
     with_special_points,
 )
+from mems_impact.explorer.view.panels import MOTION, UNSTABLE, MultiplierPanel
 from mems_impact.plotting.trajectories import between, line, spans
 from tests.explorer.subjects import mita, own, slider_spec, zhao
 
@@ -239,3 +241,24 @@ def test_a_charge_drive_has_charges_in_its_headlines():
     )
     assert headline.value == mi.pull_in_charge(device)
     assert subject.system.unit(headline.quantity) == "C"
+
+
+def _cubic_spring(mode, t, y, p):
+    return y.v, -(y.x**3)
+
+
+def _negative_damping(mode, t, y, p):
+    return y.v, 0.3 * y.v - y.x + math.cos(t)
+
+
+@pytest.mark.parametrize(
+    ("flow", "period", "length", "color"),
+    [(_cubic_spring, None, 60.0, MOTION), (_negative_damping, 2.0 * math.pi, 2, UNSTABLE)],
+)
+def test_a_neutral_multiplier_is_not_drawn_as_unstable(flow, period, length, color):
+    """The closed orbits of a cubic spring are a family."""
+    system = mi.System(states=("x", "v"), flow=flow, initial={"x": 1.0}, period=period)
+    run = mi.simulate(system, **{"periods" if period else "duration": length})
+    panel = MultiplierPanel()
+    panel.show_orbit(floquet_of(SimpleNamespace(run=run, system=system)))
+    assert set(panel.data.data["color"]) == {color}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from mems_impact._util.formatting import stability_name
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import direction_of, side_of
 from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
@@ -556,8 +557,10 @@ def period_one_window(
     start = kicked_state(actuator) if guess is None else guess
     orbit = find_orbit(actuator, drive, guess=start, periods=1, transient=transient)
     if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
-        reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
-        raise OrbitError(reason, "take an amplitude inside the window", orbit)
+        flaw = stability_name(orbit.stable) if orbit.admissible else "inadmissible"
+        flaw = flaw if len(orbit.impacts) else "without impacts"
+        reason = f"at amplitude = {amplitude:g} the initial state leads to an orbit that is {flaw}"
+        raise OrbitError(reason, "take an amplitude inside the window, or another guess", orbit)
     (low, low_kind, _), (high, high_kind, _) = (
         lasts_until(orbit, stop, transient) for stop in (low, high)
     )

@@ -255,7 +255,8 @@ def locate_crisis(
     Raises
     ------
     OrbitError
-        If there is no such attractor at `below`, or it is still there `width` lower.
+        If the motion from `start` ends without impacts at `begin`, or the attractor is still there
+        `width` lower.
     """
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
@@ -274,7 +275,8 @@ def locate_crisis(
     top, begin = amplitude, amplitude if begin is None else begin
     states = attractor(begin, [kicked_state(actuator) if start is None else start])
     if not states:
-        raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
+        reason = f"at amplitude {begin:.9g} the motion from the initial state ends without impacts"
+        raise OrbitError(reason, "begin higher, or take another initial state")
     ramp = np.linspace(begin, amplitude, RAMP)[1:].tolist() if begin != amplitude else []
     for value in ramp:
         ramp_drive = drive.replace(amplitude=value)

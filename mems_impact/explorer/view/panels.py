@@ -463,7 +463,9 @@ class MultiplierPanel:
     def show_orbit(self, floquet: Floquet) -> None:
         """Show the multipliers of another orbit, or the reason for its absence."""
         values = floquet.multipliers
-        colors = np.where(np.abs(values) < 1.0, MOTION, UNSTABLE)
+        # A multiplier on the unit circle exceeds 1 by rounding errors.
+        outside = (np.abs(values) >= 1.0) & (floquet.stable is False)
+        colors = np.where(outside, UNSTABLE, MOTION)
         self.data.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
         self.dots.muted = False
         largest = float(np.abs(values).max()) if values.size else 0.0

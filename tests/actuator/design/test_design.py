@@ -146,6 +146,13 @@ def test_period_one_window_of_type_two():
         mi.period_one_window(PAPER, drive, (0.19, 0.2))
 
 
+def test_a_window_from_a_motion_without_impacts():
+    """From rest the block does not strike, although the orbit with impacts is stable."""
+    drive = mi.Sine(amplitude=0.2, omega=0.5)
+    with pytest.raises(mi.OrbitError, match="leads to an orbit that is without impacts"):
+        mi.period_one_window(PAPER, drive, (0.17, 0.25), guess=mi.State())
+
+
 def test_preset_does_what_was_measured():
     run = mi.simulate(MITA, mi.Sine(amplitude=100.0, omega=2 * math.pi), 8, window=(2, 8))
     found = run.blow_statistics
