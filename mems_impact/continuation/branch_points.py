@@ -11,6 +11,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import PredictorStep
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.differences import central_difference
+from mems_impact.orbits.equilibrium import EquilibriumEquations
 from mems_impact.orbits.linear_equations import SparseFactorization, is_sparse
 from mems_impact.orbits.newton import Linearized, P, Solvable, newton
 
@@ -144,8 +145,7 @@ def extended_equations(
     matrix[:size, :-1], matrix[:size, -1] = derivatives, border
     for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
         towards = np.concatenate([v, np.zeros(x.size - v.size)])
-        along = partial(_derivatives_along, equations, size, x, towards)
-        matrix[size + j, :-1] = -w @ central_difference(along, KERNEL_STEP)
+        matrix[size + j, :-1] = -w @ second_derivatives(equations, point, towards)
     return point, np.concatenate([point.residual + beta * border, g]), matrix
 
 
@@ -155,11 +155,20 @@ def null_vectors(point: Linearized) -> tuple[Floats, Floats]:
     return left[:, -1], rows[-2:]
 
 
-def _derivatives_along(
-    equations: Solvable[P], size: int, x: Floats, v: Floats, step: float
-) -> Floats:
-    shifted = x + step * v
-    return _derivatives(equations.evaluate(shifted[:size], shifted[size:]))
+def second_derivatives(equations: Solvable[P], point: P, v: Floats) -> Floats:
+    """Return the derivative along `v` of the derivatives by unknowns and parameters.
+
+    It is exact for equilibria, and a central difference for orbits.
+    """
+    if isinstance(equations, EquilibriumEquations):
+        return equations.derivatives_along(point, v)
+    x, size = np.concatenate([point.unknowns, point.values]), point.unknowns.size
+
+    def along(step: float) -> Floats:
+        shifted = x + step * v
+        return _derivatives(equations.evaluate(shifted[:size], shifted[size:]))
+
+    return central_difference(along, KERNEL_STEP)
 
 
 def _derivatives(point: Linearized) -> Floats:

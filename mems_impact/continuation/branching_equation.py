@@ -25,15 +25,15 @@ from mems_impact.continuation.arclength import (
     correct,
     tangent,
 )
-from mems_impact.continuation.branch_points import UNFOLDING_RATIO
+from mems_impact.continuation.branch_points import UNFOLDING_RATIO, second_derivatives
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.differences import central_difference
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE
 
-SECOND_DERIVATIVE_STEP = 1e-4  # difference step along the null vectors
-DEGENERATE_RATIO = 1e-6  # largest ratio of a mixed coefficient that counts as zero
+DEGENERATE_RATIO = 1e-6  # largest ratio of a mixed coefficient to its terms that counts as zero
+PARALLEL_RATIO = 1e-12  # largest sine of the angle between vectors that count as parallel
 FIRST_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first point from the branch point
+SHORT_DISTANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # where no point is found at the others
 MIN_PARAMETER_CHANGE = 1e-7  # relative change of the parameter of a significant distance
 CONTINUUM_CHANGE = 1e-11  # largest change of the parameter along a continuum at one value
 MIN_ANGLE = 0.1  # between the first point and the known branch, seen from the branch point
@@ -97,12 +97,11 @@ class CrossingBranch(Generic[P]):
         left, _, rows = np.linalg.svd(_derivatives(point))
         self._left, self._kernel = left[:, -1], rows[-2:]
         first = self._unit(self._kernel @ direction)
-        quadratic = np.array([self._left @ self._second(v) for v in self._kernel]) @ self._kernel.T
-        quadratic = 0.5 * (quadratic + quadratic.T)
-        roots = sorted(_roots(quadratic), key=lambda a: -abs(float(a @ first)))
+        seconds = [second_derivatives(equations, point, v) for v in self._kernel]
+        roots = self._roots(np.array([self._left @ each for each in seconds]), first)
         self.degenerate = len(roots) < 2
         if not self.degenerate:
-            first, other = roots
+            first, other = sorted(roots, key=lambda a: abs(a[0] * first[1] - a[1] * first[0]))
         else:
             other = np.array([-first[1], first[0]])
         self.own, self.other = first @ self._kernel, _oriented(other @ self._kernel)
@@ -122,7 +121,11 @@ class CrossingBranch(Generic[P]):
         # An error of the equations separates the branches within this radius.
         radius = UNFOLDING_RATIO * self._error ** (1.0 / 3.0)
         distances = [each for each in FIRST_DISTANCES if each > radius]
-        for distance in distances or FIRST_DISTANCES[-1:]:
+        # Far along a strongly curved branch a point is nearer to the known one.
+        shorter = [each for each in SHORT_DISTANCES if each > radius]
+        for distance in [*(distances or FIRST_DISTANCES[-1:]), *shorter]:
+            if first is not None and distance < first.distance:
+                break
             try:
                 point = self._at(distance)
             except OrbitError:
@@ -153,7 +156,7 @@ class CrossingBranch(Generic[P]):
                 return point
         except OrbitError:
             pass
-        for angle in self._zeros(distance):
+        for angle in self._zeros(distance) if distance >= FIRST_DISTANCES[0] else ():
             point = self._on_circle(distance, angle).point
             guess = _whole(point)
             away = guess - self._start
@@ -165,15 +168,13 @@ class CrossingBranch(Generic[P]):
     def _is_other(self, point: P) -> bool:
         """Return whether a point near the branch point lies on another branch than the known one.
 
-        The projection of the point to the kernel is compared with the projection of the known
-        branch.
+        The projection of the point to the kernel has a larger component along the tangent of the
+        other branch; where the equation is degenerate, it is at an angle to the known branch.
         """
         away = self._kernel @ (_whole(point) - self._start)
-        direction = self._kernel @ self.own
-        size = float(np.linalg.norm(away))
-        if not size > 0.0:
-            return False
-        return abs(away[0] * direction[1] - away[1] * direction[0]) > math.sin(MIN_ANGLE) * size
+        tangents = self._kernel @ np.array([self.own, self.other]).T
+        along, across = np.abs(np.linalg.solve(tangents, away))
+        return bool(across > (math.tan(MIN_ANGLE) * along if self.degenerate else along))
 
     def _zeros(self, radius: float) -> Iterator[float]:
         """Yield the angles to the known branch at which others leave the circle."""
@@ -222,33 +223,39 @@ class CrossingBranch(Generic[P]):
             iterations=MAX_CORRECTOR_ITERATIONS,
         )
 
-    def _second(self, v: Floats) -> Floats:
-        """Return the second derivatives along `v`, shape (unknowns, unknowns + 1)."""
+    def _roots(self, seconds: Floats, first: Floats) -> list[Floats]:
+        """Return the unit vectors a that solve the branching equation; empty if degenerate.
 
-        def along(step: float) -> Floats:
-            shifted = self._start + step * v
-            return _derivatives(self._equations.evaluate(shifted[:-1], shifted[-1:]))
+        In the basis of the kernel vector s without a change of the parameter and the direction d of
+        the known branch, the equation is ``A x^2 + 2 B x y + C y^2 = 0``. In other units of states
+        and parameter A, B, C have other factors, and the roots remain.
 
-        return central_difference(along, SECOND_DERIVATIVE_STEP)
+        Parameters
+        ----------
+        seconds : float array, shape (2, unknowns + 1)
+            Second derivatives along the vectors of the kernel, multiplied by w.
+        first : float array, shape (2,)
+            The direction of the known branch.
+        """
+        quadratic = seconds @ self._kernel.T
+        s = self._unit(np.array([-self._kernel[1, -1], self._kernel[0, -1]]))
+        across = np.array([-s[1], s[0]])
+        d = first if abs(float(first @ across)) > PARALLEL_RATIO else across
+        basis = np.array([s, d])
+        (a, b), (_, c) = 0.5 * basis @ (quadratic + quadratic.T) @ basis.T
+        terms = float(np.abs(s @ seconds) @ np.abs(d @ self._kernel))
+        if not (np.abs(quadratic).max() > DEGENERATE_RATIO and abs(b) > DEGENERATE_RATIO * terms):
+            return []
+        discriminant = b * b - a * c
+        if not discriminant > 0.0:
+            return []
+        q = -(b + math.copysign(math.sqrt(discriminant), b))
+        x, y = self._unit(q * s + a * d), self._unit(c * s + q * d)
+        return [x, y] if abs(x[0] * y[1] - x[1] * y[0]) > PARALLEL_RATIO else []
 
     def _unit(self, vector: Floats) -> Floats:
         size = float(np.linalg.norm(vector))
         return vector / size if size > 0.0 else np.array([1.0, 0.0])
-
-
-def _roots(quadratic: Floats) -> list[Floats]:
-    """Return the unit vectors a with ``a Q a = 0``; empty if they are not two, or ill-conditioned.
-
-    With the eigenvalues p > 0 > n of Q they are ``sqrt(-n) e_p +- sqrt(p) e_n``.
-    """
-    (low, high), vectors = np.linalg.eigh(quadratic)
-    size = max(abs(low), abs(high))
-    if not (low < 0.0 < high and min(-low, high) > DEGENERATE_RATIO * size):
-        return []
-    if size <= DEGENERATE_RATIO:
-        return []
-    halves = math.sqrt(high) * vectors[:, 0], math.sqrt(-low) * vectors[:, 1]
-    return [each / np.linalg.norm(each) for each in (halves[0] + halves[1], halves[0] - halves[1])]
 
 
 def _oriented(direction: Floats) -> Floats:

@@ -118,15 +118,24 @@ class EquilibriumEquations:
         return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
     def derivatives_along(self, point: EquilibriumEvaluation, *vectors: Floats) -> Floats:
-        """Return a derivative of the equations of second or higher order, shape (f, f + k).
+        """Return a derivative of the equations of second or third order, shape (f, f + k).
 
-        Columns are derivatives by unknowns and parameters of the derivative along the vectors,
-        each of shape (f,).
+        Columns are derivatives by unknowns and parameters of the derivative along the vectors. A
+        vector has the shape (f,); that of a second derivative may have the shape (f + k,).
         """
         x, frame = self._numbers(point.unknowns, point.values)
-        rest = np.zeros(x.size - point.unknowns.size)
-        along = [np.append(vector, rest) for vector in vectors]
-        return _derivatives(self._rates, x, frame, *along)
+        size = point.unknowns.size
+        along = [frame[:, : vector.size] @ vector for vector in vectors]
+        second = _derivatives(self._rates, x, frame, *along)
+        change = vectors[0][size:]
+        if change.any():  # the parameter array may be a nonlinear function of the values
+
+            def moved(step: float) -> Floats:
+                return self._numbers(point.unknowns, point.values + step * change)[1]
+
+            h = OUTER_STEP * max(1.0, float(np.abs(point.values).max())) / np.abs(change).max()
+            second = second + _derivatives(self._rates, x, sixth_order_difference(moved, h))
+        return second
 
     def margin_gradient(self, point: EquilibriumEvaluation, guard: int) -> Floats:
         """Return the derivatives of a margin by unknowns and parameters, shape (f + k,)."""

@@ -16,7 +16,7 @@ INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 def forks(flow, stop=1.0, start=-1.0, states=("x",), longest=0.2, **values):
     """Return the branch points of the equilibrium zero."""
     system = mi.System(states=states, flow=flow, parameters={"a": start, **values})
-    rest = mi.find_equilibria(system, guess={"x": 0.0})[0]
+    rest = mi.find_equilibria(system, guess={"x": values.get("k", 0.0) * start})[0]
     steps = mi.StepControl(max_step=longest)
     return mi.continue_equilibrium(rest, "a", stop, steps=steps).special_points
 
@@ -82,6 +82,30 @@ def test_the_pitchfork_of_the_lorenz_system():
     assert found == pytest.approx([hopf, hopf], abs=1e-8)
     x, r = (halves.table[name].to_numpy() for name in ("x", "a"))
     assert np.allclose(x**2, 8.0 / 3.0 * (r - 1.0), atol=1e-9)
+
+
+def transcritical(mode, t, y, p):
+    x = y.x - p.k * p.a
+    return (x * (p.a - p.c * x),)
+
+
+def fork(mode, t, y, p):
+    x = y.x - p.k * p.a
+    return (x * (p.a - p.c * x**2),)
+
+
+@pytest.mark.parametrize(
+    ("c", "k"), [(1e-6, 0.0), (1e-4, 0.4), (0.02, 0.0), (40.0, 0.4), (3e4, 0.4), (1e6, 0.0)]
+)
+@pytest.mark.parametrize(("flow", "power"), [(transcritical, 1), (fork, 2)], ids=["TC", "PF"])
+def test_branches_cross_at_any_angle(flow, power, c, k):
+    """In other units of x, c is another number; the branch is a = c (x - k a)^power."""
+    (crossing,) = forks(flow, c=c, k=k)
+    other = mi.switch_branch(crossing, steps=mi.StepControl(max_points=8))
+    x, a = (other.table[name].to_numpy() for name in ("x", "a"))
+    apart = x - k * a
+    assert np.allclose(a, c * apart**power, rtol=1e-7, atol=1e-9)
+    assert np.abs(c * apart**power).max() > 1e-9
 
 
 @pytest.mark.nightly
