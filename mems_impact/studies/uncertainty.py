@@ -315,7 +315,7 @@ class ToleranceAnalysis(Spread, Result):
         names, counted = ", ".join(self.drawn), self._counted()
         text = f"ToleranceAnalysis({names}: {len(self.points)} points, {counted}"
         if self.specification:
-            text += f", yield {self.yields['share'].iloc[-1]:.1%}"
+            text += f", yield {self._yield()}"
         return text + ")"
 
     def summary(self) -> dict[str, Any]:
@@ -323,9 +323,12 @@ class ToleranceAnalysis(Spread, Result):
         rows = {"system": repr(self.system), "drawn": ", ".join(self.drawn)}
         rows |= {"points": str(len(self.points)), "motions": self._counted()}
         if self.specification:
-            last = self.yields.iloc[-1]
-            rows["yield"] = f"{last['share']:.1%} ({last['low']:.1%} to {last['high']:.1%})"
+            rows["yield"] = self._yield()
         return rows
+
+    def _yield(self) -> str:
+        last = self.yields.iloc[-1]
+        return f"{last['share']:.1%} ({last['low']:.1%} to {last['high']:.1%})"
 
 
 @takes_system(start="initial")

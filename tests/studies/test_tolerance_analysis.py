@@ -57,8 +57,9 @@ def test_yields_count_points(found):
         assert abs(share - bound) == pytest.approx(
             1.959963984540054 * math.sqrt(bound * (1.0 - bound) / 32), rel=1e-9
         )
-    assert "yield" in repr(found)
-    assert "yield" in found.summary()
+    interval = f"({low:.1%} to {high:.1%})"
+    assert interval in repr(found)
+    assert interval in found.summary()["yield"]
 
 
 def test_motions_that_have_not_settled_meet_no_specification():
