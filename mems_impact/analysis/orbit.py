@@ -443,7 +443,7 @@ class Orbit(Result):
         return later
 
     def _arcs(self, per_period: int = 0) -> Iterator[tuple[int, Floats, Trajectory, Samples]]:
-        """Integrate the segments of the orbit, each in its mode to its end, ignoring guards.
+        """Integrate the pieces of the orbit, each in its mode to its end, ignoring guards.
 
         The orbit may penetrate, and a run would leave a very unstable orbit. Each arc is returned
         with its forcing period, the cyclic states before it, and its samples.
@@ -451,18 +451,17 @@ class Orbit(Result):
         orbit, problem = self.numeric, self._problem
         cyclic = list(problem.automaton.cyclic)
         problem = replace(problem, automaton=unguarded(problem.automaton))
-        states, _ = orbit.shooting.unpack(orbit.point.unknowns)
         offset = np.zeros(len(problem.automaton.states))
-        for i, segment in enumerate(orbit.segments):
+        for piece in orbit.shooting.pieces(orbit.point):
             # At the start of a period the time of an event may be negative by rounding.
-            start, end = max(float(orbit.point.starts[i]), 0.0), float(orbit.point.ends[i])
+            start, end = max(piece.start, 0.0), piece.end
             if end > start:
-                y = self.system.snap_to_mode(segment.mode, states[i])
-                begin = HybridState(0, start, segment.mode, y, switched=True)
+                y = self.system.snap_to_mode(piece.mode, piece.state)
+                begin = HybridState(0, start, piece.mode, y, switched=True)
                 length = (end - start) / problem.period
                 arc = run(problem, begin, length, checkpoints=CheckpointGrid(per_period))
-                yield segment.cycle, offset.copy(), arc, arc.checkpoints
-            offset[cyclic] += orbit.point.arcs[i].end[cyclic]
+                yield orbit.segments[piece.segment].cycle, offset.copy(), arc, arc.checkpoints
+            offset[cyclic] += piece.arc.end[cyclic]
 
     def _segment_end(self, code: int) -> str:
         automaton = self.system.automaton

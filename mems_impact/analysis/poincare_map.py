@@ -16,7 +16,7 @@ from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.equilibrium import differentiate
-from mems_impact.orbits.periodic_orbit import reduced_components, reduced_monodromy
+from mems_impact.orbits.monodromy import reduced_components, reduced_monodromy
 from mems_impact.systems.base import HybridSystem
 
 __all__ = ["FixedPoint", "PoincareMap", "fixed_points"]

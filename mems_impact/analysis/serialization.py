@@ -119,7 +119,7 @@ register(
 register(
     Shooting,
     parts=lambda s: {"family": s.family, "segments": s.segments, "active": s.active,
-                     "pinned": tuple(s.pinned.items()), "phase": s.phase},
+                     "pinned": tuple(s.pinned.items()), "phase": s.phase, "nodes": s.nodes},
     constructor=lambda pinned, **rest: Shooting(pinned=dict(pinned), **rest),
 )  # fmt: skip
 register_run(run.Run)

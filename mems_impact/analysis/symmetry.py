@@ -121,9 +121,7 @@ class Symmetry:
             point, shooting, time = orbit.point, orbit.shooting, 0.5 * orbit.point.period
             ends = point.ends.tolist()
             i = next(i for i, end in enumerate(ends) if (end > time if after else end >= time))
-            mode, begin = orbit.segments[i].mode, shooting.unpack(point.unknowns)[0][i]
-            variational = shooting.variational(point.parameter_point)
-            y = variational.arc(mode, begin, float(point.starts[i]), time).end
+            mode, y = orbit.segments[i].mode, shooting.arc_to(point, i, time).end
         return self.numeric.modes.get(mode, mode), self.numeric.state(y)
 
     def _image(self, solution: Orbit | Equilibrium) -> Orbit | Equilibrium | None:

@@ -31,13 +31,12 @@ from mems_impact.continuation.test_functions import (
     PAIR,
     DefiningSystem,
     MultiplierTest,
-    multipliers_at,
     orbit_tests,
 )
 from mems_impact.errors import OrbitError
-from mems_impact.orbits.limit_cycle import rebase_phase
+from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, ShootingEvaluation
+from mems_impact.orbits.shooting import RESIDUAL_TOLERANCE, Shooting, ShootingEvaluation
 
 __all__ = ["BranchPointCurve"]
 
@@ -100,17 +99,23 @@ class BranchPointCurve(CurveProblem):
     def _defining_system(self) -> DefiningSystem:
         return DefiningSystem(self.shooting, self.monitor)
 
-    def restarted_cycle(
-        self, point: ShootingEvaluation, direction: Floats
+    def with_equations(
+        self,
+        other: Shooting,
+        unknowns: Floats,
+        first: int,
+        point: ShootingEvaluation,
+        direction: Floats,
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return the point for a cycle with another start, and the tangent."""
-        shooting, unknowns, first = rebase_phase(self.shooting, point)
+        """Return the orbit of a point with other equations, and the tangent of the curve."""
+        shooting = other
         near = shooting.evaluate(unknowns, point.values)
         start, across = np.concatenate([unknowns, point.values]), curve_tangent(shooting, near)
         restarted = correct_branch_point(shooting, near, start, across, start).point
-        self.zero = {other.rebased(len(self.shooting.segments), first) for other in self.zero}
+        count = len(shooting.segments)
+        self.zero = {test.rebased(count, first) for test in self.zero}
         self.shooting, self.condition = shooting, DefiningSystem(shooting, self.monitor)
-        return restarted, oriented(curve_tangent(shooting, restarted), direction, 2)
+        return restarted, oriented(curve_tangent(shooting, restarted), direction, shooting)
 
     def tangent(self, point: ShootingEvaluation, direction: Floats) -> Floats:
         """Return the unit tangent of the curve, oriented along `direction`."""

@@ -17,6 +17,7 @@ from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.orbits.division import MAX_GROWTH, NODE_GROWTH, growth, with_nodes
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
     EquilibriumEvaluation,
@@ -41,12 +42,24 @@ def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
 
     A limit cycle has one start: its second pass continues the last segment of the first.
     """
-    segments, point = orbit.segments, orbit.point
-    states, _ = orbit.shooting.unpack(point.unknowns)
+    segments, point, nodes = orbit.segments, orbit.point, orbit.shooting.nodes
+    states, _ = orbit.shooting.unpack_pieces(point.unknowns)
     if orbit.shooting.phase is None:
         later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in segments)
-        return OrbitGuess(segments + later, np.tile(states, (2, 1)), np.tile(point.ends, 2))
+        twice, ends = np.tile(states, (2, 1)), np.tile(point.ends, 2)
+        return OrbitGuess(segments + later, twice, ends, nodes=nodes + nodes)
     times = np.concatenate([point.ends[:-1], point.period + point.ends])
+    if any(nodes):
+        # The start of the second pass is a node of the segment that continues across it.
+        starts = np.append(0.0, times[:-1])
+        passed = [(piece.start, piece.state) for piece in orbit.shooting.pieces(point)]
+        passed += [(point.period + time, state) for time, state in passed]
+        instants = [
+            [each for each in passed if a < each[0] < b] for a, b in zip(starts, times, strict=True)
+        ]
+        firsts = [next(y for t, y in passed if t >= a) for a in starts]
+        nodes, states = with_nodes(np.array(firsts), starts, times, instants)
+        return OrbitGuess(segments[:-1] + segments, states, times, nodes=nodes)
     return OrbitGuess(segments[:-1] + segments, np.vstack([states, states[1:]]), times)
 
 
@@ -72,7 +85,7 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
         If the orbit has no multiplier -1.
     """
     guess = double_cover(orbit)
-    shooting = orbit.equations((parameter,), guess.segments)
+    shooting = orbit.equations((parameter,), guess.segments, nodes=guess.nodes)
     unknowns = shooting.pack(guess)
     value = np.array([orbit.family.values[parameter]])
     point = shooting.evaluate(unknowns, value)
@@ -202,7 +215,7 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
         raise OrbitError("no pair of eigenvalues is on the imaginary axis", "locate a Hopf point")
     balance, value = equilibrium.balance, equilibrium.family.values[parameter]
     values, vectors = np.linalg.eig(balance.jacobian)
-    direction, across = _plane(vectors[:, np.argmin(np.abs(values - 1j * rate))])
+    direction, across, turned = _plane(vectors[:, np.argmin(np.abs(values - 1j * rate))])
     center = balance.unknowns
     period = 2.0 * math.pi / rate
     phase = Phase(tuple(across.tolist()), float(across @ center), period)
@@ -211,11 +224,16 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
     family = _family_with_method(
         equilibrium, center + size * SWITCH_DISTANCES[-1] * direction, period
     )
-    shooting = Shooting(family, segments, (parameter,), phase=phase)
-    # To first order in the amplitude only the state changes; period and parameter are those of the
-    # linearization.
-    middle = np.array([*center, period / phase.unit, value])
-    away = np.array([*direction, 0.0, 0.0])
+    count = _piece_count(balance.jacobian, period)
+    shares = np.arange(count) / count
+    nodes = (tuple(shares[1:].tolist()),)
+    shooting = Shooting(family, segments, (parameter,), phase=phase, nodes=nodes)
+    # To first order in the amplitude only the state changes, and turns in a plane; period and
+    # parameter are those of the linearization.
+    middle = np.array([*np.tile(center, count), period / phase.unit, value])
+    angles = 2.0 * math.pi * shares[:, None]
+    along = np.where(angles > 0.0, np.cos(angles) * direction + np.sin(angles) * turned, direction)
+    away = np.array([*along.ravel(), 0.0, 0.0])
     distances = [size * distance for distance in SWITCH_DISTANCES]
     return first_orbit_on_branch(shooting, middle, away, distances)
 
@@ -231,10 +249,24 @@ def _family_with_method(equilibrium: EquilibriumState, beside: Floats, period: f
         return family.suited(False)
 
 
-def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return orthogonal unit vectors along the major axis of a rotation and in its direction."""
+def _piece_count(jacobian: Floats, period: float) -> int:
+    """Return the number of equal pieces of a small cycle in which perturbations grow little."""
+    from scipy.linalg import expm  # imported on first use, which a run need not wait for
+
+    count = 1
+    while growth(expm(jacobian * (period / count))) > (NODE_GROWTH if count > 1 else MAX_GROWTH):
+        count *= 2
+    return count
+
+
+def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return orthogonal unit vectors along the major axis of a rotation and in its direction.
+
+    The third vector is the image of the first after a quarter of a turn.
+    """
     # Rotate the eigenvector so that its real and imaginary parts are orthogonal.
     turn = 0.5 * np.angle(np.sum(vector * vector))
     vector = vector * np.exp(-1j * turn)
     real, onward = vector.real, -vector.imag
-    return real / np.linalg.norm(real), onward / np.linalg.norm(onward)
+    length = np.linalg.norm(real)
+    return real / length, onward / np.linalg.norm(onward), onward / length

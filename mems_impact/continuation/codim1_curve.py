@@ -40,12 +40,11 @@ from mems_impact.continuation.test_functions import (
     TestFunction,
     closest_approach,
     curve_tests,
-    multipliers_at,
     orbit_tests,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.linear_equations import null_vector
+from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.newton import Linearized, P, Solution, Solvable, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
@@ -217,11 +216,16 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         gaps = [(gap.value, j) for gap, j in nearest if gap is not None]
         return min(gaps, default=(0.0, -1))[1]
 
-    def restarted_cycle(
-        self, point: ShootingEvaluation, direction: Floats
+    def with_equations(
+        self,
+        other: Shooting,
+        unknowns: Floats,
+        first: int,
+        point: ShootingEvaluation,
+        direction: Floats,
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return the point for a cycle with another start, and the tangent."""
-        shooting, unknowns, first = rebase_phase(self.shooting, point)
+        """Return the orbit of a point with other equations, and the tangent of the curve."""
+        shooting = other
         count = len(self.shooting.segments)
         monitor = self.monitor.rebased(count, first)
         condition = monitor.equation(shooting)
@@ -231,8 +235,8 @@ class CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         restarted = correct_condition(shooting, condition, gradient, start, across, start).point
         self._linear = restarted, condition.gradient(restarted)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
-        self.zero = {other.rebased(count, first) for other in self.zero}
-        return restarted, oriented(curve_direction(*self._linear), direction, 2)
+        self.zero = {test.rebased(count, first) for test in self.zero}
+        return restarted, oriented(curve_direction(*self._linear), direction, shooting)
 
     def record(self, point: ShootingEvaluation, direction: Floats) -> None:
         """Append an orbit to the curve."""

@@ -41,13 +41,9 @@ from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Variational
+from mems_impact.orbits.monodromy import reduced_components
 from mems_impact.orbits.newton import newton, solve
-from mems_impact.orbits.periodic_orbit import (
-    PeriodicOrbit,
-    defects,
-    make_orbit,
-    reduced_components,
-)
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_signature
 
@@ -447,7 +443,7 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     segment = orbit.segments[i]
     states, _ = shooting.unpack(point.unknowns)
     variational = shooting.variational(point.parameter_point)
-    contact = variational.arc(segment.mode, states[i], point.starts[i], time).end
+    contact = shooting.arc_to(point, i, time).end
     weak = low_velocity_contact(variational, segment.mode, guard, time, contact, ENTRY_RATE)
     problem = orbit.problem
     share = 0.02

@@ -100,14 +100,14 @@ def _slowest(orbit: PeriodicOrbit, fast: float) -> tuple[float, int, Floats, Flo
     shooting, point = orbit.shooting, orbit.point
     variational, free = shooting.variational(point.parameter_point), shooting.free
     modes, states, slopes = [], [], []
-    for i, y in enumerate(shooting.unpack(point.unknowns)[0]):
-        length = float(point.ends[i] - point.starts[i])
+    for piece in shooting.pieces(point):
+        length = piece.end - piece.start
         count = max(SEGMENT_SAMPLES, math.ceil(SHORTEST_PERIOD_SAMPLES * length / fast))
-        times = np.linspace(point.starts[i], point.ends[i], count + 1)
-        slowest = y
+        times = np.linspace(piece.start, piece.end, count + 1)
+        slowest = piece.state
         for begin, end in pairwise(times.tolist()):
-            arc = variational.arc(shooting.segments[i].mode, slowest, begin, end)
-            modes.append(shooting.segments[i].mode)
+            arc = variational.arc(piece.mode, slowest, begin, end)
+            modes.append(piece.mode)
             states.append(arc.end)
             slopes.append(arc.slope_end[free])
             slowest = arc.end

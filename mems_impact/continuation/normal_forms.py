@@ -35,7 +35,7 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import EquilibriumState
-from mems_impact.orbits.periodic_orbit import reduced_components
+from mems_impact.orbits.monodromy import reduced_components
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"

@@ -84,15 +84,17 @@ from mems_impact.continuation.test_functions import (
 from mems_impact.continuation.user_test_functions import FunctionTest, FunctionZeros
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.orbits.division import divided
 from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase
+from mems_impact.orbits.monodromy import monodromy_factors
 from mems_impact.orbits.newton import solve
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit, reduced_monodromy
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, length_gradient
 from mems_impact.orbits.signature import BOUNDARY
 
 __all__ = ["BranchPoint", "OrbitBranch", "follow"]
 
-# --- Another start of a limit cycle
+# --- Other equations of the same orbits
 
 
 def restart_cycle(
@@ -106,19 +108,37 @@ def restart_cycle(
         If it cannot be corrected there.
     """
     other, unknowns, _ = rebase_phase(shooting, point)
+    return other, *corrected(other, unknowns, point, direction)
+
+
+def corrected(
+    other: Shooting, unknowns: Floats, point: ShootingEvaluation, direction: Floats
+) -> tuple[ShootingEvaluation, Floats]:
+    """Return the solution of other equations for an orbit, and the tangent of the branch.
+
+    Raises
+    ------
+    OrbitError
+        If it cannot be corrected there.
+    """
     # Normal to the branch: at a fold the equations for a fixed parameter are singular.
     across = tangent(other.evaluate(unknowns, point.values))
-    restarted = correct(other, np.concatenate([unknowns, point.values]), across).point
-    return other, restarted, oriented(tangent(restarted), direction)
+    solution = correct(other, np.concatenate([unknowns, point.values]), across).point
+    return solution, oriented(tangent(solution), direction, other)
 
 
-def oriented(onward: Floats, direction: Floats, parameters: int = 1) -> Floats:
-    """Orient a tangent along the one for the previous start of the limit cycle.
+def oriented(onward: Floats, direction: Floats, other: Shooting) -> Floats:
+    """Orient a tangent of other equations along the former one.
 
-    The changes of period and parameters are independent of the start.
+    The changes of period and parameters are independent of the start of a limit cycle; a forced
+    orbit has the same start and the same events.
     """
-    same = float(onward[-1 - parameters :] @ direction[-1 - parameters :]) >= 0.0
-    return onward if same else -onward
+    shared = len(other.active) + (len(other.events) if other.phase is None else 1)
+    same = onward[-shared:] @ direction[-shared:]
+    if other.phase is None:
+        first = len(other.free)
+        same += onward[:first] @ direction[:first]
+    return onward if same >= 0.0 else -onward
 
 
 # --- Continuation problem of periodic orbits
@@ -154,16 +174,25 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
     def rebased(
         self, point: ShootingEvaluation, direction: Floats
     ) -> tuple[ShootingEvaluation, Floats] | None:
-        """Restart a cycle if its start is close to an event."""
-        return (
-            None if phase_is_clear(self.shooting, point) else self.restarted_cycle(point, direction)
-        )
+        """Restart a cycle if its start is close to an event; choose other nodes if necessary."""
+        if not phase_is_clear(self.shooting, point):
+            return self.with_equations(*rebase_phase(self.shooting, point), point, direction)
+        other = divided(self.shooting, point)
+        return None if other is None else self.with_equations(*other, 0, point, direction)
 
     @abstractmethod
-    def restarted_cycle(
-        self, point: ShootingEvaluation, direction: Floats
+    def with_equations(
+        self,
+        other: Shooting,
+        unknowns: Floats,
+        first: int,
+        point: ShootingEvaluation,
+        direction: Floats,
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return a limit cycle with another start, and the tangent of the branch or curve."""
+        """Return the orbit of a point with other equations, and the tangent of branch or curve.
+
+        The equations of a cycle may start in another segment, the number `first`.
+        """
 
     def rates(self, point: ShootingEvaluation, name: str, value: float) -> Floats:
         """Return the flow at both ends of all segments, and the states after the events."""
@@ -483,12 +512,17 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         self.record(start, onward)
         return Restart(start, onward, self.steps.initial_step)
 
-    def restarted_cycle(
-        self, point: ShootingEvaluation, direction: Floats
+    def with_equations(
+        self,
+        other: Shooting,
+        unknowns: Floats,
+        first: int,
+        point: ShootingEvaluation,
+        direction: Floats,
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Return a limit cycle with another start, and the tangent of the branch."""
-        self.shooting, point, direction = restart_cycle(self.shooting, point, direction)
-        return point, direction
+        """Return the orbit of a point with other equations, and the tangent of the branch."""
+        self.shooting = other
+        return corrected(other, unknowns, point, direction)
 
     def end_at(self, point: ShootingEvaluation) -> str:
         """Return the reason for an end at an orbit; empty if the branch continues."""
@@ -605,8 +639,8 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             solution = solve(shooting, point.unknowns, np.array([event.value]))
         except CONTINUATION_ERRORS:
             solution = point
-        before = CIRCLE.spectrum(reduced_monodromy(event.orbit.shooting, earlier))
-        after = CIRCLE.spectrum(reduced_monodromy(shooting, solution))
+        before = CIRCLE.spectrum(monodromy_factors(event.orbit.shooting, earlier))
+        after = CIRCLE.spectrum(monodromy_factors(shooting, solution))
         passing = CIRCLE.crossings(before, after)
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if event.direction[-1] * direction[-1] < 0.0:
@@ -748,7 +782,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
             short = UNEXPLAINED_STEP_RATIO * self.steps.max_step
             self.bifurcations = Bifurcations(
-                shooting, CIRCLE, partial(reduced_monodromy, shooting), short
+                shooting, CIRCLE, partial(monodromy_factors, shooting), short
             )
         first, last = (test[BranchPointTest()] for test in (before, after))
         if max(abs(first), abs(last)) < REGULARITY_NOISE:

@@ -30,13 +30,8 @@ from mems_impact.continuation.test_functions import (
 )
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
-from mems_impact.orbits.periodic_orbit import (
-    PeriodicOrbit,
-    defects,
-    make_orbit,
-    reduced_components,
-    reduced_monodromy,
-)
+from mems_impact.orbits.monodromy import reduced_components, reduced_monodromy
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
 
 MIN_BRACKET_RATIO = 1e-13  # bracket of the last admissible orbit, relative to the step

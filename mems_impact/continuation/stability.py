@@ -21,6 +21,7 @@ from mems_impact.continuation.branch_points import BranchPoints
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAINED
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.newton import P, Solvable
+from mems_impact.orbits.periodic_schur import product_eigenvalues
 from mems_impact.orbits.spectrum import EIGENVALUE_RTOL, MULTIPLIER_RTOL
 
 # --- Crossings of the border of stability
@@ -61,7 +62,12 @@ class Border:
     fold_distance: float
 
     def spectrum(self, matrix: Floats) -> Spectrum:
-        """Return the eigenvalues of a matrix, with their growth."""
+        """Return the eigenvalues of a matrix, or of a product of matrices, with their growth."""
+        if matrix.ndim == 3:
+            if len(matrix) == 1:
+                return self.spectrum(matrix[0])
+            values, conditions = product_eigenvalues(matrix)
+            return Spectrum(values, self.growth(values), self.accuracy * conditions)
         if not matrix.size:
             return Spectrum(np.zeros(0, complex), np.zeros(0), np.zeros(0))
         values, left, right = eig(matrix, left=True, right=True)
@@ -173,7 +179,8 @@ class Crossings:
     ----------
     border : Border
     matrix : callable
-        Matrix of the eigenvalues at a position in the step. It may raise an OrbitError.
+        Matrix of the eigenvalues at a position in the step, or its factors. It may raise an
+        OrbitError.
     previous : tuple, optional
         A (negative) position before the step, with the spectrum there.
     start : Spectrum, optional
@@ -361,7 +368,7 @@ class Bifurcations(Generic[P]):
     border : Border
         Border of stability.
     matrix : callable
-        Matrix of the eigenvalues at a point.
+        Matrix of the eigenvalues at a point, or its factors.
     short_length : float
         Length below which a step is short.
     """

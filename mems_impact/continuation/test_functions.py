@@ -16,7 +16,7 @@ from mems_impact.continuation.higher_derivatives import plain_derivatives
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.event_loop.workspace import NONE
-from mems_impact.orbits.periodic_orbit import reduced_monodromy
+from mems_impact.orbits.monodromy import monodromy_factors, multipliers_at
 from mems_impact.orbits.shooting import (
     Shooting,
     ShootingEvaluation,
@@ -389,8 +389,15 @@ class PeriodDoublingTest(TestFunction):
     condition: ClassVar[type[DefiningSystem]] = PeriodDoublingCondition
 
     def value(self, equations: Any, point: Any, direction: Floats) -> float:
-        """Return it, relative to the largest entry of the reduced monodromy matrix."""
-        matrix = reduced_monodromy(equations, point)
+        """Return it, relative to the largest entry of the reduced monodromy matrix.
+
+        Of several factors it is the product of the distances of all multipliers, relative to them.
+        """
+        factors = monodromy_factors(equations, point)
+        if len(factors) > 1:
+            multipliers = multipliers_at(equations, point)
+            return float(np.prod((multipliers + 1.0) / (1.0 + np.abs(multipliers))).real)
+        matrix = factors[0]
         # Multipliers diverge as the inverse of an impact speed; the scaling removes this growth.
         return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
 
@@ -657,11 +664,6 @@ def curve_tests(kind: str) -> tuple[MultiplierTest | CuspTest, ...]:
     names = (PLUS, MINUS, PAIR, *(COSINES if kind == NEIMARK_SACKER else ()))
     found = tuple(MultiplierTest(kind, name) for name in names)
     return (*found, CuspTest()) if kind == FOLD else found
-
-
-def multipliers_at(shooting: Shooting, point: ShootingEvaluation) -> Complexes:
-    """Return the multipliers at an orbit, in no order."""
-    return np.linalg.eigvals(reduced_monodromy(shooting, point)).astype(complex)
 
 
 def neutral_pair(multipliers: Any) -> tuple[int, int, float]:

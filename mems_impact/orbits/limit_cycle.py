@@ -13,6 +13,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.orbits.division import with_nodes
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.period_detection import check_bounded, detect_period, flow_at
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
@@ -165,19 +166,32 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
     marks = _event_times(point)
     begin = _middle(marks, point.period) if marks.size else 0.0
     source = int(np.flatnonzero(point.starts <= begin)[-1])
-    mode, since = shooting.segments[source].mode, float(point.starts[source])
-    arc = shooting.variational(point.parameter_point).arc(mode, states[source], since, begin)
+    mode, arc = shooting.segments[source].mode, shooting.arc_to(point, source, begin)
     first = np.array(arc.end)
     first[list(shooting.automaton.cyclic)] = 0.0
+    # The former start, and the former nodes, are nodes of the segments there.
+    former = [
+        (float((piece.start - begin) % point.period), piece.state)
+        for piece, share in zip(shooting.pieces(point), shooting.layout.begin, strict=True)
+        if share > 0.0 or (last and piece.segment == 0)
+    ]
     # The last and the first segment are one, divided at the former start.
     states[0] = states[last]
     i = source % last if last else 0
     order = [*range(i, last), *range(i)]
+    times = np.append((point.ends[order] - begin) % point.period, point.period)
+    starts = np.append(0.0, times[:-1])
+    instants = [
+        [each for each in former if a < each[0] < b and any(shooting.nodes)]
+        for a, b in zip(starts, times, strict=True)
+    ]
+    rows = np.vstack([first, states[[*order[1:], i]]]) if last else first[None]
+    nodes, rows = with_nodes(rows, starts, times, instants)
     guess = OrbitGuess(
         segments=(*(shooting.segments[j] for j in order), Segment(mode, 0, BOUNDARY)),
-        states=np.vstack([first, states[[*order[1:], i]]]) if last else first[None],
-        times=np.append((point.ends[order] - begin) % point.period, point.period),
+        states=rows,
+        times=times,
     )
     phase = Phase.across(arc.slope_end[free], first[free], point.period)
-    other = shooting.with_phase(guess.segments, phase)
+    other = shooting.with_phase(guess.segments, phase, nodes)
     return other, other.pack(guess), i

@@ -15,6 +15,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Samples, Trajectory, run
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
+from mems_impact.orbits.division import divided
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.limit_cycle import limit_cycle_guess, phase_is_clear, rebase_phase
 from mems_impact.orbits.newton import solve
@@ -41,6 +42,9 @@ GROWTH_RTOL = 0.1  # relative change of a rate below which growth is steady
 COMPARED_INSTANTS = 8  # instants of the run at which the functions are evaluated
 
 _Kind = Literal["unread", "angle", "together"]
+
+
+MAX_DIVISIONS = 4  # of an orbit, whose perturbations grow more than those of its guess
 
 
 class Drift(NamedTuple):
@@ -275,8 +279,14 @@ def find_cycle(
 def _corrected(shooting: Shooting, guess: OrbitGuess) -> PeriodicOrbit:
     unknowns = shooting.pack(guess)
     values = np.array([shooting.family.value(a) for a in shooting.active])
-    shooting.pin(shooting.evaluate(unknowns, values))
-    return make_orbit(shooting, solve(shooting, unknowns, values))
+    point = shooting.evaluate(unknowns, values)
+    shooting.pin(point)
+    for _ in range(MAX_DIVISIONS):
+        shooting, unknowns = divided(shooting, point) or (shooting, unknowns)
+        point = solve(shooting, unknowns, values)
+        if divided(shooting, point) is None:
+            break
+    return make_orbit(shooting, point)
 
 
 def _passes(orbit: PeriodicOrbit) -> int:

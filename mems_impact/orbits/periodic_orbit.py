@@ -10,29 +10,17 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.formatting import stability_name
-from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.derivatives import Arc
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.shooting import (
-    TOUCHING_RATE,
-    Shooting,
-    ShootingEvaluation,
-    normal_basis,
-    without_flow_direction,
-)
+from mems_impact.orbits.monodromy import is_stable, multipliers_at, reduced_monodromy
+from mems_impact.orbits.shooting import TOUCHING_RATE, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import Segment
-from mems_impact.orbits.spectrum import multipliers_stable, ratios
 
 ORBIT_MARGIN_TOLERANCE = 1e-9  # tolerated violation of a margin by an admissible orbit
 MAX_TOUCH_RATIO = 1e4  # of a change of the flow to the rate of its guard, for bounded multipliers
-MAX_GROWTH = 1e3  # growth of perturbations in an arc; multipliers have the error growth^2 1e-14
-MAX_ERROR_RATIO = 1e6  # largest ratio of the error of a monodromy matrix to the tolerance
-ERROR_SAFETY = 3.0  # factor on the estimate of this error
-MIN_PIECE_RATIO = 2.0**-12  # shortest piece of an arc of larger growth, relative to the arc
 
 
 @dataclass(frozen=True)
@@ -122,6 +110,7 @@ class PeriodicOrbit:
         active: tuple[str, ...],
         segments: tuple[Segment, ...] | None = None,
         pinned: Mapping[int, tuple[float, ...]] | None = None,
+        nodes: tuple[tuple[float, ...], ...] = (),
     ) -> Shooting:
         """Return the shooting equations with other active parameters or another signature."""
         return Shooting(
@@ -130,6 +119,7 @@ class PeriodicOrbit:
             active,
             self.shooting.pinned if pinned is None else pinned,
             self.shooting.phase,
+            self.shooting.nodes if segments is None else nodes,
         )
 
     @property
@@ -184,101 +174,12 @@ class PeriodicOrbit:
         return reduced_monodromy(self.shooting, self.point)
 
 
-def reduced_monodromy(
-    shooting: Shooting, point: ShootingEvaluation, first: int | None = None
-) -> Floats:
-    """Return the monodromy matrix without the components that the first mode holds fixed.
-
-    For a limit cycle it is restricted to the plane normal to the flow, without the trivial
-    multiplier 1. With `first` it covers only that number of segments.
-    """
-    monodromy = shooting.monodromy(point)
-    keep = reduced_components(shooting, point, monodromy)
-    matrix = monodromy if first is None else shooting.monodromy(point, first)
-    matrix = matrix[np.ix_(keep, keep)]
-    if shooting.phase is None or not keep:
-        return matrix
-    flow = point.arcs[0].slope_start[shooting.free][keep]
-    if first is None and any(_growth(arc, shooting) > MAX_GROWTH for arc in point.arcs):
-        return point.matrix(
-            "transverse monodromy", lambda: _transverse_monodromy(shooting, point, keep, flow)
-        )
-    return without_flow_direction(matrix, flow)
-
-
-def _transverse_monodromy(
-    shooting: Shooting, point: ShootingEvaluation, keep: list[int], flow: Floats
-) -> Floats:
-    """Return the monodromy matrix on the plane normal to the flow, from pieces of the arcs.
-
-    Perturbations grow along a canard or past a saddle, and leave a large shift along the flow, in
-    which the others are lost to rounding. Without the shift at the end of each piece they are not.
-    """
-    free, variational = shooting.free, shooting.variational(point.parameter_point)
-    across = normal_basis(flow)
-    columns = np.zeros((len(free), across.shape[1]))
-    columns[keep] = across
-    for c, factors in shooting.pinned.items():
-        columns[c] -= np.array(factors) @ columns
-    states, _ = shooting.unpack(point.unknowns)
-    for i, segment in enumerate(shooting.segments):
-        y, t, rest = states[i], float(point.starts[i]), [float(point.ends[i])]
-        smallest = MIN_PIECE_RATIO * (rest[0] - t)
-        while rest:
-            arc = variational.arc(segment.mode, y, t, rest[-1])
-            if _growth(arc, shooting) > MAX_GROWTH and rest[-1] - t > smallest:
-                rest.append(0.5 * (t + rest[-1]))
-                continue
-            y, t = arc.end, rest.pop()
-            columns = _without(arc.slope_end[free], arc.by_state[free] @ columns)
-        if point.events[i] is not None:
-            before = np.zeros((shooting.n, columns.shape[1]))
-            before[free] = columns
-            after = point.arcs[(i + 1) % len(point.arcs)].slope_start
-            columns = _without(after[free], shooting.after_event(i, point, before)[free])
-    return np.asarray(across.T @ columns[keep])
-
-
-def _growth(arc: Arc, shooting: Shooting) -> float:
-    """Return the growth of perturbations in an arc, whatever the units of the components."""
-    by_state = arc.by_state[shooting.free]
-    if np.abs(by_state).max() > MAX_GROWTH and np.isfinite(by_state).all():
-        from scipy.linalg import (
-            matrix_balance,
-        )  # imported on first use, which a run need not wait for
-
-        by_state, _ = matrix_balance(by_state, permute=False)
-    return float(np.abs(by_state).max())
-
-
-def _without(flow: Floats, columns: Floats) -> Floats:
-    """Return perturbations without their components along the flow."""
-    return np.asarray(columns - np.outer(flow, flow @ columns) / (flow @ flow))
-
-
-def reduced_components(
-    shooting: Shooting, point: ShootingEvaluation, monodromy: Floats | None = None
-) -> list[int]:
-    """Return the free components that the first mode does not hold fixed, by position."""
-    arc = point.arcs[0]
-    monodromy = shooting.monodromy(point) if monodromy is None else monodromy
-    still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
-    # A component that is fixed in the first segment and reset later has a trivial multiplier 0.
-    forgotten = [np.abs(row).max() < ORBIT_MARGIN_TOLERANCE for row in monodromy]
-    return [
-        c
-        for c in range(len(shooting.free))
-        if c not in shooting.pinned and not (still[c] and forgotten[c])
-    ]
-
-
 def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
     """Return the orbit of a solved point, with stability and admissibility."""
     values = dict(zip(shooting.active, point.values.tolist(), strict=True))
-    matrix = reduced_monodromy(shooting, point)
-    if not np.isfinite(matrix).all():
-        raise OrbitError("the monodromy matrix is not finite", "take another guess", point)
-    multipliers = np.linalg.eigvals(matrix).astype(complex) if matrix.size else np.zeros(1, complex)
+    multipliers = multipliers_at(shooting, point)
+    if not multipliers.size:
+        multipliers = np.zeros(1, complex)
     return PeriodicOrbit(
         family=shooting.family.at(**values),
         periods=shooting.segments[-1].cycle + 1,
@@ -286,23 +187,8 @@ def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
         point=point,
         multipliers=multipliers[np.argsort(-np.abs(multipliers))],
         defects=defects(shooting, point),
-        stable=_stable(shooting, point, matrix),
+        stable=is_stable(shooting, point),
     )
-
-
-def _stable(shooting: Shooting, point: ShootingEvaluation, matrix: Floats) -> bool | None:
-    """Return the stability, by the error of the monodromy matrix where a bound does not decide."""
-    sizes, bound = _sizes(shooting, point), MAX_ERROR_RATIO * shooting.family.problem().options.rtol
-    stable = multipliers_stable(matrix, sizes, bound)
-    if stable is not None:
-        return stable
-    try:
-        refined = shooting.refined.evaluate(point.unknowns, point.values)
-        change = ratios(reduced_monodromy(shooting.refined, refined) - matrix, sizes)
-    except (OrbitError, ValueError):  # the components that count differ
-        return None
-    error = ERROR_SAFETY * np.abs(change).max() / np.abs(ratios(matrix, sizes)).max()
-    return multipliers_stable(matrix, sizes, float(error))
 
 
 def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool:
@@ -319,21 +205,6 @@ def waits(shooting: Shooting, point: ShootingEvaluation, i: int, j: int) -> bool
     p, at_end = np.asarray(shooting.problem(point).parameters, dtype=float), point.arcs[i - 1].end
     before_event = automaton.margins_at(mode, float(point.ends[i - 1]), at_end, p)[0][j]
     return at_start < -ORBIT_MARGIN_TOLERANCE and before_event < ORBIT_MARGIN_TOLERANCE
-
-
-def _sizes(shooting: Shooting, point: ShootingEvaluation) -> Floats | float:
-    """Return the magnitudes of the components of the reduced monodromy matrix along the orbit."""
-    if shooting.phase is not None:
-        return 1.0  # combinations of components
-    lengths = np.maximum(point.ends - point.starts, 0.0)
-    along = [
-        np.abs([state, arc.end, length * arc.slope_start, length * arc.slope_end]).max(axis=0)
-        for state, arc, length in zip(
-            shooting.unpack(point.unknowns)[0], point.arcs, lengths, strict=True
-        )
-    ]
-    sizes = np.max(along, axis=0)[shooting.free][reduced_components(shooting, point)]
-    return np.asarray(np.where(sizes > 0.0, sizes, 1.0))
 
 
 def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:

@@ -4,10 +4,13 @@ The unknowns are the states at the starts of all segments and the times of all e
 time adds the margin of its guard as an equation, so the equations are regular at a grazing; beyond
 it their solution is an orbit that penetrates the guard. `defects` tests admissibility separately.
 
-Unknowns and equations are ordered in blocks, for N segments and f free components of the state:
+Nodes divide a segment into pieces where perturbations grow (`division`); the states there are
+unknowns too. N segments without nodes are N pieces.
 
-- unknowns: the N f components of the states, segment by segment; the times of the events;
-- equations, segment by segment: the margin of the event at the end, if it has one; the f components
+Unknowns and equations are ordered in blocks, for P pieces and f free components of the state:
+
+- unknowns: the P f components of the states, piece by piece; the times of the events;
+- equations, piece by piece: the margin of the event at the end, if it has one; the f components
   of the next state.
 
 For an autonomous system the period is the last unknown, and a phase condition the last equation.
@@ -16,9 +19,10 @@ For an autonomous system the period is the last unknown, and a phase condition t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,28 +45,35 @@ class UnknownLayout:
 
     def __init__(self, shooting: Shooting) -> None:
         segments, events, f = shooting.segments, shooting.events, len(shooting.free)
-        count = len(segments)
+        marks = [(0.0, *nodes, 1.0) for nodes in shooting.nodes]
+        self.first = np.cumsum([0, *(len(each) - 1 for each in marks)])
+        self.last, count, n_segments = self.first[1:] - 1, int(self.first[-1]), len(segments)
+        # The segment of each piece, and the fractions of its length at which the piece begins, ends
+        self.segment = np.repeat(np.arange(n_segments), np.diff(self.first))
+        spans = [span for each in marks for span in pairwise(each)]
+        self.begin, self.end = np.array(spans, dtype=float).reshape(count, 2).T
         size = f * count + len(events) + (shooting.phase is not None)
-        self.codes = np.array(
-            [(s.mode, NO_EVENT if s.code == BOUNDARY else s.code) for s in segments],
-            dtype=np.int64,
-        )
+        ends = [NO_EVENT if s.code == BOUNDARY else s.code for s in segments]
+        self.codes = np.array([(segments[i].mode, NO_EVENT) for i in self.segment], dtype=np.int64)
+        self.codes[self.last, 1] = ends
         self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
         self.events = np.array(events, dtype=np.int64)
         # Segments that start at the end of the previous one, not with a period.
         self.follows = np.array(
             [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
         )
-        self.by_end, self.by_start = np.zeros((count, size)), np.zeros((count, size))
+        self.by_end, self.by_start = np.zeros((n_segments, size)), np.zeros((n_segments, size))
         self.by_end[self.events, f * count + np.arange(len(events))] = shooting.unit
-        self.period_ends = self.codes[:, 1] == NO_EVENT
+        self.period_ends = np.array(ends) == NO_EVENT
         if shooting.phase is not None:
             self.by_end[self.period_ends, -1] = shooting.unit
         self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
+        self.piece_by_start, self.piece_by_end = self.divided(self.by_start, self.by_end)
         # The row of an event's margin precedes those of the states after it.
-        first = np.cumsum([i in events for i in range(count)]) + f * np.arange(count)
+        self.ended = self.last[self.events]  # pieces
+        first = np.cumsum([i in self.ended for i in range(count)]) + f * np.arange(count)
         self.state_rows = first[:, None] + np.arange(f)
-        self.guard_rows = first[self.events] - 1
+        self.guard_rows = first[self.ended] - 1
         columns = f * np.arange(count)[:, None] + np.arange(f)
         self.identity = np.zeros((size, size))
         self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
@@ -70,8 +81,18 @@ class UnknownLayout:
             *np.ix_(range(count), range(shooting.n), range(f))[:2],
             columns[:, None],
         )
-        self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
+        self.at_switch = np.array(ends) == shooting.automaton.switch_code
         self.switch = np.array([s.switch for s in segments], dtype=np.int64)
+
+    def divided(self, starts: Floats, ends: Floats) -> tuple[Floats, Floats]:
+        """Return the values at the starts and ends of all pieces, from those of the segments.
+
+        The values are linear in time within a segment. Shapes (N, …) and (P, …).
+        """
+        shape = (-1, *(1,) * (starts.ndim - 1))
+        starts, ends = starts[self.segment], ends[self.segment]
+        begin, end = self.begin.reshape(shape), self.end.reshape(shape)
+        return (1.0 - begin) * starts + begin * ends, (1.0 - end) * starts + end * ends
 
     def instants(self, at: ParameterPoint, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return starts and ends of the segments, and their derivatives by the parameters.
@@ -79,7 +100,7 @@ class UnknownLayout:
         Shapes (N,), (N,), (N, k), (N, k). The derivatives are nonzero only for ends that are not
         unknowns.
         """
-        count = len(self.codes)
+        count = len(self.switch)
         ends, end_rates = np.zeros(count), np.zeros((count, at.values.size))
         ends[self.events] = times
         ends[self.period_ends], end_rates[self.period_ends] = at.period, at.period_rates
@@ -92,10 +113,10 @@ class UnknownLayout:
         start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
         return starts, ends, start_rates, end_rates
 
-    def segment_times(self, starts: Floats, ends: Floats) -> Floats:
-        """Return the times of `Variational.traverse`."""
-        # Just before a switch.
-        margin_times = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)
+    def piece_times(self, starts: Floats, ends: Floats) -> Floats:
+        """Return the times of pieces for `Variational.traverse`."""
+        margin_times, at_switch = ends.copy(), self.last[self.at_switch]
+        margin_times[at_switch] = np.nextafter(ends[at_switch], 0.0)  # just before a switch
         return np.stack([starts, ends, margin_times], axis=1)
 
 
@@ -192,6 +213,8 @@ class ShootingEvaluation:
         Times of the segments, each since the start of its period.
     end_by_unknown, end_by_parameter : float array, shapes (N, n, unknowns), (N, n, k)
         Derivatives of the states at the ends, before the events.
+    pieces : tuple of Arc
+        Arcs of the pieces of segments with nodes; empty if there are none.
     """
 
     unknowns: Floats
@@ -205,6 +228,7 @@ class ShootingEvaluation:
     ends: Floats
     end_by_unknown: Floats
     end_by_parameter: Floats
+    pieces: tuple[Arc, ...] = ()
     _matrices: dict[object, Floats] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -227,13 +251,34 @@ class ShootingEvaluation:
         return self.parameter_point.period
 
 
-class Sensitivities(NamedTuple):
-    """Derivatives of the states of N segments.
+class Piece(NamedTuple):
+    """A part of a segment between nodes, and its arc.
 
     Attributes
     ----------
-    by_unknown : float array, shape (N, n, unknowns)
-    by_parameter : float array, shape (N, n, k)
+    segment, mode : int
+    start, end : float
+        Since the start of the period.
+    state : float array, shape (n,)
+        At the start.
+    arc : Arc
+    """
+
+    segment: int
+    mode: int
+    start: float
+    end: float
+    state: Floats
+    arc: Arc
+
+
+class Sensitivities(NamedTuple):
+    """Derivatives of the states of P pieces.
+
+    Attributes
+    ----------
+    by_unknown : float array, shape (P, n, unknowns)
+    by_parameter : float array, shape (P, n, k)
     """
 
     by_unknown: Floats
@@ -254,6 +299,8 @@ class Shooting:
         with coefficient 1 (see `pin`).
     phase : Phase, optional
         Phase condition of a limit cycle, whose period is then an unknown.
+    nodes : sequence of tuple of float, optional
+        For each segment the nodes inside, as ascending fractions of its length; none by default.
     """
 
     is_refined = False
@@ -265,7 +312,9 @@ class Shooting:
         active: tuple[str, ...],
         pinned: Mapping[int, tuple[float, ...]] | None = None,
         phase: Phase | None = None,
+        nodes: Sequence[tuple[float, ...]] = (),
     ) -> None:
+        self.nodes = tuple(nodes) or ((),) * len(segments)
         self.family, self.segments, self.active = family, segments, active
         self.phase, self.unit = phase, 1.0 if phase is None else phase.unit
         self.automaton = family.automaton
@@ -278,9 +327,14 @@ class Shooting:
         self.layout = UnknownLayout(self)
         self._last: ParameterPoint | None = None
 
-    def with_phase(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
-        """Return the equations of the same cycles with another start; they share the engine."""
-        other = Shooting(self.family, segments, self.active, self.pinned, phase)
+    def with_phase(
+        self, segments: tuple[Segment, ...], phase: Phase | None, nodes: Sequence[tuple[float, ...]]
+    ) -> Shooting:
+        """Return the equations of the same orbits with another start of cycles, or other nodes.
+
+        They share the engine.
+        """
+        other = Shooting(self.family, segments, self.active, self.pinned, phase, nodes)
         vars(other)["_variational"] = self._variational
         return other
 
@@ -327,13 +381,13 @@ class Shooting:
     __hash__ = None  # type: ignore[assignment]
 
     def _key(self) -> tuple[Any, ...]:
-        return self.family, self.segments, self.active, self.pinned, self.phase
+        return self.family, self.segments, self.active, self.pinned, self.phase, self.nodes
 
     def __reduce__(self) -> Any:
         return Shooting, self._key()
 
     def pack(self, guess: OrbitGuess) -> Floats:
-        """Return the unknowns of a guess.
+        """Return the unknowns of a guess, with states at the nodes if the equations have nodes.
 
         Components that are zero up to rounding are set to zero, since one that the orbit does not
         determine, such as the velocity of a stuck frame, keeps its initial value.
@@ -344,12 +398,33 @@ class Shooting:
 
     def unpack(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return the states at the starts, shape (N, n), and the times of the events."""
-        f, count = len(self.free), len(self.segments)
+        states, times = self.unpack_pieces(unknowns)
+        return states[self.layout.first[:-1]], times
+
+    def unpack_pieces(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Return the states at the starts of all pieces, shape (P, n), and the event times."""
+        f, count = len(self.free), self.layout.segment.size
         states = np.zeros((count, self.n))
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
         # The sign of a component that a transition sets to zero must not be that of rounding.
         states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
+
+    def pieces(self, point: ShootingEvaluation) -> Iterator[Piece]:
+        """Yield the pieces of the segments, in order."""
+        states, _ = self.unpack_pieces(point.unknowns)
+        starts, ends = self.layout.divided(point.starts, point.ends)
+        spans = zip(self.layout.segment.tolist(), starts.tolist(), ends.tolist(), strict=True)
+        arcs = point.pieces or point.arcs
+        for (i, start, end), state, arc in zip(spans, states, arcs, strict=True):
+            yield Piece(i, self.segments[i].mode, start, end, state, arc)
+
+    def arc_to(self, point: ShootingEvaluation, i: int, time: float) -> Arc:
+        """Return the arc from the last node of segment `i` before an instant to that instant."""
+        piece = [each for each in self.pieces(point) if each.segment == i and not each.start > time]
+        begin = piece[-1] if piece else next(e for e in self.pieces(point) if e.segment == i)
+        variational = self.variational(point.parameter_point)
+        return variational.arc(begin.mode, begin.state, begin.start, time)
 
     def norm(self, vector: Floats) -> float:
         """Return the norm of unknowns and parameters, of all segments the one that moves most.
@@ -357,10 +432,10 @@ class Shooting:
         The norm does not grow with the number of segments; an orbit and its double cover have the
         same norm.
         """
-        count, f = len(self.segments), len(self.free)
+        count, f = self.layout.segment.size, len(self.free)
         squares = np.square(vector)
         own_norms = squares[: f * count].reshape(count, f).sum(axis=1)
-        own_norms[self.events] += squares[f * count : f * count + len(self.events)]
+        own_norms[self.layout.ended] += squares[f * count : f * count + len(self.events)]
         return math.sqrt(own_norms.max() + squares[f * count + len(self.events) :].sum())
 
     def parameter_point(self, values: Floats) -> ParameterPoint:
@@ -405,10 +480,12 @@ class Shooting:
         if self.phase is not None:
             at = at.with_period(self.unit * float(unknowns[-1]))
         k, scales = len(self.active), at.scales
-        states, times = self.unpack(unknowns)
-        starts, ends, start_rates, end_rates = layout.instants(at, times)
+        states, times = self.unpack_pieces(unknowns)
+        segment_starts, segment_ends, *rates = layout.instants(at, times)
+        starts, ends = layout.divided(segment_starts, segment_ends)
+        start_rates, end_rates = layout.divided(*rates)
         arcs, events = self.variational(at).traverse(
-            layout.codes, states, layout.segment_times(starts, ends)
+            layout.codes, states, layout.piece_times(starts, ends)
         )
         end = self._sensitivities_at_end(arcs, scales, start_rates, end_rates)
         after = self._sensitivities_after(events, end, scales, end_rates)
@@ -420,11 +497,11 @@ class Shooting:
         jacobian[rows] -= after.by_unknown[:, free]
         by_parameter[rows] = -after.by_parameter[:, free]
         # The margin of the guard is zero at its event.
-        rows, ended, guards = layout.guard_rows, self.events, layout.guards
+        rows, ended, guards = layout.guard_rows, layout.ended, layout.guards
         gradient = events.margin_by_state[ended, guards][:, None]
         residual[rows] = events.margins[ended, guards]
         jacobian[rows] = (gradient @ end.by_unknown[ended])[:, 0]
-        jacobian[rows] += events.margin_by_time[ended, guards][:, None] * layout.by_end[ended]
+        jacobian[rows] += events.margin_by_time[ended, guards][:, None] * layout.piece_by_end[ended]
         by_parameter[rows] = (gradient @ end.by_parameter[ended])[:, 0]
         by_parameter[rows] += events.margin_by_parameter[ended, guards, :k] * scales
         # A pinned sum keeps its value; it replaces an equation that holds anyway.
@@ -437,23 +514,38 @@ class Shooting:
         if self.phase is not None:
             start, normal = states[0, free], np.array(self.phase.normal)
             residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
-        has_event = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
-        return ShootingEvaluation(
+        pieces = tuple(map(Arc._make, zip(*arcs, strict=True)))
+        transitions = tuple(map(Event._make, zip(*events, strict=True)))
+        last = layout.last
+        point = ShootingEvaluation(
             unknowns=unknowns,
             parameter_point=at,
             residual=residual,
             jacobian=jacobian,
             by_parameter=by_parameter,
-            arcs=tuple(map(Arc._make, zip(*arcs, strict=True))),
+            arcs=pieces,
             events=tuple(
-                Event._make(pieces) if event else None
-                for event, pieces in zip(has_event, zip(*events, strict=True), strict=True)
+                transitions[i] if layout.codes[i, 1] != NO_EVENT else None for i in last.tolist()
             ),
-            starts=starts,
-            ends=ends,
-            end_by_unknown=end.by_unknown,
-            end_by_parameter=end.by_parameter,
+            starts=segment_starts,
+            ends=segment_ends,
+            end_by_unknown=end.by_unknown[last],
+            end_by_parameter=end.by_parameter[last],
         )
+        if not any(self.nodes):
+            return point
+        # The gains of cyclic components, which the equations do not contain, add up.
+        cyclic = list(self.automaton.cyclic)
+        inner = arcs.slope_start[:, cyclic, None] * (layout.begin > 0.0)[:, None, None]
+        for joined, each, by_start in (
+            (point.end_by_unknown, end.by_unknown, layout.piece_by_start),
+            (point.end_by_parameter, end.by_parameter, start_rates),
+        ):
+            gains = each[:, cyclic] - inner * by_start[:, None]
+            joined[:, cyclic] = np.add.reduceat(gains, layout.first[:-1])
+        spans = pairwise(layout.first.tolist())
+        segments = tuple(_joined(pieces[a:b], free, cyclic) for a, b in spans)
+        return replace(point, arcs=segments, pieces=pieces)
 
     def _sensitivities_at_end(
         self, arcs: Arc, scales: Floats, start_rates: Floats, end_rates: Floats
@@ -462,7 +554,8 @@ class Shooting:
         layout, free, k = self.layout, self.free, len(self.active)
         by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])  # a later start: shorter arc
         by_end = arcs.slope_end[:, :, None]
-        by_unknown = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
+        by_unknown = by_start * layout.piece_by_start[:, None]
+        by_unknown = by_unknown + by_end * layout.piece_by_end[:, None]
         by_unknown[layout.own_state_block] += arcs.by_state
         by_parameter = (
             arcs.by_parameter[:, :, :k] * scales
@@ -477,7 +570,7 @@ class Shooting:
         """Return the sensitivities of the states after the events, from those before."""
         jump, by_time = events.jump_by_state, events.jump_by_time[:, :, None]
         return Sensitivities(
-            jump @ end.by_unknown + by_time * self.layout.by_end[:, None],
+            jump @ end.by_unknown + by_time * self.layout.piece_by_end[:, None],
             jump @ end.by_parameter
             + events.jump_by_parameter[:, :, : len(self.active)] * scales
             + by_time * end_rates[:, None],
@@ -605,6 +698,33 @@ def _left_null_space(matrix: Floats) -> Floats:
     return np.asarray(vectors[:, sizes < RESIDUAL_TOLERANCE].T)
 
 
+def _joined(pieces: Sequence[Arc], free: list[int], cyclic: list[int]) -> Arc:
+    """Return the arc of successive pieces, each of which starts at the end of the last one.
+
+    The state and its columns at the closest approach to a guard are those of the piece.
+    """
+    arc = pieces[0]
+    for piece in pieces[1:]:
+        columns = np.column_stack([arc.end, arc.by_state, arc.by_parameter])
+        end = np.column_stack([piece.end, piece.by_state @ columns[free, 1:]])
+        end[:, -piece.by_parameter.shape[1] :] += piece.by_parameter
+        end[cyclic] += columns[cyclic]
+        nearer = piece.minima < arc.minima
+        arc = Arc(
+            end=end[:, 0],
+            by_state=end[:, 1 : 1 + len(free)],
+            by_parameter=end[:, 1 + len(free) :],
+            slope_start=arc.slope_start,
+            slope_end=piece.slope_end,
+            minima=np.where(nearer, piece.minima, arc.minima),
+            minima_time=np.where(nearer, piece.minima_time, arc.minima_time),
+            touches=np.where(nearer[:, None, None], piece.touches, arc.touches),
+            margins=np.stack([arc.margins[0], piece.margins[1]]),
+            rates=np.stack([arc.rates[0], piece.rates[1]]),
+        )
+    return arc
+
+
 # --- Gradients of test functions by the unknowns and the active parameters, shape (unknowns + k,)
 
 
@@ -635,7 +755,12 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
     The rate of the margin is zero there, so that a change of the time has no effect.
     """
     at, layout, k = point.parameter_point, shooting.layout, len(shooting.active)
-    arc, mode = point.arcs[i], shooting.segments[i].mode
+    pieces = list(shooting.pieces(point))
+    number = min(
+        range(layout.first[i], layout.first[i + 1]),
+        key=lambda j: float(pieces[j].arc.minima[guard]),
+    )
+    mode, arc = pieces[number].mode, pieces[number].arc
     y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
     time = float(arc.minima_time[guard])
     event = shooting.variational(at).event(mode, guard, time, y)
@@ -644,7 +769,8 @@ def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard:
     by_state, by_parameter = by_column[:f], by_column[f : f + k]
     by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * at.scales
     by_start = -float(by_state @ arc.slope_start[shooting.free])
-    _, _, start_rates, _ = layout.instants(at, shooting.unpack(point.unknowns)[1])
-    by_unknown = by_start * layout.by_start[i]
-    by_unknown[f * i : f * (i + 1)] += by_state
-    return np.append(by_unknown, by_parameter + by_start * start_rates[i])
+    _, _, *rates = layout.instants(at, shooting.unpack(point.unknowns)[1])
+    start_rates, _ = layout.divided(*rates)
+    by_unknown = by_start * layout.piece_by_start[number]
+    by_unknown[f * number : f * (number + 1)] += by_state
+    return np.append(by_unknown, by_parameter + by_start * start_rates[number])

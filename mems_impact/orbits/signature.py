@@ -59,12 +59,15 @@ class OrbitGuess:
         End of each segment, since the start of its period.
     stiff : bool
         Whether method ``"auto"`` used BDF in the run.
+    nodes : tuple of tuple of float
+        Nodes of the segments, as of `Shooting`, whose states follow that of the segment's start.
     """
 
     segments: tuple[Segment, ...]
     states: Floats
     times: Floats
     stiff: bool = False
+    nodes: tuple[tuple[float, ...], ...] = ()
 
 
 def read_guess(

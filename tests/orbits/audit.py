@@ -10,7 +10,8 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit, reduced_components
+from mems_impact.orbits.monodromy import reduced_components
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 
 LARGEST = 1e-2  # step of the differences with which the extrapolation begins
 HALVINGS = 24
