@@ -24,10 +24,10 @@ from mems_impact.continuation.test_functions import (
     DefiningSystem,
     NeimarkSackerCondition,
     TestFunction,
-    multipliers_at,
     neutral_pair,
 )
 from mems_impact.errors import OrbitError
+from mems_impact.orbits.monodromy import multipliers_at
 from mems_impact.orbits.shooting import ShootingEvaluation
 
 MIN_RATIO = 1e-6  # smallest ratio of the coefficient to its terms; zero in conservative maps

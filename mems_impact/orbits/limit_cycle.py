@@ -19,6 +19,9 @@ from mems_impact.orbits.period_detection import check_bounded, detect_period, fl
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_guess
 
+START_SAMPLES = 64  # of a cycle without events
+SLOW_START_RATIO = 0.05  # of the speed at a start to the largest one, below which it is moved
+EQUAL_SPEED_RATIO = 0.999  # speeds that are alike
 EQUAL_STRETCH_RATIO = 0.99  # of the longest interval, above which intervals count as equally long
 MIN_PHASE_COSINE = (
     0.5  # cosine between the flow and the phase normal below which a cycle is restarted
@@ -155,6 +158,21 @@ def check_not_degenerate(
         )
 
 
+def _clear_start(shooting: Shooting, point: ShootingEvaluation) -> float:
+    """Return the start of a cycle without events: its own, or, where it is slow, a fast instant.
+
+    Where the flow is slow, its direction and with it the phase condition turn within short steps.
+    """
+    times = np.linspace(0.0, point.period, START_SAMPLES, endpoint=False).tolist()
+    speeds = []
+    for time in times:
+        arc = shooting.arc_to(point, 0, time)
+        speeds.append(float(np.linalg.norm(arc.slope_end[shooting.free])))
+    if speeds[0] >= SLOW_START_RATIO * max(speeds):
+        return 0.0
+    return times[next(i for i, v in enumerate(speeds) if v >= EQUAL_SPEED_RATIO * max(speeds))]
+
+
 def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Floats, int]:
     """Return the equations and unknowns of a cycle restarted in its longest segment.
 
@@ -164,7 +182,7 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
     states, _ = shooting.unpack(point.unknowns)
     free, last = shooting.free, len(shooting.segments) - 1
     marks = _event_times(point)
-    begin = _middle(marks, point.period) if marks.size else 0.0
+    begin = _middle(marks, point.period) if marks.size else _clear_start(shooting, point)
     source = int(np.flatnonzero(point.starts <= begin)[-1])
     mode, arc = shooting.segments[source].mode, shooting.arc_to(point, source, begin)
     first = np.array(arc.end)

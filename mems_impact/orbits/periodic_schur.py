@@ -1,8 +1,8 @@
 """Eigenvalues of a product of square matrices, from its factors.
 
 Rounding of the product is relative to its largest entry, so that its small eigenvalues are lost.
-The periodic Schur form of the factors A_k, ``A_k = Q_(k+1) T_k Q_k^H`` with unitary Q_k, one after
-the last of which is the first, and triangular T_k, has errors relative to each factor. Each
+The periodic Schur form of the factors A_k, ``A_k = Q_(k+1) T_k Q_k^H``, has errors relative to each
+factor. The matrices Q_k are unitary, and the first follows the last; T_k are triangular. Each
 eigenvalue is the product of diagonal elements (Bojanczyk, Golub and Van Dooren 1992, The periodic
 Schur decomposition).
 """
